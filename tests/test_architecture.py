@@ -28,6 +28,7 @@ ROOMS = (
     "channels",
     "_atomic",
     "input_files",
+    "checked_json",
     "plots",
     "native",
     "pages",

@@ -40,6 +40,8 @@ if TYPE_CHECKING:
     from fifthwheel.identify import Verdict as Verdict
     from fifthwheel.identify.design import assess_information as assess_information
     from fifthwheel.identify.design import design_experiment as design_experiment
+    from fifthwheel.identify.knowledge.information import Occasion as Occasion
+    from fifthwheel.identify.knowledge.knowledge import Knowledge as Knowledge
     from fifthwheel.identify.online import Learner as Learner
     from fifthwheel.identify.online import LearnerSettings as LearnerSettings
     from fifthwheel.logs import LiveMap as LiveMap
@@ -79,6 +81,8 @@ _NAMES = {
     "export": ("export_c", "export_fmu"),
     "identify": ("Identification", "OneStage", "Verdict"),
     "identify.design": ("assess_information", "design_experiment"),
+    "identify.knowledge.information": ("Occasion",),
+    "identify.knowledge.knowledge": ("Knowledge",),
     "identify.online": ("Learner", "LearnerSettings"),
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),

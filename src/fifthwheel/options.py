@@ -96,6 +96,22 @@ class IdentifyOptions(Settings):
         ),
     ] = False
     sensor: Annotated[Names, Option(help="NAME=SIGMA: old form of --set NAME='+- SIGMA'.", replaced_by="--set")] = ()
+    knowledge: Annotated[
+        Path | None,
+        Option(
+            help="Result folder of earlier logs of this truck: begin with what they told, and keep it with what these "
+            "logs tell. --vehicle with a result folder does the same.",
+            label="Begin with the knowledge of",
+        ),
+    ] = None
+    trailer: Annotated[
+        str | None,
+        Option(help="Name of the trailer; by default that of the last log. Another one begins from the vehicle file."),
+    ] = None
+    load: Annotated[
+        str | None,
+        Option(help="Name of the load; by default that of the last log. Another one begins from the vehicle file."),
+    ] = None
     suspension_from: Annotated[
         Path | None,
         Option(

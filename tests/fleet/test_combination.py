@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.fleet.changes import WINDOWS
-from fifthwheel.fleet.combination import combine, owner
-from fifthwheel.options import FleetSettings
+from fifthwheel.fleet.trips import log_knowledge
+from fifthwheel.identify.knowledge.changes import WINDOWS
+from fifthwheel.identify.knowledge.combination import combine
+from fifthwheel.identify.knowledge.information import owner
 from tests.fleet.synthetic import NAMES, PARAMETERS, SCALES, Synthetic, value
 
 WALK = 0.004
@@ -27,7 +28,7 @@ def history(rng, *, trips=10, walk=WALK, change=None, **options):
 
 def combined(rows, *, walk=WALK, false_alarms=0.05, trucks=1):
     tests = len(rows) * len(WINDOWS) * trucks
-    return combine("T", rows, FleetSettings(tyre_walk=walk), false_alarms / tests)
+    return combine([log_knowledge(row) for row in rows], tyre_walk=walk, false_alarm=false_alarms / tests)
 
 
 def estimates(result, k):
@@ -76,7 +77,7 @@ def test_only_estimated_parameters_are_reported() -> None:
 def test_trips_of_a_version_without_estimated_masses_are_refused() -> None:
     _, rows = history(np.random.default_rng(12), trips=3)
     old = rows[1] | {"considered": ["tractor.mass"], "coupling": [0.0] * len(NAMES)}
-    with pytest.raises(FifthwheelError, match=r"1 of 3 trips, such as 3, .* list them in the manifest and run again"):
+    with pytest.raises(FifthwheelError, match=r"3: .* list it in the manifest and run again"):
         combined([rows[0], old, rows[2]])
 
 

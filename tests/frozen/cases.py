@@ -12,11 +12,11 @@ import numpy as np
 
 import fifthwheel as fw
 from fifthwheel.diagnose.comparison import compare
-from fifthwheel.fleet.combination import combine
+from fifthwheel.fleet.trips import log_knowledge
+from fifthwheel.identify.knowledge.combination import combine
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.manoeuvres.catalogue import course
 from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.options import FleetSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.plant.properties import with_changes
 from fifthwheel.workflow import run_identification
@@ -427,5 +427,5 @@ def fleet() -> Any:
         if k:
             truck.step(3, 0.004)
         rows.append(truck.trip(3 * k))
-    result = combine("T", rows, FleetSettings(tyre_walk=0.004), 0.001)
+    result = combine([log_knowledge(row) for row in rows], tyre_walk=0.004, false_alarm=0.001)
     return [[repr(result.estimate(k, unknown)) for unknown in result.parameters(k)] for k in range(len(rows))]

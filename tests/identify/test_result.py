@@ -31,6 +31,16 @@ def published():
     return identify([RUN], GUESS, article(fixed=("tractor.front.cornering_stiffness",)))
 
 
+def same_knowledge(first, second):
+    """Whether the information of all logs is equal in every bit."""
+    for a, b in zip(first.logs, second.logs, strict=True):
+        one, two = vars(a), vars(b)
+        assert one | {"information": 0} == two | {"information": 0}
+        for name, value in vars(a.information).items():
+            assert np.array_equal(value, getattr(b.information, name)), name
+    return True
+
+
 def same(first, second):
     """Whether two identifications are equal in every bit, also their arrays."""
     for f in fields(Identification):
@@ -38,6 +48,9 @@ def same(first, second):
         if f.name == "covariance":
             assert (a is None) == (b is None)
             assert a is None or (a.names == b.names and np.array_equal(a.covariance, b.covariance))
+        elif f.name == "knowledge":
+            assert (a is None) == (b is None)
+            assert a is None or same_knowledge(a, b)
         elif f.name == "histories":
             assert a.keys() == b.keys()
             for title in a:
@@ -57,7 +70,8 @@ def same(first, second):
 def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
     saved = request.getfixturevalue(name)
     saved.save(tmp_path / "out")
-    assert {path.name for path in (tmp_path / "out").iterdir()} == {"identification.json", "vehicle.toml", "series.npz"}
+    files = {"identification.json", "vehicle.toml", "series.npz", *(["knowledge.json"] if saved.knowledge else [])}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == files
     loaded = Identification.load(tmp_path / "out")
     assert same(loaded, saved)
     assert type(loaded.settings) is type(saved.settings)

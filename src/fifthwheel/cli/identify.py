@@ -21,6 +21,8 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify run.csv -v truck.toml --set semitrailer.mass='33.4 t +- 0.5 %' --set steer_delay='+- 5 ms'",
     "fifthwheel identify run.csv -v truck.toml --set tractor.yaw_inertia=free --set roll_stiffness='+- 5 %'",
     "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
+    "fifthwheel identify later.csv --vehicle result -o result",
+    "fifthwheel identify empty.csv -v empty.toml --knowledge result --load empty -o result_empty",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -49,8 +51,10 @@ def identify(
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
-    states.parquet, report.html and run.json (digests of these files). --any-load, --suspension-from, --form and --tyres
-    belong to the one-stage method; two stages take values and "exact" of parameters by --set.
+    knowledge.json (what the logs told, for later ones), states.parquet, report.html and run.json (digests of these
+    files). With a result folder as --vehicle the estimates begin with what its logs told. --any-load,
+    --suspension-from, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage method; two stages
+    take values and "exact" of parameters by --set.
     """
     from fifthwheel.logs import start_reader
 
@@ -60,29 +64,41 @@ def identify(
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
-        identification_settings,
-        read_vehicle,
+        identification_file,
+        read_truck,
         run_identification,
+        start_of,
         vehicle_text,
+        with_date,
         write_results,
     )
 
     if figures:
         checked_format(figures)
-    truck = read_vehicle(vehicle)
-    truck, settings = identification_settings(truck, chosen)
+    truck = read_truck(vehicle)
+    start = with_date(start_of(truck, chosen), logs[0])
     terminal.warn_of_replaced_options(chosen)
     inputs = [*logs, *(validate or [])]
-    read = [*inputs, Path(vehicle), *(path for path in (signals, chosen.suspension_from) if path)]
+    result = identification_file(vehicle)
+    file = str(result.with_name("vehicle.toml")) if result else vehicle
+    before = [chosen.suspension_from, *(identification_file(str(path)) for path in (chosen.knowledge,) if path), result]
+    read = [*inputs, Path(file), *(path for path in (signals, *before) if path)]
+    read = [path for path in read if path.parent != out]  # what a result keeps grows in place
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
-        terminal.warn_of_axle_loads(truck, records)
+        terminal.warn_of_axle_loads(start.vehicle, records)
         with terminal.progress_bar(quiet=as_json) as progress:
             run = run_identification(
-                records[: len(logs)], truck, settings, validate=records[len(logs) :], progress=progress
+                records[: len(logs)],
+                start.vehicle,
+                start.settings,
+                knowledge=start.knowledge,
+                occasion=start.occasion,
+                validate=records[len(logs) :],
+                progress=progress,
             )
-        provenance = provenance_of_run(inputs, vehicle, signals, chosen.suspension_from, command=sys.argv[1:])
-        written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(vehicle))
+        provenance = provenance_of_run(inputs, file, signals, *before, command=sys.argv[1:])
+        written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(file))
         files = terminal.in_folder(out, written)
     document = partial(identification_document, run.identification, run.conclusion)
     terminal.print_result(run.as_dict(), document, files, as_json=as_json)

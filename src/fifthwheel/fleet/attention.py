@@ -7,9 +7,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.doubts import DoubtKind
+from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.names import ParameterPath
 from fifthwheel.options import FleetSettings
 

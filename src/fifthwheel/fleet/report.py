@@ -9,9 +9,9 @@ import numpy as np
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.fleet.attention import Attention, Row, find_attention
-from fifthwheel.fleet.changes import OUTLIER
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.formatting import percent, shown, with_sigma
+from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.options import FleetSettings
 from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points

@@ -11,12 +11,12 @@ from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
-from fifthwheel.fleet.changes import WINDOWS
 from fifthwheel.fleet.dataset import TripDataset, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
 from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.settings import Progress
 from fifthwheel.options import FleetSettings
 from fifthwheel.workflow.statement import Statement

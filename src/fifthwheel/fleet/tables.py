@@ -1,16 +1,17 @@
 """The tables of a fleet: trucks, trailers, histories and changes, as rows of numbers in SI."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import pyarrow as pa
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.fleet.changes import OUTLIER
-from fifthwheel.fleet.combination import Combined, Owned, combine, date_of
 from fifthwheel.fleet.dataset import TripDataset
-from fifthwheel.fleet.trips import DATE, numbers, texts
+from fifthwheel.fleet.trips import DATE, log_knowledge, numbers, texts
+from fifthwheel.identify.knowledge.changes import OUTLIER
+from fifthwheel.identify.knowledge.combination import Combined, combine, date_of
+from fifthwheel.identify.knowledge.information import Owned
 from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
@@ -76,26 +77,33 @@ def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> R
     for truck, digests in batch:
         rows = [trips[digest] for digest in digests if digest in trips]
         try:
-            combined = combine(truck, rows, job.settings, job.false_alarm)
+            combined = combine(
+                [log_knowledge(row) for row in rows], tyre_walk=job.settings.tyre_walk, false_alarm=job.false_alarm
+            )
         except Exception as error:  # one truck must not stop the others
             kind = "" if isinstance(error, FifthwheelError) else f"{type(error).__name__}: "
             result.failed[truck] = f"{kind}{error}"
             continue
-        for name, table in _tables(combined).items():
+        estimates = {row["digest"]: row["estimates"] for row in rows}
+        for name, table in _tables(truck, combined, estimates).items():
             result.tables[name] += table
     return result
 
 
-def _tables(combined: Combined) -> dict[str, list[dict[str, Any]]]:
-    tables: dict[str, list[dict[str, Any]]] = {"trucks": [], "trailers": [], "history": [*_history(combined)]}
+def _tables(
+    truck: str, combined: Combined, estimates: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> dict[str, list[dict[str, Any]]]:
+    """The rows of a truck; with the estimates of each trip alone by its digest."""
+    history = list(_history(truck, combined, estimates))
+    tables: dict[str, list[dict[str, Any]]] = {"trucks": [], "trailers": [], "history": history}
     seen: dict[Owned, list[int]] = {}
-    for k in range(len(combined.rows)):
+    for k in range(len(combined.logs)):
         for unknown in combined.parameters(k):
             seen.setdefault(unknown, []).append(k)
     for unknown, trips in seen.items():
         value, sigma = combined.estimate(trips[-1], unknown)
         row = {
-            "truck": combined.truck,
+            "truck": truck,
             "parameter": unknown.name,
             "value": value,
             "sigma": sigma,
@@ -108,7 +116,7 @@ def _tables(combined: Combined) -> dict[str, list[dict[str, Any]]]:
             tables["trucks"].append(row)
         else:
             tables["trailers"].append(row | {"trailer": unknown.trailer, "load": unknown.load or ""})
-    return tables | {"changes": [*_changes(combined)]}
+    return tables | {"changes": [*_changes(truck, combined)]}
 
 
 def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
@@ -118,19 +126,21 @@ def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
     return next(k for k in trips if k >= max(changed, default=0))
 
 
-def _history(combined: Combined) -> Iterator[dict[str, Any]]:
+def _history(
+    truck: str, combined: Combined, estimates: Mapping[str, Sequence[Mapping[str, Any]]]
+) -> Iterator[dict[str, Any]]:
     outliers = {change.trip for change in combined.changes if change.kind.name == OUTLIER}
-    for k, row in enumerate(combined.rows):
-        alone = {e["name"]: (e["value"], e["sigma"]) for e in row["estimates"]}
+    for k, log in enumerate(combined.logs):
+        alone = {e["name"]: (e["value"], e["sigma"]) for e in estimates[log.digest]}
         for unknown in combined.parameters(k):
             value, sigma = combined.estimate(k, unknown)
             trip_value, trip_sigma = alone.get(unknown.name, (None, None))
             yield {
-                "truck": combined.truck,
+                "truck": truck,
                 "trailer": unknown.trailer,
                 "load": unknown.load,
                 "date": date_of(combined.observations[k]),
-                "log": row["log"],
+                "log": log.name,
                 "parameter": unknown.name,
                 "value": value,
                 "sigma": sigma,
@@ -142,7 +152,7 @@ def _history(combined: Combined) -> Iterator[dict[str, Any]]:
             }
 
 
-def _changes(combined: Combined) -> Iterator[dict[str, Any]]:
+def _changes(truck: str, combined: Combined) -> Iterator[dict[str, Any]]:
     """A row for each change, with the parameter that it altered most in its sigmas."""
     for change in combined.changes:
         k, previous = change.trip, max(change.trip - 1, 0)
@@ -154,10 +164,10 @@ def _changes(combined: Combined) -> Iterator[dict[str, Any]]:
             for (before, _), (after, sigma) in [(combined.estimate(previous, u), combined.estimate(k, u))]
         ]
         _, name, before, after, sigma = max(moved, default=(0.0, None, None, None, None))
-        row = combined.rows[k]
+        log = combined.logs[k]
         yield {
-            "truck": combined.truck,
-            "trailer": row["trailer"],
+            "truck": truck,
+            "trailer": log.trailer,
             "kind": change.kind.name,
             "subject": change.kind.subject,
             "date": date_of(combined.observations[k]),
@@ -169,5 +179,5 @@ def _changes(combined: Combined) -> Iterator[dict[str, Any]]:
             "sigma": sigma,
             "statistic": change.statistic,
             "threshold": change.threshold,
-            "log": row["log"],
+            "log": log.name,
         }

@@ -17,14 +17,13 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from threadpoolctl import threadpool_limits
 
 from fifthwheel import __version__
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.manifest import Trip
-from fifthwheel.identify import Identification, OneStage, Verdict
-from fifthwheel.identify.one_stage.shared_information import SharedInformation, identify_with_information
+from fifthwheel.identify import Identification, OneStage, Verdict, identify
+from fifthwheel.identify.knowledge.information import EARLIEST_DATE, LogKnowledge, SharedInformation
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
@@ -32,8 +31,6 @@ from fifthwheel.vehicle import Vehicle, catalogue
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statements import apply, missing_sensors
 
-EARLIEST_DATE = 315_532_800.0
-"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 MAX_ERROR = 2000
 """Characters of an error that are kept."""
 
@@ -116,10 +113,9 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
         content = {"notes": list(record.notes)}
         vehicle, settings = apply(Vehicle.loads(vehicle_text), job.settings, job.statements)
         content["notes"] += missing_sensors(settings, record)
-        with threadpool_limits(limits=1, user_api="blas"):
-            identification, information = identify_with_information(record, vehicle, settings)
+        identification = identify([record], vehicle, settings)
         date = date or _date(record, trip.log)
-        content |= trip_content(identification, information, record)
+        content |= trip_content(identification, record)
     except Exception as problem:  # whatever a log causes, it must not stop the others
         kind = "" if isinstance(problem, FifthwheelError) else f"{type(problem).__name__}: "
         error = f"{kind}{_without_name(printable(str(problem)), trip.log)}"[:MAX_ERROR]
@@ -200,8 +196,11 @@ def _date(record: Record, log: str) -> datetime.datetime:
     return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
 
 
-def trip_content(identification: Identification, information: SharedInformation, record: Record) -> dict[str, Any]:
+def trip_content(identification: Identification, record: Record) -> dict[str, Any]:
     """Estimates, covariance, findings and information of a trip as columns of `SCHEMA`."""
+    if identification.knowledge is None:
+        raise FifthwheelError(f"method: {identification.method} gives no information that combines; use one stage")
+    information = identification.knowledge.logs[-1].information
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
     joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
@@ -221,6 +220,41 @@ def trip_content(identification: Identification, information: SharedInformation,
         "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
         **{name: getattr(information, name).ravel().tolist() for name in _INFORMATION},
     }
+
+
+def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
+    """What a trip tells of the truck, from its row.
+
+    Raises:
+        FifthwheelError: a version wrote it that did not estimate the uncertain numbers of the vehicle file, so that its
+            information does not contain them.
+    """
+    if row.get("considered"):
+        raise FifthwheelError(
+            f"{row['log']}: processed by a version that did not estimate the uncertain numbers of the vehicle file; "
+            "list it in the manifest and run again, or write to another data set"
+        )
+    unknowns, n = row["unknowns"], len(row["unknowns"])
+    centre, scale, logarithmic, non_negative = (np.array([u[name] for u in unknowns]) for name in _UNKNOWN.names[1:])
+    return LogKnowledge(
+        name=row["log"],
+        date=row["date"],
+        tractor=row["tractor"],
+        trailer=row["trailer"],
+        load=row["load"],
+        digest=row["digest"],
+        estimated=tuple(estimate["name"] for estimate in row["estimates"]),
+        information=SharedInformation(
+            names=tuple(u["name"] for u in unknowns),
+            centre=centre,
+            scale=scale,
+            logarithmic=logarithmic,
+            non_negative=non_negative,
+            vector=np.array(row["vector"]),
+            information=np.array(row["information"]).reshape(n, n),
+            score_covariance=np.array(row["score_covariance"]).reshape(n, n),
+        ),
+    )
 
 
 def _estimate(estimate: Any) -> dict[str, Any]:

@@ -88,19 +88,22 @@ class PriorTest:
     """Change (k,) of all unknowns that goes with it, in prior standard deviations."""
 
 
-def prior_tests(names: Sequence[str], z: Array, P: Array, scatter: Array, tested: Iterable[str]) -> list[PriorTest]:
+def prior_tests(
+    names: Sequence[str], z: Array, P: Array, scatter: Array, tested: Iterable[str], variance: Array | None = None
+) -> list[PriorTest]:
     """The test of the prior of each tested unknown that the logs inform, the largest statistic first.
 
-    z are the estimates (k,), P is their covariance (k, k) if the model is right, and the scatter (k,) is the standard
-    deviation of the estimates if all priors are right.
+    z are the estimates (k,) less their prior means, with the covariance P (k, k) if the model is right. The scatter
+    (k,) is their standard deviation if all priors are right, the variance (k,) that of the prior, by default 1.
     """
+    variance = np.ones(len(z)) if variance is None else variance
     tests = []
     for name in tested:
         i = names.index(name)
-        informed = float(1 - P[i, i])
+        informed = float(1 - P[i, i] / variance[i])
         if informed > INFORMED:
             statistic, implied = float(z[i] / scatter[i]), float(z[i]) / informed
-            shifts = np.asarray(P[:, i] * implied)
+            shifts = np.asarray(P[:, i] * (implied / variance[i]))
             shifts[i] = implied
             test = PriorTest(name=name, statistic=statistic, implied=implied, size=abs(statistic), shifts=shifts)
             tests.append(test)

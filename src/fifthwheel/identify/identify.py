@@ -2,11 +2,14 @@
 
 from collections.abc import Callable, Sequence
 from functools import singledispatch
+from typing import Any
 
 from threadpoolctl import threadpool_limits
 
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.one_stage.estimator import identify_one_stage
+from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import CommonSettings, OneStage, Progress
 from fifthwheel.record import Record
@@ -19,6 +22,8 @@ def identify(
     vehicle: Vehicle,
     settings: CommonSettings | None = None,
     *,
+    knowledge: Knowledge | None = None,
+    occasion: Occasion | None = None,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> Identification:
@@ -30,6 +35,8 @@ def identify(
         vehicle: as known before; its values are the initial values.
         settings: `OneStage()` (default) estimates all unknowns together, `TwoStage()` in the two stages of the
             article's dual filter, `article()` as published.
+        knowledge: what earlier logs of this truck told, such as `Identification.knowledge`; one stage only.
+        occasion: trailer, load and date of the logs. What belongs to another trailer or load is not taken over.
         validate: logs that are only predicted.
         progress: called with a title, the number of passes or steps done and the largest number.
 
@@ -53,8 +60,12 @@ def identify(
         raise SignalError(f"records: expected a list of records, got {records.name} alone; write [record]")
     require_vehicle(vehicle)
     settings = settings or OneStage()
+    of_truck: dict[str, Any] = {"knowledge": knowledge, "occasion": occasion}
+    of_truck = {name: value for name, value in of_truck.items() if value is not None}
+    if of_truck and not isinstance(settings, OneStage):
+        raise SignalError(f"{next(iter(of_truck))}: only one stage begins with what is known; give OneStage(), or none")
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
-        return method(settings)(records, vehicle, settings, validate=validate, progress=progress)
+        return method(settings)(records, vehicle, settings, validate=validate, progress=progress, **of_truck)
 
 
 @singledispatch

@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.one_stage.estimator import identify_one_stage
+from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import MODEL_ERRORS, OneStage
 from fifthwheel.identify.unknowns.parameters import given_parameters

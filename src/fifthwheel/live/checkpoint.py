@@ -12,7 +12,7 @@ from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.online.persistence import read_learner, write_learner
+from fifthwheel.identify.online.persistence import LEARNER_FILE
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
@@ -49,7 +49,7 @@ def make_learning(
     if path is None or not path.exists():
         settings = OneStage(fixed=tuple(locks), tyres=tyres)
         return Learning(Learner(vehicle, signals, settings, sensors=sensors, trailer=trailer), vehicle)
-    content = read_learner(path)
+    content = LEARNER_FILE.read(path)
     former = Vehicle(**content["vehicle"])
     _require_same(path, content, former, vehicle, signals)
     if content["settings"].get("tyres", "linear") != tyres:
@@ -86,7 +86,7 @@ class Checkpoint:
         self._written_at = self._now()
         state = (self.learning.learned, self.learning.change)
         if (state != self._written or KIND in self._writer.errors) and self._writer.submit(
-            KIND, partial(write_learner, self.path, self.learning.learner.content())
+            KIND, partial(LEARNER_FILE.write, self.path, self.learning.learner.content())
         ):
             self._written = state
 

@@ -28,6 +28,7 @@ from fifthwheel.workflow.results import (
     write_results,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
+from fifthwheel.workflow.start import Start, start_of, with_date
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statement import parse as parse_statement
 from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
@@ -45,6 +46,7 @@ __all__ = [
     "IdentifyOptions",
     "LogContents",
     "SignalEvidence",
+    "Start",
     "Statement",
     "StatesRun",
     "WeighedVehicle",
@@ -69,11 +71,13 @@ __all__ = [
     "run_identification",
     "run_states",
     "signal_evidence",
+    "start_of",
     "survey_file",
     "tested_numbers",
     "vehicle_text",
     "weigh_by_slip",
     "weigh_vehicle",
+    "with_date",
     "write_assessment",
     "write_comparison",
     "write_results",

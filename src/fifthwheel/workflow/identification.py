@@ -10,6 +10,8 @@ from fifthwheel.assess import Assessment, assess
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
+from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States
@@ -50,6 +52,8 @@ def run_identification(
     vehicle: Vehicle,
     settings: CommonSettings | None = None,
     *,
+    knowledge: Knowledge | None = None,
+    occasion: Occasion | None = None,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> IdentificationRun:
@@ -59,6 +63,7 @@ def run_identification(
         records: logs of the vehicle.
         vehicle: prior knowledge of the vehicle; its values are the starting point.
         settings: the method, by default `OneStage()`.
+        knowledge, occasion: as of `identify`.
         validate: logs that are only predicted.
         progress: called with a title, the work done and the total.
 
@@ -67,7 +72,9 @@ def run_identification(
         VehicleError: a parameter of the settings that does not exist or cannot be estimated.
     """
     require_signals(settings, *records)
-    identification = identify(records, vehicle, settings, validate=validate, progress=progress)
+    identification = identify(
+        records, vehicle, settings, knowledge=knowledge, occasion=occasion, validate=validate, progress=progress
+    )
     everything = (*records, *validate)
     progress("states", 0, len(everything))
     states = []

@@ -8,6 +8,7 @@ from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.identify import Identification
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
     Provenance,
@@ -65,7 +66,7 @@ def write_assessment(
 
 STATES_FILES = ("states.parquet", "report.html")
 """Results of a run, besides figures."""
-IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", *STATES_FILES)
+IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", KNOWLEDGE, *STATES_FILES)
 
 
 def write_results(
@@ -76,7 +77,8 @@ def write_results(
     figures: str | None = None,
     vehicle_text: str | None = None,
 ) -> dict[str, Path]:
-    """Write states.parquet and report.html; of an identification also identification.json and vehicle.toml.
+    """Write states.parquet and report.html; of an identification also identification.json, vehicle.toml and
+    knowledge.json.
 
     Args:
         run: what to write.
@@ -112,6 +114,8 @@ def write_results(
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
             temporary.write_text(text, encoding="utf-8")
+        if run.identification.knowledge is not None:
+            run.identification.knowledge.save(folder / KNOWLEDGE)
         drawn = write_report(
             report,
             run.identification,
@@ -126,7 +130,8 @@ def write_results(
             figures=figures,
         )
     names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
-    return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
+    written = [name for name in names if (folder / name).exists()]
+    return {name: folder / name for name in (*written, *(["figures"] if drawn else []))}
 
 
 def compare_runs(folders: Sequence[Path]) -> Comparison:

@@ -19,13 +19,18 @@ from fifthwheel.workflow.statements import SENSOR_PRIORS, apply
 
 
 def identification_settings(
-    vehicle: Vehicle, chosen: IdentifyOptions, suspension: Identification | None = None
+    vehicle: Vehicle,
+    chosen: IdentifyOptions,
+    suspension: Identification | None = None,
+    *,
+    base: OneStage | None = None,
 ) -> tuple[Vehicle, CommonSettings]:
     """Vehicle and settings of an identification.
 
     Args:
         chosen: what a user chooses.
         suspension: identification of the same truck whose suspension the vehicle gets; default: that of the options.
+        base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
 
     Raises:
         FifthwheelError: a statement that cannot be used (`statements.apply`), or an option of another method.
@@ -39,18 +44,23 @@ def identification_settings(
             other = "two-stage" if one_stage else "one-stage"
             raise FifthwheelError(f"{option}: needs --method {other}; remove {option}, or choose that method")
     if one_stage:
-        return chosen_one_stage(vehicle, chosen, suspension)
+        return chosen_one_stage(vehicle, chosen, suspension, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
     settings = replace(preset, check=chosen.check, passes=chosen.passes or preset.passes)
     return apply(vehicle, settings, chosen_statements(chosen))
 
 
 def chosen_one_stage(
-    vehicle: Vehicle, chosen: IdentifyOptions, suspension: Identification | None = None
+    vehicle: Vehicle,
+    chosen: IdentifyOptions,
+    suspension: Identification | None = None,
+    *,
+    base: OneStage | None = None,
 ) -> tuple[Vehicle, OneStage]:
     """The same for one stage, whatever the method."""
     form: Any = chosen.form.replace("-", "_")
-    base = OneStage(check=chosen.check, form=form, tyres=chosen.tyres, uniform_payload=not chosen.any_load)
+    of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
+    base = replace(base or OneStage(), **of_options)
     if suspension is None and chosen.suspension_from is not None:
         suspension = Identification.load(chosen.suspension_from)
     given = [path for path in vehicle.parameters() if independent_of_load(path)] if suspension else []
@@ -58,7 +68,20 @@ def chosen_one_stage(
     return with_suspension(vehicle, settings, suspension) if suspension else (vehicle, settings)
 
 
-_ONE_STAGE = ("free", "prior", "consider", "sensor", "any_load", "suspension_from", "form", "tyres", "friction")
+_ONE_STAGE = (
+    "knowledge",
+    "trailer",
+    "load",
+    "free",
+    "prior",
+    "consider",
+    "sensor",
+    "any_load",
+    "suspension_from",
+    "form",
+    "tyres",
+    "friction",
+)
 """Options that belong to one stage."""
 
 

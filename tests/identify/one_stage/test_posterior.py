@@ -56,7 +56,7 @@ def test_more_information_or_a_narrower_prior_never_enlarges_a_sigma() -> None:
         one, other = (information(rng.normal(size=(2, 3)), sigma) for sigma in rng.uniform(0.3, 3.0, 2))
         few = posterior(NAMES, one)
         assert (posterior(NAMES, one + other).sigma <= few.sigma * (1 + 1e-12)).all()
-        narrower = posterior(NAMES, one, precision=np.array([1.0, 4.0, 1.0]))
+        narrower = posterior(NAMES, one, precision=np.diag([1.0, 4.0, 1.0]))
         assert (narrower.sigma <= few.sigma * (1 + 1e-12)).all()
 
 

@@ -22,11 +22,10 @@ from fifthwheel.channels import STEER, is_of, is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
-from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Identification
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
@@ -49,28 +48,8 @@ EARLY_SAMPLES = 12_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
 LEAST_DECAY = 0.1
 """Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
-NEARLY_UNSTABLE = (
-    "The truck is unstable, or nearly, at the speed of the logs, so that no free-running model follows them: the "
-    "parameters are estimated from prediction errors (--form prediction-error)."
-)
 GRIP_MARGIN = 2.0
 """Friction at the start of the search over that which the lateral acceleration needs."""
-
-
-def identify_one_stage(
-    records: Sequence[Record],
-    vehicle: Vehicle,
-    settings: OneStage,
-    *,
-    validate: Sequence[Record] = (),
-    progress: Progress = lambda *_: None,
-) -> Identification:
-    """Identify a vehicle in one stage; arguments and errors as in `identify`."""
-    settings, note = with_tyre_law(vehicle, settings)
-    solution = solve_one_stage(records, vehicle, settings, validate=validate, progress=progress)
-    if solution.settings.form != settings.form:
-        note = f"{note} {NEARLY_UNSTABLE}".lstrip()
-    return build_identification(solution, note)
 
 
 def solve_one_stage(
@@ -78,29 +57,35 @@ def solve_one_stage(
     vehicle: Vehicle,
     settings: OneStage,
     *,
+    earlier: Callable[[Setup], JointPrior | None] = lambda _: None,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> Solution:
     """The maximum of the posterior; arguments and errors as in `identify`.
 
-    A vehicle that is unstable, or nearly, in the logs is solved by prediction errors.
+    `earlier` is what earlier logs told of the unknowns of a setup. A vehicle that is unstable, or nearly, in the logs
+    is solved by prediction errors.
     """
     settings, _ = with_tyre_law(vehicle, settings)
-    estimator = _estimator(records, vehicle, settings, validate)
+    estimator = _estimator(records, vehicle, settings, validate, earlier)
     if settings.tyre_law == "saturating":
-        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate)
+        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate, earlier)
         estimator = replace(estimator, start=linear.start_of_saturating(progress))
     minimum = estimator.minimise(progress)
     if minimum.objective.output_error and minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY:
         innovations = replace(settings, form="prediction_error")
-        other = solve_one_stage(records, vehicle, innovations, validate=validate, progress=progress)
+        other = solve_one_stage(records, vehicle, innovations, earlier=earlier, validate=validate, progress=progress)
         if other.minimum.converged:
             return other
     return estimator.solution(minimum)
 
 
 def _estimator(
-    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record]
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage,
+    validate: Sequence[Record],
+    earlier: Callable[[Setup], JointPrior | None],
 ) -> "_Estimator":
     dataset = prepare_dataset(records, vehicle, settings, validate)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
@@ -111,7 +96,8 @@ def _estimator(
             "leave one parameter free, or estimate the sensor errors (nuisances)"
         )
     time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
-    return _Estimator(dataset=dataset, setup=setup.with_time_bases(time_bases), start={})
+    setup = setup.with_time_bases(time_bases)
+    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup), start={})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -120,12 +106,13 @@ class _Estimator:
 
     dataset: Dataset
     setup: Setup
+    earlier: JointPrior | None
     start: Mapping[str, float]
-    """Where the search begins, in units of the priors; 0 for other unknowns."""
+    """Where the search begins, in units of the priors; the prior mean for other unknowns."""
 
     def minimise(self, progress: Progress) -> Minimum[Problem]:
         """Estimate all unknowns together."""
-        return self._minimise(Problem(self.setup, self.dataset.logs), progress)
+        return self._minimise(Problem(self.setup, self.dataset.logs, self.earlier), progress)
 
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""
@@ -137,7 +124,7 @@ class _Estimator:
         At the prior mean a steering offset may let such tyres skid. The first fit with linear tyres gives the start,
         with a friction that is large enough for the lateral accelerations of the logs.
         """
-        minimum = self._first_fit(Problem(self.setup, self.dataset.logs), progress)
+        minimum = self._first_fit(Problem(self.setup, self.dataset.logs, self.earlier), progress)
         solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
         settings = self.setup.settings
         needed = GRIP_MARGIN * max(solution.lateral_accelerations, default=0.0) / STANDARD_GRAVITY
@@ -154,13 +141,15 @@ class _Estimator:
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
-        information = problem.expand(excited_by_inputs).hessian - np.diag(problem.prior_precision(excited_by_inputs))
+        own = np.diag(problem.prior.own_precision(excited_by_inputs))  # what earlier logs told counts as information
+        information = problem.expand(excited_by_inputs).hessian - own
         posterior = Posterior.from_information(problem.names, information, nuisances=problem.nuisances)
         return uninformed_parameters(posterior, setup.estimated, setup.without_roll_rate, setup.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
-        return problem.stiffened(np.clip([self.start.get(name, 0.0) for name in problem.names], *problem.bounds))
+        means = zip(problem.names, problem.prior.mean.tolist(), strict=True)
+        return problem.stiffened(np.clip([self.start.get(name, mean) for name, mean in means], *problem.bounds))
 
     def _first_fit(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The fit that takes residuals as white and updates their variance at every step.

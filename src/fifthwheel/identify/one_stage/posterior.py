@@ -1,7 +1,6 @@
 """The posterior of the unknowns: a covariance that allows for model error.
 
-The unknowns z have a prior with the mean 0 and the precision W, which is I but for guesses, and, in the logs, the
-Fisher information H.
+The unknowns z have a prior with the precision W (`prior`) and, in the logs, the Fisher information H.
 
 1. If the model is right, the covariance of z is P = (W + H)^-1.
 2. Model error makes residuals autocorrelated, and the scores scatter more than H. With M, the long-run covariance of
@@ -10,8 +9,8 @@ Fisher information H.
 
     cov(z, z) = D P D       D = diag(d)
 
-If all priors are right, the estimates themselves scatter about 0 with the covariance P (H H + M) P, which is I - P if
-the model is right. An estimate that is larger than that contradicts its prior.
+If all priors are right, the estimates themselves scatter about their prior means with the covariance P (H C H + M) P,
+which is C - P if the model is right, with the covariance C of the prior. One that is further away contradicts it.
 """
 
 from collections.abc import Sequence
@@ -21,6 +20,7 @@ from typing import Self
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.identify.one_stage.prior import Prior
 
 HIGH_CORRELATION = 0.8
 """Two unknowns that are correlated by more than this are hardly separable."""
@@ -28,7 +28,7 @@ HIGH_CORRELATION = 0.8
 
 @dataclass(frozen=True, kw_only=True)
 class Posterior:
-    """All k unknowns z of a problem, with the prior N(0, I)."""
+    """All k unknowns z of a problem."""
 
     names: tuple[str, ...]
     information: Array  # (k, k) of the logs, without the prior
@@ -47,20 +47,22 @@ class Posterior:
         *,
         nuisances: Sequence[int] = (),
         precision: Array | None = None,
+        prior: Prior | None = None,
     ) -> Self:
         """The posterior by the equations of this module: information H (k, k), scores M (k, k).
 
         M is H if it is None: the model is right. `nuisances` are indices of sensor errors and initial states,
-        `precision` (k,) is that of the prior, by default 1.
+        `precision` (k, k) is that of the prior, by default I; the prior is N(0, I) if it is None.
         """
         H = (information + information.T) / 2
         M = H if scores is None else scores
-        W = np.eye(len(H)) if precision is None else np.diag(precision)
+        W = np.eye(len(H)) if precision is None else precision
+        prior = prior or Prior(names, np.full(len(H), np.inf))
         P = np.asarray(np.linalg.inv(W + H))
-        widening = model_error_factors(P, W, M)
+        widening = model_error_factors(P, prior.score_covariance(W), M)
         covariance = P * np.outer(widening, widening)
         gains = np.eye(len(H)) - P @ W  # P H, of which the product would lose its digits
-        scatter = np.maximum(np.diag(gains @ gains.T + P @ M @ P), 1 - np.diag(P))
+        scatter = np.maximum(np.diag(prior.spread(gains) + P @ M @ P), prior.variance - np.diag(P))
         return cls(
             names=tuple(names),
             information=information,

@@ -11,7 +11,7 @@ b, and a deviation with the prior covariance L L'. The last element of z_x is th
 
 Cost. Minus the logarithm of the posterior density, without its constant:
 
-    J(z) = z'z / 2 [hyperbolic for guesses] + sum over samples and channels of rho(e / s) [+ log s],
+    J(z) = cost of the prior (`prior`) + sum over samples and channels of rho(e / s) [+ log s],
 
 with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1999, chapter 7):
 
@@ -19,8 +19,8 @@ with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1
     prediction error    e is the innovation of a Kalman filter from x_0, s its standard deviation, which depends on z
 
 Derivatives. e and s are differentiated exactly along every unknown (`filters.tangent`). `Problem.expand` combines them
-to the gradient of J, and to the Hessian W + H with the precision W of the prior, I if it is normal, and with H the
-Fisher information of the logs (Gauss-Newton).
+to the gradient of J, and to the Hessian W + H with the precision W of the prior and the Fisher information H of the
+logs (Gauss-Newton).
 """
 
 import copy
@@ -46,6 +46,7 @@ from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
+from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -91,11 +92,12 @@ class Problem:
         setup: vehicle, unknowns and model.
         logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
             set to 1.
+        earlier: what earlier logs told of the unknowns.
     """
 
-    def __init__(self, setup: Setup, logs: Sequence[LogData]) -> None:
+    def __init__(self, setup: Setup, logs: Sequence[LogData], earlier: JointPrior | None = None) -> None:
         self.setup, self.model, self.vehicle = setup, setup.model, setup.vehicle
-        self.unknowns, self.settings = setup.unknowns, setup.settings
+        self.unknowns, self.settings, self._earlier = setup.unknowns, setup.settings, earlier
         self.logs = tuple(
             replace(
                 log.with_noise(self.vehicle, self.model.outputs, self.settings.noise),
@@ -114,7 +116,7 @@ class Problem:
         if fraction >= 1:
             return self
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
-        return Problem(self.setup, logs)
+        return Problem(self.setup, logs, self._earlier)
 
     @property
     def output_error(self) -> bool:
@@ -204,19 +206,10 @@ class Problem:
         return np.array([self.logs[log].effective_variance(name) for name in self.model.outputs])
 
     @cached_property
-    def _tails(self) -> Array:
-        """Tail of the prior of each z (k,); infinite if it is normal."""
-        return np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
-
-    def prior_cost(self, z: Array) -> float:
-        """Minus the logarithm of the prior density at z, without its constant."""
-        guess, c = np.isfinite(self._tails), self._tails
-        hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (z[guess] / c[guess]) ** 2) - 1)
-        return float(z[~guess] @ z[~guess] / 2 + hyperbolic.sum())
-
-    def prior_precision(self, z: Array) -> Array:
-        """w (k,) with the gradient w z of the prior cost: 1 for a normal prior, less for a guess far from its mean."""
-        return np.asarray(1 / np.sqrt(1 + (z / self._tails) ** 2))
+    def prior(self) -> Prior:
+        """Of all unknowns."""
+        tails = np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
+        return Prior(self.names, tails, self._earlier)
 
     def sample_interval(self, log: int) -> float:
         """Typical time between two samples of a log, s."""
@@ -226,7 +219,7 @@ class Problem:
         """J(z); infinite where a free-running vehicle is unstable: its residuals would grow without limit."""
         if self.output_error and self.unstable(z):
             return np.inf
-        total, limit = self.prior_cost(z), self.settings.outlier
+        total, limit = self.prior.cost(z), self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():
                 total += sum(likelihood.loss(block, limit) for block in self.blocks(z, i, j, differentiated=False))
@@ -234,8 +227,7 @@ class Problem:
 
     def expand(self, z: Array) -> Quadratic:
         """J about z: its exact gradient and the Gauss-Newton Hessian."""
-        precision = self.prior_precision(z)
-        cost, gradient, hessian = self.prior_cost(z), precision * z, np.diag(precision)
+        cost, gradient, hessian = self.prior.expand(z)
         limit = self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):
             for i, j in self.segments():

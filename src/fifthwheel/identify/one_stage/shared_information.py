@@ -15,87 +15,70 @@ by dz/du = gain.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.identify.one_stage.estimator import solve_one_stage
-from fifthwheel.identify.one_stage.identification import build_identification
+from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, origin, record_digest
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 
 
-@dataclass(frozen=True, kw_only=True)
-class SharedInformation:
-    """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
-
-    names: tuple[str, ...]
-    centre: Array
-    """Prior mean (n,), SI; median of a logarithmic unknown."""
-    scale: Array
-    """Prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown."""
-    logarithmic: NDArray[np.bool_]
-    """(n,): value = centre exp(scale z); the others: value = centre + scale z."""
-    non_negative: NDArray[np.bool_]
-    """(n,): z is not below 0, such as that of a play. A combination below 0 means that the unknown is 0."""
-    vector: Array
-    """v (n,)."""
-    information: Array
-    """H_s (n, n) of the shared unknowns."""
-    score_covariance: Array
-    """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
+def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
+    """What each log of a solution tells of the truck."""
+    return [
+        LogKnowledge(
+            name=record.name,
+            date=occasion.date_of([record]),
+            tractor=solution.dataset.vehicle.units[0].name,
+            trailer=occasion.trailer,
+            load=occasion.load,
+            information=shared_information(solution, i),
+            estimated=solution.estimated,
+            digest=record_digest(record),
+        )
+        for i, record in enumerate(solution.dataset.records)
+    ]
 
 
-def identify_with_information(
-    record: Record, vehicle: Vehicle, settings: OneStage
-) -> tuple[Identification, SharedInformation]:
-    """Identify a vehicle from one log in one stage; also give the log's information; arguments as in `identify`."""
-    solution = solve_one_stage([record], vehicle, settings)
-    return build_identification(solution), shared_information(solution)
-
-
-def shared_information(solution: Solution) -> SharedInformation:
-    """The information of the only log of a solution.
+def shared_information(solution: Solution, log: int = 0) -> SharedInformation:
+    """The information of one log of a solution.
 
     The friction of its road is the log's own. So is a parameter that is not identifiable because the roll rate is not
     measured.
     """
-    problem, z, linearisation = solution.problem, solution.minimum.z, solution.linearisation
-    index = {name: i for i, name in enumerate(problem.names)}
+    problem, of_log = solution.problem, solution.linearisation.logs[log]
+    z = solution.minimum.z[of_log.indices]
+    index = {problem.names[place]: i for i, place in enumerate(of_log.indices)}
     own_unknowns = {*problem.setup.without_roll_rate, FRICTION}
     unknowns = [u for u in problem.unknowns if not u.per_log and u.name not in own_unknowns]
     shared = [index[u.name] for u in unknowns]
     own = [i for i in range(len(z)) if i not in shared]
-    H, M = linearisation.posterior.information, linearisation.score_covariance
+    H, M = of_log.information, of_log.score_covariance
     K = H[np.ix_(shared, own)] @ np.linalg.inv(np.eye(len(own)) + H[np.ix_(own, own)])
-    gradient = linearisation.gradient[shared] - K @ (linearisation.gradient[own] + z[own])
+    gradient = of_log.gradient[shared] - K @ (of_log.gradient[own] + z[own])
     joint = H[shared] - K @ H[own]
     information = (joint[:, shared] + joint[:, shared].T) / 2
     rows = M[shared] - K @ M[own]
     scores = rows[:, shared] - rows[:, own] @ K.T + K @ K.T
-    values = problem.values(z, 0)
+    values, given = problem.values(solution.minimum.z, log), problem.vehicle.parameters()
     gains = np.array([is_sensor_error(u.name, "gain") for u in unknowns])
     gain = np.where(gains, [values[u.name] for u in unknowns], 1.0)
-    scale = _column(unknowns, "scale")
-    estimate = np.where(gains, np.log(gain) / scale, z[shared])
+    centre, scale = _column(unknowns, "centre"), _column(unknowns, "scale")
+    estimate = np.where(gains, np.log(gain / np.where(gains, centre, 1.0)) / scale, z[shared])
     information *= np.outer(gain, gain)
     return SharedInformation(
         names=tuple(u.name for u in unknowns),
-        centre=_column(unknowns, "centre"),
+        centre=centre,
         scale=scale,
         logarithmic=np.array([u.logarithmic for u in unknowns]) | gains,
         non_negative=np.array([u.lower == u.centre for u in unknowns]),
         vector=information @ estimate - gain * gradient,
         information=information,
         score_covariance=(scores + scores.T) / 2 * np.outer(gain, gain),
+        origins=tuple(origin(u, given) for u in unknowns),
     )
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -13,7 +14,7 @@ from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.problem import Indices, Problem
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
@@ -27,18 +28,31 @@ SUMS_PER_LAG = 16
 
 
 @dataclass(frozen=True, kw_only=True)
+class LogLinearisation:
+    """What one log contributes, by its own unknowns and those that logs share: k of them."""
+
+    indices: Indices
+    """Of the unknowns among all (k,)."""
+    information: Array
+    """(k, k)"""
+    gradient: Array
+    """(k,)"""
+    score_covariance: Array
+    """(k, k)"""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Linearisation:
     """What follows from the logs, linearised at a solution."""
 
     posterior: Posterior
     gradient: Array
     """Of the loss of the logs (k,), without the prior."""
-    score_covariance: Array
-    """Long-run covariance of the sum of the scores (k, k)."""
     history: ParameterHistory
     """How the estimates would have developed sample after sample."""
     tests: tuple[PriorTest, ...]
     """Of the prior of every uncertain unknown, the largest statistic first."""
+    logs: tuple[LogLinearisation, ...]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -83,11 +97,12 @@ class Solution:
 
 def _linearise(solution: Solution) -> Linearisation:
     problem, z, settings = solution.problem, solution.minimum.z, solution.settings
-    k, precision = len(problem.names), problem.prior_precision(z)
+    k, prior = len(problem.names), problem.prior.expand(z)
     information, score_covariance, gradient = np.zeros((k, k)), np.zeros((k, k)), np.zeros(k)
     rows = [problem.names.index(name) for name in solution.estimated]
     length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
     elapsed, time, values, sigmas = 0.0, [], [], []
+    logs = [_LogSums.of(problem, i) for i in range(len(problem.logs))]
     for i, j in problem.segments():
         segment = problem.logs[i].segments[j]
         lags = max(int(settings.correlation_time * segment.rate), 1)
@@ -98,15 +113,18 @@ def _linearise(solution: Solution) -> Linearisation:
                 piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
                 information[np.ix_(piece.indices, piece.indices)] += piece_information
                 gradient[piece.indices] += piece_gradient
-                P = np.linalg.inv(np.diag(precision) + information)
-                values.append((z - P @ (precision * z + gradient))[rows])
+                logs[i].add(piece.indices, piece_gradient, piece_information)
+                P = np.linalg.inv(prior.hessian + information)
+                values.append((z - P @ (prior.gradient + gradient))[rows])
                 sigmas.append(np.sqrt(np.diag(P))[rows])
                 time.append(elapsed + piece.time[-1] - segment.time[0])
             numbers = np.arange(samples, samples + len(block.time)) // size
             np.add.at(scores, np.ix_(numbers, block.indices), likelihood.scores(block, settings.outlier))
             samples += len(block.time)
         elapsed = time[-1]
-        score_covariance += long_run_covariance(scores, lags // size)
+        of_segment = long_run_covariance(scores, lags // size)
+        score_covariance += of_segment
+        logs[i].score_covariance += of_segment[np.ix_(logs[i].indices, logs[i].indices)]
     scale = scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
     history = ParameterHistory(
@@ -117,13 +135,53 @@ def _linearise(solution: Solution) -> Linearisation:
         starts=(0,),
     )
     posterior = Posterior.from_information(
-        problem.names, information, score_covariance, nuisances=problem.nuisances, precision=precision
+        problem.names,
+        information,
+        score_covariance,
+        nuisances=problem.nuisances,
+        precision=prior.hessian,
+        prior=problem.prior,
     )
-    uncertain = [name for name, u in problem.unknowns_by_name.items() if u.kind is UnknownKind.UNCERTAIN]
     return Linearisation(
         posterior=posterior,
         gradient=gradient,
-        score_covariance=score_covariance,
         history=history,
-        tests=tuple(prior_tests(problem.names, z, posterior.model_covariance, posterior.predictive, uncertain)),
+        tests=tuple(_prior_tests(problem, z, posterior)),
+        logs=tuple(sums.linearisation() for sums in logs),
     )
+
+
+def _prior_tests(problem: Problem, z: Array, posterior: Posterior) -> list[PriorTest]:
+    uncertain = [name for name, u in problem.unknowns_by_name.items() if u.kind is UnknownKind.UNCERTAIN]
+    prior, P = problem.prior, posterior.model_covariance
+    return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, uncertain, prior.variance)
+
+
+class _LogSums:
+    """Sums over the segments of one log; arrays as in `LogLinearisation`."""
+
+    def __init__(self, indices: Indices) -> None:
+        k = len(indices)
+        self.indices = indices
+        self._gradient, self._information = np.zeros(k), np.zeros((k, k))
+        self.score_covariance = np.zeros((k, k))
+
+    @classmethod
+    def of(cls, problem: Problem, log: int) -> Self:
+        """Of a log of a problem, 0 at first."""
+        return cls(np.unique(np.concatenate([problem.layout.unknowns[log], *problem.layout.initial_states[log]])))
+
+    def add(self, indices: Indices, gradient: Array, information: Array) -> None:
+        """Add gradient (m,) and information (m, m) of some of the unknowns."""
+        places = np.searchsorted(self.indices, indices)
+        self._gradient[places] += gradient
+        self._information[np.ix_(places, places)] += information
+
+    def linearisation(self) -> LogLinearisation:
+        """The sums."""
+        return LogLinearisation(
+            indices=self.indices,
+            information=self._information,
+            gradient=self._gradient,
+            score_covariance=self.score_covariance,
+        )

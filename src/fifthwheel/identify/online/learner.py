@@ -23,7 +23,7 @@ from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.online_model import online_setup
-from fifthwheel.identify.online.persistence import EstimateBlock, combine_blocks, read_learner, write_learner
+from fifthwheel.identify.online.persistence import LEARNER_FILE, EstimateBlock, combine_blocks
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.sensor_priors import with_sensors
@@ -318,7 +318,7 @@ class Learner:
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
-        write_learner(path, self.content())
+        LEARNER_FILE.write(path, self.content())
 
     def content(self) -> dict[str, Any]:
         """What `save` writes; later samples do not change it."""
@@ -346,7 +346,7 @@ class Learner:
         Raises:
             SignalError: the file cannot be read, is damaged, not of a learner, or of another version.
         """
-        return cls.of_content(read_learner(path), str(path))
+        return cls.of_content(LEARNER_FILE.read(path), str(path))
 
     @classmethod
     def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":

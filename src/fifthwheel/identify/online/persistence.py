@@ -1,22 +1,19 @@
 """Estimates that a learner keeps: of trailers that are not coupled, and in a JSON file."""
 
-import hashlib
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.checked_json import Format
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.input_files import read_json
 
-KIND, VERSION = "fifthwheel learner", 3
-"""The format of a file is "fifthwheel learner 3"."""
+LEARNER_FILE = Format(
+    kind="fifthwheel learner", version=3, title="a learner", writer="Learner.save", renew="start with a new Learner"
+)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,40 +106,3 @@ def combine_blocks(unknowns: Sequence[Unknown], blocks: Iterable[tuple[EstimateB
         Pz[np.ix_(places, places)] = block.Pz
         z[places] = block.z
     return z, Pz
-
-
-def write_learner(path: str | Path, content: Mapping[str, Any]) -> None:
-    """Write the content of a learner to a JSON file, atomically and with a checksum."""
-    document = {"format": f"{KIND} {VERSION}", "digest": _digest(content), "content": content}
-    text = json.dumps(document, allow_nan=False)
-    with atomic_write(path) as part:
-        part.write_text(text + "\n", encoding="utf-8")
-
-
-def read_learner(path: str | Path) -> dict[str, Any]:
-    """The content that `write_learner` wrote.
-
-    Raises:
-        SignalError: the file cannot be read, is damaged, of another format or of another version of it.
-    """
-    try:
-        document = read_json(Path(path))
-    except FifthwheelError as error:
-        raise SignalError(f"{error}; give a file that Learner.save wrote") from None
-    found = document.get("format") if isinstance(document, dict) else None
-    kind, _, version = str(found).rpartition(" ")
-    if kind != KIND:
-        raise SignalError(f"{path}: not a file of a learner; give a file that Learner.save wrote")
-    if version != str(VERSION):
-        raise SignalError(
-            f"{path}: has format {version} of another version of fifthwheel, expected format {VERSION}; "
-            "start with a new Learner, or load it with the version that wrote it"
-        )
-    content = document.get("content")
-    if not isinstance(content, dict) or document.get("digest") != _digest(content):
-        raise SignalError(f"{path}: damaged, its content does not match its checksum; restore an older copy")
-    return content
-
-
-def _digest(content: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True, allow_nan=False).encode()).hexdigest()

@@ -9,6 +9,8 @@ from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.errors import SignalError, printable, suggestion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
@@ -155,7 +157,7 @@ class Identification(IdentificationData):
         raise SignalError(f"{kind}: no such plot; available: parameters, fits, residuals, histories")
 
     def save(self, folder: str | Path) -> None:
-        """Write identification.json, vehicle.toml and series.npz, the time series, to a folder.
+        """Write identification.json, vehicle.toml, knowledge.json and series.npz, the time series, to a folder.
 
         The folder is made if it does not exist. Each file is written atomically. `load` reads an equal identification.
 
@@ -168,13 +170,15 @@ class Identification(IdentificationData):
             temporary.write_text(self.to_json() + "\n", encoding="utf-8")
         self.vehicle.save(folder / "vehicle.toml")
         storage.write_series(folder / storage.SERIES, storage.series_of(self))
+        if self.knowledge is not None:
+            self.knowledge.save(folder / KNOWLEDGE)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """The identification in a folder, or of an identification.json, which `save` or `fifthwheel identify` wrote.
 
         Values, covariance, settings and sensor errors are exactly those that were saved. Fits and histories are
-        without time series if there is no series.npz beside the file.
+        without time series if there is no series.npz beside the file, and without knowledge if no knowledge.json.
 
         Raises:
             SignalError: the file cannot be read, or is not one of an identification.
@@ -184,7 +188,9 @@ class Identification(IdentificationData):
         contents = storage.read_contents(path)
         series = storage.read_series(path.with_name(storage.SERIES))
         try:
-            identification = cls(**storage.fields_of(contents, series))
+            known = path.with_name(KNOWLEDGE)
+            knowledge = Knowledge.load(known) if known.exists() else None
+            identification = cls(**storage.fields_of(contents, series), knowledge=knowledge)
             for name in (None, *[log.name for log in identification.logs]):
                 identification.observer_settings(name)  # checks sensor errors and noise
         except SignalError as error:

@@ -11,6 +11,7 @@ from pydantic import BeforeValidator, PlainValidator, Strict
 from fifthwheel._types import Array
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -92,6 +93,8 @@ class IdentificationData:
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of vehicle file and tyres, estimated too
+    knowledge: Knowledge | None = None
+    """What these logs and earlier ones told of the truck; None in two stages."""
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
     doubts: tuple[Doubt, ...] = ()
     """Evidence against an assumption; the estimates that it concerns are `doubtful`."""

@@ -32,6 +32,8 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
+VARIATION = ".variation"
+"""End of the name of a cornering stiffness's variation from log to log."""
 TIME_BASE = "time_base"
 """First word of the name of a time base's delay."""
 ROAD_FRICTION = 0.8
@@ -305,7 +307,7 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     names = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)] if variation else []
     for name in (name for name in names if name not in exact):
         moves = {name: vehicle.parameters()[name]}
-        unknowns.append(change_unknown(f"{name}.variation", variation, moves, per_log=True))
+        unknowns.append(change_unknown(f"{name}{VARIATION}", variation, moves, per_log=True))
     if rate := settings.consider.get(TIME_BASE, 0.0):
         unknowns.append(change_unknown(TIME_BASE, rate, {dynamics.TIME_SCALE: 1.0}))
     delays = [f"{name}.delay" for name in outputs if is_of(name, *GYROS)] if settings.nuisances else []

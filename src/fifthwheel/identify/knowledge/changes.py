@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.fleet.states import Indices, Observation, State, Walk, together
+from fifthwheel.identify.knowledge.states import Indices, Observation, State, Walk, together
 
 WINDOWS = (1, 2, 4, 8)
 """Numbers of trips that are tested together."""
@@ -74,6 +74,7 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
     changes, walk, skipped = list[TripChange](), truck.walk, set[int]()
     states, p_values, last, n = {-1: truck.start}, list[float](), 0, 0  # states after each trip
     while n < len(truck.trips):
+        last = n if n in walk.resets else last
         before = walk.predict(states[n - 1], truck.trips, n)
         states[n] = before if n in skipped else before.updated(truck.trips[n])
         del p_values[n:]

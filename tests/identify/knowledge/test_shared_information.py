@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.fleet.combination import combine
-from fifthwheel.fleet.trips import trip_content
+from fifthwheel.identify.knowledge.combination import combine
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.shared_information import identify_with_information, shared_information
+from fifthwheel.identify.one_stage.shared_information import shared_information
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle.parameters import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -61,12 +59,11 @@ def test_single_logs_combine_to_the_identification_of_all() -> None:
     exact (test above), and the two logs alone differ by half a sigma."""
     records, settings = [record(0, count=4), record(1, count=4)], fw.OneStage()
     together = fw.identify(records, GUESS, settings)
-    rows = []
+    logs = []
     for k, one in enumerate(records):
-        identification, information = identify_with_information(one, GUESS, settings)
-        labels = {"log": one.name, "truck": "T", "trailer": "A", "load": "", "date": datetime.datetime(2026, 1, 1 + k)}
-        rows.append(labels | trip_content(identification, information, one))
-    combined = combine("T", rows, FleetSettings(tyre_walk=0.0), 1e-3)
+        date = datetime.datetime(2026, 1, 1 + k, tzinfo=datetime.UTC)
+        logs += fw.identify([one], GUESS, settings, occasion=fw.Occasion(date=date)).knowledge.logs
+    combined = combine(logs, tyre_walk=0.0, false_alarm=1e-3)
     found = {unknown.name: combined.estimate(1, unknown) for unknown in combined.parameters(1)}
     assert set(found) == {expected.name for expected in together.parameters} - {FRICTION}
     for name in found:
@@ -76,6 +73,7 @@ def test_single_logs_combine_to_the_identification_of_all() -> None:
 
 
 def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:
-    _, information = identify_with_information(record(2, without="roll_rate"), GUESS, fw.OneStage())
+    (log,) = fw.identify([record(2, without="roll_rate")], GUESS, fw.OneStage()).knowledge.logs
+    information = log.information
     assert "semitrailer.payload.height" not in information.names
     assert "semitrailer.cornering_stiffness" in information.names

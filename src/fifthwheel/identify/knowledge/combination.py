@@ -1,6 +1,6 @@
-"""The trips of one truck combined: its unknowns over all its trailers and loads, changes, and histories.
+"""The logs of one truck combined: its unknowns over all its trailers and loads, changes, and histories.
 
-Which trips share an unknown follows from its unit. Unknowns of the first unit, with its sensors, belong to the truck.
+Which logs share an unknown follows from its unit. Unknowns of the first unit, with its sensors, belong to the truck.
 Those of the units behind it belong to the trailer, and those that depend on the payload to the load of this trailer; so
 do the axle loads of all units. An error of a weighbridge, `mass_scale`, and the rate of the logger's time base belong
 to the truck. Numbers of all units together, such as those of the law of the tyres and the drag area, belong to the
@@ -16,35 +16,17 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
-from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.scaling import Scaling
-from fifthwheel.fleet.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
-from fifthwheel.fleet.states import Indices, Observation, State, Walk, filtered, smoothed
+from fifthwheel.identify.knowledge.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
+from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle
+from fifthwheel.identify.knowledge.states import Indices, Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
-from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
+from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import ParameterPath
-from fifthwheel.options import FleetSettings
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 DAY = 86_400.0
 """Seconds."""
-OF_LOAD = ("mass", "cog", "yaw_inertia")
-"""Quantities of a unit behind the first that depend on its load, besides those of its payload and body."""
-OF_AXLE_LOADS = ("static_load", "braking_load", "braked_mass")
-"""Quantities of an axle group of any unit that depend on the load."""
-OF_TRUCK = (MASS_SCALE, TIME_BASE)
-"""Unknowns of no unit that belong to the truck."""
-LOADED = ("payload", "sprung")
-"""Components of a unit behind the first that depend on its load."""
-
-
-@dataclass(frozen=True)
-class Owned:
-    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load."""
-
-    name: str
-    trailer: str | None = None
-    load: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,10 +40,9 @@ class UnknownLayout:
 
 @dataclass(frozen=True, kw_only=True)
 class Combined:
-    """The result for one truck."""
+    """The logs of one truck together."""
 
-    truck: str
-    rows: Sequence[Mapping[str, Any]]  # of its trips, in the order of time
+    logs: Sequence[LogKnowledge]  # in the order of time
     layout: UnknownLayout
     observations: Sequence[Observation]
     z: Sequence[Array]  # (n,) at each trip, from all trips
@@ -69,6 +50,10 @@ class Combined:
     widening: Array
     changes: Sequence[TripChange]
     p_values: Sequence[float]  # of each trip by its innovation
+    last: State
+    """After the last trip."""
+    rate: Array
+    """Variance of z that each unknown gains in a day (n,)."""
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""
@@ -78,46 +63,43 @@ class Combined:
             values = self.layout.scaling.to_p(self.z[k])
         return float(values[i]), sigma * float(self.layout.scaling.slope(values)[i])
 
+    def prior(self, unknowns: Mapping[Owned, Unknown], date: datetime.datetime) -> JointPrior | None:
+        """What the logs told of some unknowns, at a later date; None if nothing."""
+        known = {owned: u for owned, u in unknowns.items() if owned in self.layout.unknowns}
+        if not known:
+            return None
+        places = np.array([self.layout.unknowns[owned] for owned in known], dtype=np.int64)
+        days = max(date.timestamp() / DAY - self.observations[-1].time, 0.0)
+        state, own, new = self.last.later(self.rate * days), self.layout.scaling, scaling(list(known.values()))
+        values = own.to_p(state.z)
+        slope = own.slope(values)[places] / new.slope(values[places])
+        return JointPrior(
+            names=tuple(u.name for u in known.values()),
+            mean=new.to_z(values[places]),
+            covariance=state.among(places).P * np.outer(slope, slope),
+            widening=self.widening[places],
+        )
+
     def parameters(self, k: int) -> list[Owned]:
         """The estimated parameters at trip k."""
         places = set(self.observations[k].places.tolist())
         return [u for u, i in self.layout.unknowns.items() if i in places and u in self.layout.estimated]
 
 
-def of_vehicle(name: str) -> bool:
-    """Whether an unknown is one of the vehicle, and not of a sensor or of a time base."""
-    return name != TIME_BASE and SensorErrorName.of(name) is None
+def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: float) -> Combined:
+    """Combine the logs of a truck.
 
-
-def owner(name: str, tractor: str, trailer: str, load: str) -> Owned:
-    """An unknown of a trip with the trailer and the load that it belongs to."""
-    path = ParameterPath.of(name)
-    if path.quantity in OF_AXLE_LOADS:
-        return Owned(name, trailer, load)
-    if name in OF_TRUCK or unit_of_unknown(name) == tractor:
-        return Owned(name)
-    of_load = path.component in LOADED or (not path.component and path.quantity in OF_LOAD)
-    return Owned(name, trailer, load if of_load and of_vehicle(name) else None)
-
-
-def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettings, false_alarm: float) -> Combined:
-    """Combine the trips of a truck, rows of the table of trips without errors.
-
-    `false_alarm` is the probability of a false alarm in one test. A FifthwheelError: a row is of a version that did not
-    estimate the uncertain numbers of the vehicle file; its information does not contain them.
+    Args:
+        logs: of one truck.
+        tyre_walk: standard deviation that the stiffness of tyres gains in a day, as a fraction.
+        false_alarm: probability of a false alarm in one test.
     """
-    if old := [row for row in rows if row.get("considered")]:
-        raise FifthwheelError(
-            f"{len(old)} of {len(rows)} trips, such as {old[0]['log']}, were processed by a version that did not "
-            "estimate the uncertain numbers of the vehicle file; list them in the manifest and run again, or write to "
-            "another data set"
-        )
-    rows = sorted(rows, key=lambda row: (row["date"], row["log"]))
-    layout = _layout(rows)
-    observations = _without_zeros([_observation(row, layout) for row in rows], layout)
+    logs = sorted(logs, key=lambda log: (log.date, log.name))
+    layout = _layout(logs)
+    observations = _without_zeros([_observation(log, layout) for log in logs], layout)
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns))
-    walk = Walk(rate=_rate(layout, settings.tyre_walk))
+    walk = Walk(rate=_rate(layout, tyre_walk), resets=_resets(logs, layout))
     data = TruckTrips(
         start=start,
         trips=observations,
@@ -129,10 +111,10 @@ def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettin
     changes, walk, p_values = find_changes(data, false_alarm)
     outliers = {change.trip for change in changes if change.kind.name == OUTLIER}
     used = [_without_information(o) if k in outliers else o for k, o in enumerate(observations)]
-    backwards = [(state.z, np.diag(state.P).copy()) for state in smoothed(filtered(start, used, walk), used, walk)]
+    forwards = filtered(start, used, walk)
+    backwards = [(state.z, np.diag(state.P).copy()) for state in smoothed(forwards, used, walk)]
     return Combined(
-        truck=truck,
-        rows=rows,
+        logs=logs,
         layout=layout,
         observations=observations,
         z=[z for z, _ in reversed(backwards)],
@@ -140,49 +122,52 @@ def combine(truck: str, rows: Sequence[Mapping[str, Any]], settings: FleetSettin
         widening=widening,
         changes=changes,
         p_values=p_values,
+        last=forwards[-1],
+        rate=walk.rate,
     )
 
 
-def _layout(rows: Sequence[Mapping[str, Any]]) -> UnknownLayout:
-    unknowns, priors = dict[Owned, int](), list[Mapping[str, Any]]()
-    for row in rows:
-        for unknown in row["unknowns"]:
-            key = _owner(unknown["name"], row)
-            if key not in unknowns:
-                unknowns[key] = len(unknowns)
-                priors.append(unknown)
-    centre, scale = (np.array([prior[field] for prior in priors]) for field in ("centre", "scale"))
+def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
+    places, estimated = dict[Owned, int](), set[Owned]()
+    columns: dict[str, list[Any]] = {name: [] for name in ("logarithmic", "centre", "scale", "non_negative")}
+    for log in logs:
+        for k, unknown in enumerate(log.unknowns):
+            if unknown not in places:
+                places[unknown] = len(places)
+                for name, column in columns.items():
+                    column.append(getattr(log.information, name)[k])
+        estimated |= {log.owned(name) for name in log.estimated}
+    centre = np.array(columns["centre"])
     scaling = Scaling(
-        logarithmic=tuple(prior["logarithmic"] for prior in priors),
+        logarithmic=tuple(map(bool, columns["logarithmic"])),
         centre=centre,
-        scale=scale,
-        lower=np.where([prior["non_negative"] for prior in priors], centre, -np.inf),
+        scale=np.array(columns["scale"]),
+        lower=np.where(columns["non_negative"], centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
-    estimated = frozenset(_owner(estimate["name"], row) for row in rows for estimate in row["estimates"])
-    return UnknownLayout(unknowns=unknowns, scaling=scaling, estimated=estimated & unknowns.keys())
+    return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
 
 
-def _owner(name: str, row: Mapping[str, Any]) -> Owned:
-    return owner(name, row["tractor"], row["trailer"], row["load"])
+def _resets(logs: Sequence[LogKnowledge], layout: UnknownLayout) -> dict[int, Indices]:
+    """Before each log: the unknowns that are known to have changed."""
+    changed = [[layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for log in logs]
+    return {k: np.array(members, dtype=np.int64) for k, members in enumerate(changed) if members and k}
 
 
-def _observation(row: Mapping[str, Any], layout: UnknownLayout) -> Observation:
-    """The information of a trip for the priors of the layout: z of the trip = a z of the layout + b."""
-    places = np.array([layout.unknowns[_owner(u["name"], row)] for u in row["unknowns"]], dtype=np.int64)
-    k = len(places)
-    centre, scale = (np.array([u[field] for u in row["unknowns"]]) for field in ("centre", "scale"))
+def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
+    """The information of a log for the priors of the layout: z of the log = a z of the layout + b."""
+    own = log.information
+    places = np.array([layout.unknowns[unknown] for unknown in log.unknowns], dtype=np.int64)
     prior, logarithmic = layout.scaling, np.array(layout.scaling.logarithmic)[places]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(logarithmic, np.log(prior.centre[places] / centre), prior.centre[places] - centre)
-    a, b = prior.scale[places] / scale, ratio / scale
-    information = np.array(row["information"]).reshape(k, k)
+        ratio = np.where(logarithmic, np.log(prior.centre[places] / own.centre), prior.centre[places] - own.centre)
+    a, b = prior.scale[places] / own.scale, ratio / own.scale
     return Observation(
-        time=row["date"].timestamp() / DAY,
+        time=log.date.timestamp() / DAY,
         places=places,
-        vector=a * (np.array(row["vector"]) - information @ b),
-        information=information * np.outer(a, a),
-        score_covariance=np.array(row["score_covariance"]).reshape(k, k) * np.outer(a, a),
+        vector=a * (own.vector - own.information @ b),
+        information=own.information * np.outer(a, a),
+        score_covariance=own.score_covariance * np.outer(a, a),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel.fleet.states import Observation, State, Walk, filtered, smoothed, together
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed, together
 
 RATE = np.array([0.02, 0.0])
 

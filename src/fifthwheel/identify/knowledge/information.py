@@ -1,0 +1,153 @@
+"""The information of one log on what logs of one truck share; made by `identify.one_stage.shared_information`."""
+
+import datetime
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.channels import SensorErrorName
+from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
+from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.names import ParameterPath
+from fifthwheel.record import Record
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
+
+EARLIEST_DATE = 315_532_800.0
+"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
+OF_LOAD = ("mass", "cog", "yaw_inertia")
+"""Quantities of a unit behind the first that depend on its load, besides those of its payload."""
+OF_AXLE_LOADS = ("static_load", "braking_load", "braked_mass")
+"""Quantities of an axle group of any unit that depend on the load."""
+OF_TRUCK = (MASS_SCALE, TIME_BASE)
+"""Unknowns of no unit that belong to the truck."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Occasion:
+    """What logs were driven with, and when.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> fw.Occasion(trailer="T 17", load="steel").load
+        'steel'
+    """
+
+    trailer: str = ""
+    """Name of the trailer."""
+    load: str = ""
+    """Name of its load."""
+    date: datetime.datetime | None = None
+    """UTC; None takes that of the log, or today if it has none."""
+
+    def date_of(self, records: Sequence[Record]) -> datetime.datetime:
+        """The date of the first sample, if the logs have one; else its own, or today."""
+        first = min(float(record.time[0]) for record in records)
+        if first >= EARLIEST_DATE:
+            return datetime.datetime.fromtimestamp(first, datetime.UTC)
+        return self.date or datetime.datetime.now(datetime.UTC)
+
+
+@dataclass(frozen=True)
+class Owned:
+    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load."""
+
+    name: str
+    trailer: str | None = None
+    load: str | None = None
+    origin: str = ""
+    """Of a change of the vehicle file: the numbers that it changes. A number that is stated anew has a new error."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SharedInformation:
+    """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
+
+    names: tuple[str, ...]
+    centre: Array
+    """Prior mean (n,), SI; median of a logarithmic unknown."""
+    scale: Array
+    """Prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown."""
+    logarithmic: NDArray[np.bool_]
+    """(n,): value = centre exp(scale z); the others: value = centre + scale z."""
+    non_negative: NDArray[np.bool_]
+    """(n,): z is not below 0, such as that of a play. A combination below 0 means that the unknown is 0."""
+    vector: Array
+    """v (n,)."""
+    information: Array
+    """H_s (n, n) of the shared unknowns."""
+    score_covariance: Array
+    """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
+    origins: tuple[str, ...] = ()
+    """`Owned.origin` of each unknown; empty if all are those of one vehicle file."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogKnowledge:
+    """The information of one log, and where it belongs."""
+
+    name: str
+    date: datetime.datetime
+    """UTC"""
+    tractor: str
+    """Name of the first unit."""
+    trailer: str
+    load: str
+    information: SharedInformation
+    estimated: tuple[str, ...]
+    """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
+    digest: str = ""
+    """Of the log, by `record_digest`."""
+    changed: tuple[str, ...] = ()
+    """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
+    set_aside: str = ""
+    """Why it is not used; empty if it is."""
+
+    @property
+    def unknowns(self) -> tuple[Owned, ...]:
+        """The shared unknowns with their owners."""
+        origins = self.information.origins or ("",) * len(self.information.names)
+        return tuple(self.owned(name, origin) for name, origin in zip(self.information.names, origins, strict=True))
+
+    def owned(self, name: str, origin: str = "") -> Owned:
+        """An unknown of this log with its owner."""
+        return owner(name, self.tractor, self.trailer, self.load, origin=origin, lumped=name in self.estimated)
+
+
+def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "", lumped: bool = False) -> Owned:
+    """An unknown of a log with the trailer and the load that it belongs to.
+
+    `lumped`: a body is that with its payload.
+    """
+    path = ParameterPath.of(name)
+    if path.quantity in OF_AXLE_LOADS:
+        return Owned(name, trailer, load, origin)
+    if name in OF_TRUCK or unit_of_unknown(name) == tractor:
+        return Owned(name, origin=origin)
+    of_load = path.component == "payload" or (lumped and path.component == "sprung")
+    of_load = of_load or (not path.component and path.quantity in OF_LOAD)
+    return Owned(name, trailer, load if of_load and of_vehicle(name) else None, origin)
+
+
+def of_vehicle(name: str) -> bool:
+    """Whether an unknown is one of the vehicle, and not of a sensor or of a time base."""
+    return name != TIME_BASE and SensorErrorName.of(name) is None
+
+
+def origin(unknown: Unknown, given: Mapping[str, float]) -> str:
+    """`Owned.origin`: the numbers of the vehicle file that an unknown changes, without a relative one's."""
+    if unknown.name in OF_TRUCK or not unknown.moves:
+        return ""
+    return ", ".join(f"{name} = {given[name]:.9g}" for name in unknown.moves if name in given)
+
+
+def record_digest(record: Record) -> str:
+    """Digest of the samples of a log."""
+    digest = hashlib.sha256(np.ascontiguousarray(record.time).tobytes())
+    for name in sorted(record.signals):
+        digest.update(name.encode())
+        digest.update(np.ascontiguousarray(record.signals[name]).tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,143 @@
+"""What is known of a truck, its trailers, loads and sensors from logs."""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Self
+
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.identify.knowledge import storage
+from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
+from fifthwheel.identify.knowledge.combination import Combined, combine
+from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, origin, owner, record_digest
+from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.setup import Setup
+from fifthwheel.options import FleetSettings
+from fifthwheel.record import Record
+
+FALSE_ALARM = 0.01
+"""Probability of a false change by one log."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Change:
+    """What a log shows that differs from the logs before it."""
+
+    kind: str
+    """"tyres", "load", "sensor" or `OUTLIER`"""
+    unknowns: tuple[str, ...]
+    """Names of those that it alters."""
+    text: str
+    """A sentence."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Knowledge:
+    """What logs told of one truck: the information of each, so that they can be combined, removed and merged.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> first, second = (fw.simulate(truck, count=1, seed=seed, name=f"run {seed}") for seed in (1, 2))
+        >>> once = fw.identify([first], truck, settings)
+        >>> twice = fw.identify([second], truck, settings, knowledge=once.knowledge)
+        >>> [log.name for log in twice.knowledge.logs]
+        ['run 1', 'run 2']
+        >>> front = "tractor.front.cornering_stiffness"
+        >>> twice[front].sigma < once[front].sigma
+        True
+    """
+
+    logs: tuple[LogKnowledge, ...] = ()
+    """In the order in which they were added."""
+
+    @property
+    def used(self) -> tuple[LogKnowledge, ...]:
+        """The logs that are not set aside."""
+        return tuple(log for log in self.logs if not log.set_aside)
+
+    @functools.cached_property
+    def combined(self) -> Combined:
+        """The logs together, with the changes between them."""
+        tests = max(len(self.used), 1) * len(WINDOWS)
+        return combine(self.used, tyre_walk=FleetSettings().tyre_walk, false_alarm=FALSE_ALARM / tests)
+
+    @functools.cached_property
+    def changes(self) -> tuple[Change, ...]:
+        """Between the logs, in the order of time."""
+        return tuple(_change(self.combined, change) for change in self.combined.changes)
+
+    def changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[Change, ...]:
+        """The changes that more logs show, besides those that these already state."""
+        return tuple(change for change in self.with_logs(logs).changes if change not in self.changes)
+
+    def prior(self, setup: Setup, occasion: Occasion) -> JointPrior | None:
+        """What the logs told of the unknowns of a setup; None if nothing."""
+        if not self.used:
+            return None
+        given, tractor = setup.vehicle.parameters(), setup.vehicle.units[0].name
+        lumped = not setup.settings.uniform_payload
+        owners = {
+            owner(u.name, tractor, occasion.trailer, occasion.load, origin=origin(u, given), lumped=lumped): u
+            for u in setup.unknowns
+            if not u.per_log
+        }
+        return self.combined.prior(owners, occasion.date or self.combined.logs[-1].date)
+
+    def with_logs(self, logs: Sequence[LogKnowledge]) -> "Knowledge":
+        """With more logs; one with the same samples replaces the former."""
+        digests = {log.digest for log in logs if log.digest}
+        return Knowledge(logs=(*(log for log in self.logs if log.digest not in digests), *logs))
+
+    def without_records(self, records: Sequence[Record]) -> "Knowledge":
+        """Without what these logs told: a log counts once."""
+        digests = {record_digest(record) for record in records} if self.logs else set()
+        return Knowledge(logs=tuple(log for log in self.logs if log.digest not in digests))
+
+    def without(self, name: str) -> "Knowledge":
+        """Without a log.
+
+        Raises:
+            SignalError: there is no such log.
+        """
+        names = [log.name for log in self.logs]
+        if name not in names:
+            raise SignalError(f"{name}: no such log; {suggestion(name, names)}")
+        return Knowledge(logs=tuple(log for log in self.logs if log.name != name))
+
+    def save(self, path: str | Path) -> None:
+        """Write a file, complete or not at all; `load` reads an equal one."""
+        storage.write(Path(path), self.logs)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """The knowledge in a file, or in a folder of `fifthwheel identify`.
+
+        Raises:
+            SignalError: the file cannot be read, or is not one of `save`.
+        """
+        return cls(logs=storage.read(Path(path)))
+
+
+_CHANGES = {
+    "tyres": "The tyres of {subject} in {log} differ from those in the logs before it: their stiffness begins again",
+    "load": "The load of the {subject} in {log} differs from that in the logs before it, and begins again: name it",
+    "sensor": "{subject} in {log} differs from the logs before it, and its errors begin again",
+    OUTLIER: "{log} differs from the logs before and after it",
+}
+"""Sentences without their end."""
+
+
+def tyre_change(stiffness: str, log: str) -> Change:
+    """The change of a cornering stiffness by its path."""
+    subject = stiffness.removesuffix(".cornering_stiffness")
+    return Change(kind="tyres", unknowns=(stiffness,), text=f"{_CHANGES['tyres'].format(subject=subject, log=log)}.")
+
+
+def _change(combined: Combined, change: TripChange) -> Change:
+    log, names = combined.logs[change.trip], [u.name for u in combined.layout.unknowns]
+    text = _CHANGES[change.kind.name].format(subject=change.kind.subject, log=log.name)
+    members = tuple(names[i] for i in change.kind.members)
+    return Change(kind=change.kind.name, unknowns=members, text=f"{text}.")

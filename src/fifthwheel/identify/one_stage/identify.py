@@ -1,0 +1,92 @@
+"""The method of one stage: its solution, what it tells of the truck, and whether that fits what earlier logs told."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+from fifthwheel.identify.knowledge.changes import OUTLIER
+from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
+from fifthwheel.identify.knowledge.knowledge import Change, Knowledge, tyre_change
+from fifthwheel.identify.one_stage.estimator import solve_one_stage
+from fifthwheel.identify.one_stage.evidence import find_doubts
+from fifthwheel.identify.one_stage.identification import build_identification
+from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.one_stage.shared_information import log_knowledge
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.result import Identification
+from fifthwheel.identify.settings import OneStage, Progress
+from fifthwheel.identify.setup import Setup, with_tyre_law
+from fifthwheel.identify.unknowns.parameters import VARIATION
+from fifthwheel.names import split_log
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+NEARLY_UNSTABLE = (
+    "The truck is unstable, or nearly, at the speed of the logs, so that no free-running model follows them: the "
+    "parameters are estimated from prediction errors (--form prediction-error)."
+)
+
+
+UNEXPLAINED = "contradicts the earlier logs, and no single change of tyres, load or sensor explains it"
+"""Why a log is set aside."""
+
+
+def identify_one_stage(
+    records: Sequence[Record],
+    vehicle: Vehicle,
+    settings: OneStage,
+    *,
+    knowledge: Knowledge | None = None,
+    occasion: Occasion | None = None,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> Identification:
+    """Identify a vehicle in one stage; arguments and errors as in `identify`."""
+    settings, note = with_tyre_law(vehicle, settings)
+    occasion, before = occasion or Occasion(), (knowledge or Knowledge()).without_records(records)
+    occasion = replace(occasion, date=occasion.date_of(records))
+    solve = partial(solve_one_stage, records, vehicle, settings, validate=validate, progress=progress)
+    solution = solve(earlier=partial(before.prior, occasion=occasion))
+    notes, logs = [note], log_knowledge(solution, occasion)
+    if solution.settings.form != settings.form:
+        notes.append(NEARLY_UNSTABLE)
+    if before.used:
+        if changes := before.changes_by(logs) or tuple(_changed_tyres(solution)):
+            solution, logs, contradiction = _without_what_changed(solve, before, occasion, changes)
+            notes.append(contradiction)
+        if not logs[0].set_aside:
+            last = max(before.used, key=lambda log: log.date)
+            notes.append(f"Begins with what earlier logs told ({len(before.used)}, the last of them {last.name}).")
+    result = build_identification(solution, " ".join(filter(None, notes)))
+    return replace(result, knowledge=before.with_logs(logs))
+
+
+def _without_what_changed(
+    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, changes: Sequence[Change]
+) -> tuple[Solution, list[LogKnowledge], str]:
+    """The solution where logs contradict earlier ones, what the logs tell, and a sentence."""
+    if any(change.kind == OUTLIER for change in changes):
+        alone = solve()
+        logs = [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
+        names = ", ".join(log.name for log in logs)
+        return alone, logs, f"{names}: {UNEXPLAINED}. It is set aside, and these estimates are of it alone."
+    members = frozenset(name for change in changes for name in change.unknowns)
+
+    def unchanged(setup: Setup) -> JointPrior | None:
+        prior = before.prior(setup, occasion)
+        return prior and prior.among(frozenset(prior.names) - members)
+
+    solution = solve(earlier=unchanged)
+    first, *others = log_knowledge(solution, occasion)
+    texts = dict.fromkeys(change.text for change in changes)
+    return solution, [replace(first, changed=tuple(sorted(members))), *others], " ".join(texts)
+
+
+def _changed_tyres(solution: Solution) -> Iterator[Change]:
+    """The tyres of which a log contradicts the variation that is usual from log to log."""
+    for doubt in find_doubts(solution):
+        for cause in doubt.causes[:1]:
+            name, _ = split_log(cause.name)
+            stiffness = name.removesuffix(VARIATION)
+            if stiffness != name:
+                yield tyre_change(stiffness, solution.dataset.records[0].name)

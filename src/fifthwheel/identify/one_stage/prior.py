@@ -1,0 +1,101 @@
+"""The prior of all unknowns of a problem: of each by itself, and what earlier logs told of some together.
+
+Each unknown z has by itself a normal prior N(0, 1) or, if it is a guess, the hyperbolic one of `Unknown`, with the
+precision w: w z is the gradient of its cost. Earlier logs replace these for the unknowns that they informed by a joint
+normal prior N(m, C). Model error widens it to V = D C D (`posterior`).
+"""
+
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.identify.one_stage.gauss_newton import Quadratic
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class JointPrior:
+    """What earlier logs told of n unknowns, in units of their own priors."""
+
+    names: tuple[str, ...]
+    mean: Array  # m (n,)
+    covariance: Array  # C (n, n)
+    widening: Array  # diagonal of D (n,)
+
+    def among(self, names: Container[str]) -> "JointPrior":
+        """That of some of the unknowns."""
+        kept = [i for i, name in enumerate(self.names) if name in names]
+        return JointPrior(
+            names=tuple(self.names[i] for i in kept),
+            mean=self.mean[kept],
+            covariance=self.covariance[np.ix_(kept, kept)],
+            widening=self.widening[kept],
+        )
+
+
+class Prior:
+    """The prior of the unknowns z (k,) of a problem.
+
+    Args:
+        names: of the unknowns.
+        tails: of the prior of each by itself (k,); infinite if it is normal.
+        earlier: what earlier logs told of some of them; other names are ignored.
+    """
+
+    def __init__(self, names: Sequence[str], tails: Array, earlier: JointPrior | None = None) -> None:
+        earlier = earlier.among(frozenset(names)) if earlier else None
+        self._places = np.array([names.index(name) for name in earlier.names] if earlier else [], dtype=np.int64)
+        self._tails = tails.copy()
+        self._tails[self._places] = np.inf
+        self.mean = np.zeros(len(tails))
+        """(k,)"""
+        self.variance = np.ones(len(tails))
+        """(k,), without tails and widening."""
+        self._block = np.ix_(self._places, self._places)
+        if earlier:
+            self.mean[self._places] = earlier.mean
+            self.variance[self._places] = np.diag(earlier.covariance)
+            self._precision = np.linalg.inv(earlier.covariance)
+            widened = earlier.covariance * np.outer(earlier.widening, earlier.widening)
+            self._covariance, self._scores = earlier.covariance, self._precision @ widened @ self._precision
+
+    def cost(self, z: Array) -> float:
+        """Minus the logarithm of the prior density at z, without its constant."""
+        guess, c = np.isfinite(self._tails), self._tails
+        hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (z[guess] / c[guess]) ** 2) - 1)
+        alone, total = ~guess, 0.0
+        if len(self._places):
+            d, alone[self._places] = (z - self.mean)[self._places], False
+            total = float(d @ self._precision @ d / 2)
+        return total + float(z[alone] @ z[alone] / 2 + hyperbolic.sum())
+
+    def own_precision(self, z: Array) -> Array:
+        """w (k,): 1 for a normal prior, less for a guess far from its mean; of each unknown by itself."""
+        return np.asarray(1 / np.sqrt(1 + (z / self._tails) ** 2))
+
+    def expand(self, z: Array) -> Quadratic:
+        """The cost about z: its gradient, and the precision as Hessian."""
+        precision = self.own_precision(z)
+        gradient, hessian = precision * z, np.diag(precision)
+        if len(self._places):
+            gradient[self._places] = self._precision @ (z - self.mean)[self._places]
+            hessian[self._block] = self._precision
+        return Quadratic(self.cost(z), gradient, hessian)
+
+    def score_covariance(self, precision: Array) -> Array:
+        """What the prior adds to the covariance of the scores: its precision (k, k), for that of earlier logs widened
+        by their model error."""
+        if not len(self._places):
+            return precision
+        widened = precision.copy()
+        widened[self._block] = self._scores
+        return widened
+
+    def spread(self, gains: Array) -> Array:
+        """gains C gains' (k, k) with the covariance C of the prior, without tails."""
+        if not len(self._places):
+            return np.asarray(gains @ gains.T)
+        others = np.delete(np.arange(len(self.mean)), self._places)
+        own, joint = gains[:, others], gains[:, self._places]
+        return np.asarray(own @ own.T + joint @ self._covariance @ joint.T)
