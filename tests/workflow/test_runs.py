@@ -25,7 +25,7 @@ from fifthwheel.workflow import (
 
 TRUCK = get("cheng_cebon_2011")
 RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")
-NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html"}
+NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html", "knowledge.json"}
 
 
 def test_excluded_windows_of_all_logs_and_of_one(tmp_path):

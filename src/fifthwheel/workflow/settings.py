@@ -69,18 +69,8 @@ def chosen_one_stage(
 
 
 _ONE_STAGE = (
-    "knowledge",
-    "trailer",
-    "load",
-    "free",
-    "prior",
-    "consider",
-    "sensor",
-    "any_load",
-    "suspension_from",
-    "form",
-    "tyres",
-    "friction",
+    *("knowledge", "trailer", "load", "free", "prior", "consider", "sensor", "any_load", "suspension_from", "form"),
+    *("tyres", "friction"),
 )
 """Options that belong to one stage."""
 

@@ -38,12 +38,10 @@ def start_of(truck: Vehicle | Identification, chosen: IdentifyOptions) -> Start:
         FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, or
             belongs to another truck or, without a name, to another load.
     """
-    vehicle, kept, base = truck, None, None
-    if isinstance(vehicle, Identification):
-        vehicle, kept, base = vehicle.initial_vehicle, vehicle, vehicle.settings
-    if chosen.knowledge:
-        kept = Identification.load(chosen.knowledge)
+    known = truck if isinstance(truck, Identification) else None
+    vehicle, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
+    kept = Identification.load(chosen.knowledge) if chosen.knowledge else known
     if kept is None:
         trailer, load = chosen.trailer or "", chosen.load or ""
         return Start(vehicle=vehicle, settings=settings, occasion=_occasion(settings, trailer, load))
