@@ -118,6 +118,21 @@ def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
     return values
 
 
+def stiffness_at_load(vehicle: Vehicle) -> dict[str, float]:
+    """Cornering stiffness of each axle group by path, as a fraction of that at the nominal load of its tyres.
+
+    K = K_max sin(2 atan(F_z / F_K)) of PAC2002, with the F_K that gives the load sensitivity at the nominal load. A
+    VehicleError where the static axle loads are not determined.
+    """
+    values = saturation_parameters(vehicle)
+    square = values[STIFFNESS_SENSITIVITY] / (2 - values[STIFFNESS_SENSITIVITY])  # (nominal load / F_K)^2
+    fractions = {}
+    for path, load in vehicle.axle_loads().items():
+        q = load / values[f"{path}.tyres"] / NOMINAL_LOAD
+        fractions[path] = q * (1 + square) / (1 + square * q**2)
+    return fractions
+
+
 class Contact(NamedTuple):
     """What acts on the tyres of an axle group."""
 

@@ -83,6 +83,9 @@ class SharedInformation:
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
     origins: tuple[str, ...] = ()
     """`Owned.origin` of each unknown; empty if all are those of one vehicle file."""
+    factors: Array | None = None
+    """Value in this log over the shared value (n,); None if all are 1. Of a cornering stiffness, which is shared at the
+    nominal load of its tyres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
