@@ -109,9 +109,13 @@ class IdentifyOptions(Settings):
         Option(help="Name of the trailer; by default that of the last log. Another one begins from the vehicle file."),
     ] = None
     load: Annotated[
-        str | None,
-        Option(help="Name of the load; by default that of the last log. Another one begins from the vehicle file."),
-    ] = None
+        Names,
+        Option(
+            help="Load of the logs, or LOG=LOAD of one log; may be repeated. A payload mass such as 0t or 12t, a "
+            "vehicle file of this load, or a name, for which the vehicle file holds. By default that of the last log. "
+            "What depends on the load is estimated for each.",
+        ),
+    ] = ()
     suspension_from: Annotated[
         Path | None,
         Option(

@@ -27,7 +27,7 @@ from fifthwheel.workflow.vehicle_questions import QUESTIONS
 from tests.vehicle.test_classes import TEXT
 
 TRUCK = "cheng_cebon_2011"
-FILES = ["identification.json", "report.html", "states.parquet", "vehicle.toml"]
+FILES = ["identification.json", "knowledge.json", "report.html", "states.parquet", "vehicle.toml"]
 ESTIMATED = [
     "tractor.front.cornering_stiffness",
     "tractor.drive.cornering_stiffness",
@@ -101,7 +101,7 @@ def refused(outcome: Outcome, start: str) -> None:
     assert "Traceback" not in outcome.err
 
 
-def test_identify_writes_four_files(identified):
+def test_identify_writes_five_files(identified):
     out, printed = identified
     assert sorted(path.name for path in out.iterdir()) == sorted([*FILES, "run.json"])
     assert printed["files"] == {name: str(out / name) for name in FILES}
@@ -422,7 +422,7 @@ def test_what_cannot_be_read(command, folder, run):
     refused(run(command, "binary.csv", *truck), r"binary\.csv: ")
     refused(run(command, "text.csv", *truck), r"text\.csv: ")
     refused(run(command, good, "-v", "lorry"), r"lorry: no such file, and not in the catalogue, which has ")
-    refused(run(command, good, "-v", "."), r"\.: no such file")
+    refused(run(command, good, "-v", "."), r"\.: no such file|identification\.json: cannot be read")
     refused(run(command, good, *truck, "-s", "nothing.toml"), r"nothing\.toml: cannot be read")
     refused(run(command, good, "-v", good), r".*first\.csv: ")
     assert sorted(path.name for path in Path().iterdir()) == ["binary.csv", "text.csv"]

@@ -22,7 +22,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify run.csv -v truck.toml --set tractor.yaw_inertia=free --set roll_stiffness='+- 5 %'",
     "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
     "fifthwheel identify later.csv --vehicle result -o result",
-    "fifthwheel identify empty.csv -v empty.toml --knowledge result --load empty -o result_empty",
+    "fifthwheel identify empty.csv laden.csv -v truck.toml --load empty.csv=0t",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -52,7 +52,8 @@ def identify(
 
     Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
     knowledge.json (what the logs told, for later ones), states.parquet, report.html and run.json (digests of these
-    files). With a result folder as --vehicle the estimates begin with what its logs told. --any-load,
+    files). With several loads (--load) these are of the last log's, and each other load has a folder of its own. With a
+    result folder as --vehicle the estimates begin with what its logs told. --any-load,
     --suspension-from, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage method; two stages
     take values and "exact" of parameters by --set.
     """
@@ -64,41 +65,39 @@ def identify(
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
+        folder_of_load,
         identification_file,
         read_truck,
-        run_identification,
-        start_of,
+        run_loads,
+        starts_of,
         vehicle_text,
-        with_date,
         write_results,
     )
 
     if figures:
         checked_format(figures)
-    truck = read_truck(vehicle)
-    start = with_date(start_of(truck, chosen), logs[0])
+    starts = starts_of(read_truck(vehicle), chosen, logs)
     terminal.warn_of_replaced_options(chosen)
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = str(result.with_name("vehicle.toml")) if result else vehicle
-    before = [chosen.suspension_from, *(identification_file(str(path)) for path in (chosen.knowledge,) if path), result]
-    read = [*inputs, Path(file), *(path for path in (signals, *before) if path)]
-    read = [path for path in read if path.parent != out]  # what a result keeps grows in place
+    results = [path for path in (result, chosen.knowledge and identification_file(str(chosen.knowledge))) if path]
+    before = [path for path in (signals, chosen.suspension_from) if path]
+    # what a result keeps may grow in place
+    read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
-        terminal.warn_of_axle_loads(start.vehicle, records)
+        used = dict(zip(logs, records, strict=False))
+        for start in starts:
+            terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
-            run = run_identification(
-                records[: len(logs)],
-                start.vehicle,
-                start.settings,
-                knowledge=start.knowledge,
-                occasion=start.occasion,
-                validate=records[len(logs) :],
-                progress=progress,
-            )
-        provenance = provenance_of_run(inputs, file, signals, *before, command=sys.argv[1:])
+            *others, run = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
+        provenance = provenance_of_run(inputs, file, signals, chosen.suspension_from, *results, command=sys.argv[1:])
         written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(file))
+        for start, other in zip(starts, others, strict=False):
+            part = folder_of_load(start)
+            (folder / part).mkdir()
+            written |= {f"{part}/{name}": path for name, path in write_results(other, folder / part).items()}
         files = terminal.in_folder(out, written)
     document = partial(identification_document, run.identification, run.conclusion)
     terminal.print_result(run.as_dict(), document, files, as_json=as_json)

@@ -70,6 +70,8 @@ SCHEMA = pa.schema(
         ("doubts", pa.list_(pa.string())),
         ("unknowns", pa.list_(_UNKNOWN)),
         *((name, pa.list_(pa.float64())) for name in _INFORMATION),
+        ("factors", pa.list_(pa.float64())),
+        ("origins", pa.list_(pa.string())),
     ]
 )
 """Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
@@ -219,6 +221,8 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
         ],
         "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
         **{name: getattr(information, name).ravel().tolist() for name in _INFORMATION},
+        "factors": [information.factors.get(name, 1.0) for name in information.names],
+        "origins": list(information.origins),
     }
 
 
@@ -234,7 +238,7 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
             f"{row['log']}: processed by a version that did not estimate the uncertain numbers of the vehicle file; "
             "list it in the manifest and run again, or write to another data set"
         )
-    unknowns, n = row["unknowns"], len(row["unknowns"])
+    unknowns, n, names = row["unknowns"], len(row["unknowns"]), [u["name"] for u in row["unknowns"]]
     centre, scale, logarithmic, non_negative = (np.array([u[name] for u in unknowns]) for name in _UNKNOWN.names[1:])
     return LogKnowledge(
         name=row["log"],
@@ -245,7 +249,7 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
         digest=row["digest"],
         estimated=tuple(estimate["name"] for estimate in row["estimates"]),
         information=SharedInformation(
-            names=tuple(u["name"] for u in unknowns),
+            names=tuple(names),
             centre=centre,
             scale=scale,
             logarithmic=logarithmic,
@@ -253,6 +257,8 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
             vector=np.array(row["vector"]),
             information=np.array(row["information"]).reshape(n, n),
             score_covariance=np.array(row["score_covariance"]).reshape(n, n),
+            factors=dict(zip(names, row.get("factors") or [1.0] * n, strict=True)),  # rows of 0.2.0 have none
+            origins=tuple(row.get("origins") or ()),
         ),
     )
 

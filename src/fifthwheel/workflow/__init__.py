@@ -4,7 +4,7 @@ from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_record
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.exported import exported_learner, exported_observer
-from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification
+from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification, run_loads
 from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
 from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
 from fifthwheel.workflow.measured_vehicle import (
@@ -28,7 +28,7 @@ from fifthwheel.workflow.results import (
     write_results,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
-from fifthwheel.workflow.start import Start, start_of, with_date
+from fifthwheel.workflow.start import Start, folder_of_load, starts_of
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statement import parse as parse_statement
 from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
@@ -58,6 +58,7 @@ __all__ = [
     "design_run",
     "exported_learner",
     "exported_observer",
+    "folder_of_load",
     "identification_file",
     "identification_settings",
     "parse_statement",
@@ -69,15 +70,15 @@ __all__ = [
     "require_signals",
     "roll_tested_vehicle",
     "run_identification",
+    "run_loads",
     "run_states",
     "signal_evidence",
-    "start_of",
+    "starts_of",
     "survey_file",
     "tested_numbers",
     "vehicle_text",
     "weigh_by_slip",
     "weigh_vehicle",
-    "with_date",
     "write_assessment",
     "write_comparison",
     "write_results",

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.statements import require_signals
 
 if TYPE_CHECKING:
@@ -90,6 +92,36 @@ def run_identification(
         conclusion=conclude_identification(identification, everything, assessment, states),
         performance=_performance(identification),
     )
+
+
+def run_loads(
+    starts: Sequence[Start],
+    records: Mapping[Path, Record],
+    *,
+    validate: Sequence[Record] = (),
+    progress: Progress = lambda *_: None,
+) -> list[IdentificationRun]:
+    """Identify the logs of each load after those of the loads before it, and begin with what these told.
+
+    Args:
+        starts: as of `starts_of`.
+        records: of every log of the starts by its path.
+        validate: logs with the last load that are only predicted.
+    """
+    runs, knowledge = list[IdentificationRun](), starts[0].knowledge
+    for start in starts:
+        run = run_identification(
+            [records[path] for path in start.logs],
+            start.vehicle,
+            start.settings,
+            knowledge=knowledge,
+            occasion=start.occasion,
+            validate=validate if start is starts[-1] else (),
+            progress=progress,
+        )
+        runs.append(run)
+        knowledge = run.identification.knowledge
+    return runs
 
 
 def _performance(identification: Identification) -> Assessment | None:

@@ -1,15 +1,20 @@
 """What an identification begins with: the vehicle, its settings, and what earlier logs told."""
 
 import datetime
-from dataclasses import dataclass, replace
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.knowledge.information import Occasion, owner
 from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.knowledge.load import with_payload
 from fifthwheel.options import IdentifyOptions
+from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.workflow.inputs import read_vehicle
 from fifthwheel.workflow.settings import identification_settings
 
 SAME_LOAD = 0.05
@@ -18,52 +23,107 @@ SAME_LOAD = 0.05
 
 @dataclass(frozen=True, kw_only=True)
 class Start:
-    """What an identification begins with."""
+    """What the identification of logs with one load begins with."""
 
+    logs: tuple[Path, ...]
     vehicle: Vehicle
     settings: CommonSettings
     knowledge: Knowledge | None = None
     occasion: Occasion | None = None
 
 
-def start_of(truck: Vehicle | Identification, chosen: IdentifyOptions) -> Start:
-    """What an identification begins with.
+def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Sequence[Path]) -> list[Start]:
+    """What the identification of logs begins with, for each load; that of the last log, or of the options, last.
 
     Args:
         truck: the vehicle as known before the logs. An identification stands for the vehicle and the statements that it
             began with, and for what its logs told.
         chosen: what a user chooses; `knowledge` replaces that of `truck`.
+        logs: at least one.
 
     Raises:
         FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, or
-            belongs to another truck or, without a name, to another load.
+            belongs to another truck; a load is of no log, or cannot be read, or is another one without a name.
     """
+    loads = _loads(chosen.load, logs)
     known = truck if isinstance(truck, Identification) else None
-    vehicle, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
-    vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
+    given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     kept = Identification.load(chosen.knowledge) if chosen.knowledge else known
-    if kept is None:
-        trailer, load = chosen.trailer or "", chosen.load or ""
-        return Start(vehicle=vehicle, settings=settings, occasion=_occasion(settings, trailer, load))
-    knowledge = kept.knowledge
-    if knowledge is None or not knowledge.logs:
+    knowledge = _knowledge(kept) if kept else None
+    last = knowledge and max(knowledge.logs, key=lambda log: log.date)
+    starts = []
+    for load in sorted(set(loads.values()), key=lambda load: (load == loads[logs[-1]], load)):
+        vehicle = _with_load(given, load)
+        vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
+        own = tuple(path for path in logs if loads[path] == load)
+        if not isinstance(settings, OneStage):
+            starts.append(Start(logs=own, vehicle=vehicle, settings=settings))
+            continue
+        trailer, name = chosen.trailer or "", load
+        if last and kept:
+            _require_same_truck(vehicle, kept.initial_vehicle)
+            trailer = last.trailer if chosen.trailer is None else chosen.trailer
+            if not load and trailer == last.trailer:
+                _require_same_load(vehicle, kept.initial_vehicle)
+            name = load or last.load
+        occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]))
+        starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
+    if len(starts) > 1 and not isinstance(starts[0].settings, OneStage):
+        raise SignalError("load: only one stage identifies several loads; leave out --method, or --load")
+    return starts
+
+
+def folder_of_load(start: Start) -> str:
+    """Name of the folder for the results of a load that is not the last."""
+    load = start.occasion.load if start.occasion else ""
+    return f"load_{re.sub('[^0-9A-Za-z]+', '_', Path(load).stem)}"
+
+
+def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
+    """The load of each log; empty if none is given.
+
+    Raises:
+        SignalError: a load of no log, or several for all.
+    """
+    names = {str(path): path for path in logs} | {path.name: path for path in logs} | {path.stem: path for path in logs}
+    own, common = dict[Path, str](), list[str]()
+    for text in texts:
+        log, equals, load = text.partition("=")
+        if not equals:
+            common.append(text.strip())
+        elif log in names:
+            own[names[log]] = load.strip()
+        else:
+            raise SignalError(f"--load {text}: no log {log}; {suggestion(log, [path.name for path in logs])}")
+    if len(common) > 1:
+        raise SignalError(f"--load {common[1]}: {common[0]} is the load of all logs already; write LOG=LOAD")
+    return {path: own.get(path, "".join(common)) for path in logs}
+
+
+def _with_load(vehicle: Vehicle, load: str) -> Vehicle:
+    """The vehicle with a load: a payload mass, a vehicle file, or a name, which leaves the vehicle as it is."""
+    if load.endswith(".toml"):
+        return read_vehicle(load)
+    try:
+        mass = quantity(load, "kg") if load[:1].isdigit() and load[-1:].isalpha() else None
+    except FifthwheelError:
+        return vehicle
+    return vehicle if mass is None else with_payload(vehicle, mass)
+
+
+def _knowledge(kept: Identification) -> Knowledge:
+    """A SignalError if the identification keeps none."""
+    if kept.knowledge is None or not kept.knowledge.logs:
         raise SignalError(
             f"knowledge: the result of {kept.vehicle.name} keeps none, because two stages or another version wrote it; "
             "identify its logs again in one stage"
         )
-    if not isinstance(settings, OneStage):
-        raise SignalError("knowledge: only one stage begins with it; leave out --method, or give a vehicle file")
-    last = max(knowledge.logs, key=lambda log: log.date)
-    trailer = last.trailer if chosen.trailer is None else chosen.trailer
-    _require_same_truck(vehicle, kept.initial_vehicle)
-    if chosen.load is None and trailer == last.trailer:
-        _require_same_load(vehicle, kept.initial_vehicle)
-    load = last.load if chosen.load is None else chosen.load
-    return Start(vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=_occasion(settings, trailer, load))
+    return kept.knowledge
 
 
-def _occasion(settings: CommonSettings, trailer: str, load: str) -> Occasion | None:
-    return Occasion(trailer=trailer, load=load) if isinstance(settings, OneStage) else None
+def _date(path: Path) -> datetime.datetime | None:
+    """Of a file, for logs whose samples have none; None if there is no such file."""
+    return datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC) if path.exists() else None
 
 
 def _require_same_truck(vehicle: Vehicle, known: Vehicle) -> None:
@@ -83,13 +143,5 @@ def _require_same_load(vehicle: Vehicle, known: Vehicle) -> None:
         if of_load and path in before and abs(value - before[path]) > SAME_LOAD * abs(before[path]):
             raise SignalError(
                 f"{path}: {value:g} kg, but {before[path]:g} kg in the knowledge: another load? Name it, such as "
-                "--load empty; its mass, CoG, yaw inertia and payload then begin from the vehicle file"
+                "--load half; its mass, CoG, yaw inertia and payload then begin from the vehicle file"
             )
-
-
-def with_date(start: Start, path: Path) -> Start:
-    """With the date of a file, for logs whose samples have none."""
-    if start.occasion is None:
-        return start
-    date = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
-    return replace(start, occasion=replace(start.occasion, date=date))

@@ -61,21 +61,29 @@ class Combined:
         sigma = float(np.sqrt(self.variance[k][i]) * self.widening[i])
         with np.errstate(over="ignore"):
             values = self.layout.scaling.to_p(self.z[k])
-        return float(values[i]), sigma * float(self.layout.scaling.slope(values)[i])
+        factor = self.logs[k].information.factors.get(unknown.name, 1.0)
+        return factor * float(values[i]), factor * sigma * float(self.layout.scaling.slope(values)[i])
 
-    def prior(self, unknowns: Mapping[Owned, Unknown], date: datetime.datetime) -> JointPrior | None:
-        """What the logs told of some unknowns, at a later date; None if nothing."""
+    def prior(
+        self, unknowns: Mapping[Owned, Unknown], date: datetime.datetime, factors: Mapping[str, float]
+    ) -> JointPrior | None:
+        """What the logs told of some unknowns, at a later date; None if nothing.
+
+        `factors` are the values of unknowns over the shared ones, by name (`load_factors`).
+        """
         known = {owned: u for owned, u in unknowns.items() if owned in self.layout.unknowns}
         if not known:
             return None
         places = np.array([self.layout.unknowns[owned] for owned in known], dtype=np.int64)
         days = max(date.timestamp() / DAY - self.observations[-1].time, 0.0)
         state, own, new = self.last.later(self.rate * days), self.layout.scaling, scaling(list(known.values()))
-        values = own.to_p(state.z)
-        slope = own.slope(values)[places] / new.slope(values[places])
+        shared = own.to_p(state.z)
+        factor = np.array([factors.get(u.name, 1.0) for u in known.values()])
+        values = factor * shared[places]
+        slope = factor * own.slope(shared)[places] / new.slope(values)
         return JointPrior(
             names=tuple(u.name for u in known.values()),
-            mean=new.to_z(values[places]),
+            mean=new.to_z(values),
             covariance=state.among(places).P * np.outer(slope, slope),
             widening=self.widening[places],
         )
@@ -131,11 +139,12 @@ def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
     places, estimated = dict[Owned, int](), set[Owned]()
     columns: dict[str, list[Any]] = {name: [] for name in ("logarithmic", "centre", "scale", "non_negative")}
     for log in logs:
+        centres = _shared_centres(log)
         for k, unknown in enumerate(log.unknowns):
             if unknown not in places:
                 places[unknown] = len(places)
                 for name, column in columns.items():
-                    column.append(getattr(log.information, name)[k])
+                    column.append((centres if name == "centre" else getattr(log.information, name))[k])
         estimated |= {log.owned(name) for name in log.estimated}
     centre = np.array(columns["centre"])
     scaling = Scaling(
@@ -148,6 +157,12 @@ def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
     return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
 
 
+def _shared_centres(log: LogKnowledge) -> Array:
+    """Prior means (n,) of the shared values."""
+    factors = [log.information.factors.get(name, 1.0) for name in log.information.names]
+    return np.asarray(log.information.centre / np.array(factors))
+
+
 def _resets(logs: Sequence[LogKnowledge], layout: UnknownLayout) -> dict[int, Indices]:
     """Before each log: the unknowns that are known to have changed."""
     changed = [[layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for log in logs]
@@ -156,11 +171,11 @@ def _resets(logs: Sequence[LogKnowledge], layout: UnknownLayout) -> dict[int, In
 
 def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
     """The information of a log for the priors of the layout: z of the log = a z of the layout + b."""
-    own = log.information
+    own, centre = log.information, _shared_centres(log)
     places = np.array([layout.unknowns[unknown] for unknown in log.unknowns], dtype=np.int64)
     prior, logarithmic = layout.scaling, np.array(layout.scaling.logarithmic)[places]
     with np.errstate(divide="ignore", invalid="ignore"):
-        ratio = np.where(logarithmic, np.log(prior.centre[places] / own.centre), prior.centre[places] - own.centre)
+        ratio = np.where(logarithmic, np.log(prior.centre[places] / centre), prior.centre[places] - centre)
     a, b = prior.scale[places] / own.scale, ratio / own.scale
     return Observation(
         time=log.date.timestamp() / DAY,

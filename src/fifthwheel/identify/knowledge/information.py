@@ -3,7 +3,7 @@
 import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,9 +83,8 @@ class SharedInformation:
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
     origins: tuple[str, ...] = ()
     """`Owned.origin` of each unknown; empty if all are those of one vehicle file."""
-    factors: Array | None = None
-    """Value in this log over the shared value (n,); None if all are 1. Of a cornering stiffness, which is shared at the
-    nominal load of its tyres."""
+    factors: Mapping[str, float] = field(default_factory=dict)
+    """Value in this log over the shared value, by name; 1 for others. See `load.load_factors`."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,6 +11,7 @@ from fifthwheel.identify.knowledge import storage
 from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
 from fifthwheel.identify.knowledge.combination import Combined, combine
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, origin, owner, record_digest
+from fifthwheel.identify.knowledge.load import load_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.setup import Setup
 from fifthwheel.options import FleetSettings
@@ -84,7 +85,8 @@ class Knowledge:
             for u in setup.unknowns
             if not u.per_log
         }
-        return self.combined.prior(owners, occasion.date or self.combined.logs[-1].date)
+        date = occasion.date or self.combined.logs[-1].date
+        return self.combined.prior(owners, date, load_factors(setup.vehicle))
 
     def with_logs(self, logs: Sequence[LogKnowledge]) -> "Knowledge":
         """With more logs; one with the same samples replaces the former."""

@@ -65,6 +65,7 @@ def _contents(log: LogKnowledge) -> dict[str, Any]:
         "date": log.date.isoformat(),
         "estimated": list(log.estimated),
         "changed": list(log.changed),
+        "factors": dict(own.factors),
         "unknowns": unknowns,
         "information": pack_array(own.information).tolist(),
         "score_covariance": pack_array(own.score_covariance).tolist(),
@@ -87,6 +88,7 @@ def _log(contents: Mapping[str, Any]) -> LogKnowledge:
             logarithmic=np.array([u["logarithmic"] is True for u in unknowns]),
             non_negative=np.array([u["non_negative"] is True for u in unknowns]),
             origins=tuple(str(u["origin"]) for u in unknowns),
+            factors=dict(zip(map(str, contents["factors"]), _positive(contents["factors"].values()), strict=True)),
             vector=_numbers(u["vector"] for u in unknowns),
             information=_matrix(contents["information"], len(unknowns)),
             score_covariance=_matrix(contents["score_covariance"], len(unknowns)),
@@ -99,6 +101,13 @@ def _numbers(values: Any) -> Array:
     if not np.isfinite(numbers).all():
         raise ValueError("a number that is not finite")
     return numbers
+
+
+def _positive(values: Any) -> list[float]:
+    numbers = _numbers(values)
+    if not (numbers > 0).all():
+        raise ValueError("a factor that is not above 0")
+    return list(map(float, numbers))
 
 
 def _matrix(values: Any, n: int) -> Array:

@@ -20,7 +20,14 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, origin, record_digest
+from fifthwheel.identify.knowledge.information import (
+    LogKnowledge,
+    Occasion,
+    SharedInformation,
+    origin,
+    record_digest,
+)
+from fifthwheel.identify.knowledge.load import load_factors
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle.parameters import FRICTION
@@ -79,6 +86,7 @@ def shared_information(solution: Solution, log: int = 0) -> SharedInformation:
         information=information,
         score_covariance=(scores + scores.T) / 2 * np.outer(gain, gain),
         origins=tuple(origin(u, given) for u in unknowns),
+        factors=load_factors(problem.vehicle),
     )
 
 
