@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from fifthwheel.identify.design import design_experiment as design_experiment
     from fifthwheel.identify.knowledge.information import Occasion as Occasion
     from fifthwheel.identify.knowledge.knowledge import Knowledge as Knowledge
+    from fifthwheel.identify.knowledge.load import with_payload as with_payload
     from fifthwheel.identify.online import Learner as Learner
     from fifthwheel.identify.online import LearnerSettings as LearnerSettings
     from fifthwheel.logs import LiveMap as LiveMap
@@ -83,6 +84,7 @@ _NAMES = {
     "identify.design": ("assess_information", "design_experiment"),
     "identify.knowledge.information": ("Occasion",),
     "identify.knowledge.knowledge": ("Knowledge",),
+    "identify.knowledge.load": ("with_payload",),
     "identify.online": ("Learner", "LearnerSettings"),
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, Identification, OneStage
-from fifthwheel.identify.knowledge.information import Occasion, owner
+from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.load import with_payload
 from fifthwheel.options import IdentifyOptions
@@ -16,9 +16,6 @@ from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import read_vehicle
 from fifthwheel.workflow.settings import identification_settings
-
-SAME_LOAD = 0.05
-"""Fraction by which a mass of the same load may differ from that of the knowledge, as two weighings do."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,8 +60,6 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         if last and kept:
             _require_same_truck(vehicle, kept.initial_vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
-            if not load and trailer == last.trailer:
-                _require_same_load(vehicle, kept.initial_vehicle)
             name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]))
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
@@ -133,15 +128,3 @@ def _require_same_truck(vehicle: Vehicle, known: Vehicle) -> None:
         raise VehicleError(
             f"{own}: the knowledge is of a truck whose first unit is {other}; give that of this truck, or the same name"
         )
-
-
-def _require_same_load(vehicle: Vehicle, known: Vehicle) -> None:
-    """A SignalError if a mass that depends on the load has changed."""
-    before, tractor = known.parameters(), known.units[0].name
-    for path, value in vehicle.parameters().items():
-        of_load = path.endswith("mass") and owner(path, tractor, "", "load").load
-        if of_load and path in before and abs(value - before[path]) > SAME_LOAD * abs(before[path]):
-            raise SignalError(
-                f"{path}: {value:g} kg, but {before[path]:g} kg in the knowledge: another load? Name it, such as "
-                "--load half; its mass, CoG, yaw inertia and payload then begin from the vehicle file"
-            )

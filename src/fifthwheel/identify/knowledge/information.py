@@ -14,6 +14,7 @@ from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 EARLIEST_DATE = 315_532_800.0
@@ -103,6 +104,8 @@ class LogKnowledge:
     """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
     digest: str = ""
     """Of the log, by `record_digest`."""
+    masses: Mapping[str, float] = field(default_factory=dict)
+    """Given masses that depend on the load, kg, by path."""
     changed: tuple[str, ...] = ()
     """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
     set_aside: str = ""
@@ -117,6 +120,13 @@ class LogKnowledge:
     def owned(self, name: str, origin: str = "") -> Owned:
         """An unknown of this log with its owner."""
         return owner(name, self.tractor, self.trailer, self.load, origin=origin, lumped=name in self.estimated)
+
+
+def masses_of_load(vehicle: Vehicle) -> dict[str, float]:
+    """Masses that depend on the load, kg, by path."""
+    tractor = vehicle.units[0].name
+    values = {path: value for path, value in vehicle.parameters().items() if path.endswith("mass")}
+    return {path: value for path, value in values.items() if owner(path, tractor, "", "load").load}
 
 
 def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "", lumped: bool = False) -> Owned:

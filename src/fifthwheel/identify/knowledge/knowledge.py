@@ -10,13 +10,23 @@ from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.identify.knowledge import storage
 from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
 from fifthwheel.identify.knowledge.combination import Combined, combine
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, origin, owner, record_digest
+from fifthwheel.identify.knowledge.information import (
+    LogKnowledge,
+    Occasion,
+    masses_of_load,
+    origin,
+    owner,
+    record_digest,
+)
 from fifthwheel.identify.knowledge.load import load_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.setup import Setup
 from fifthwheel.options import FleetSettings
 from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
 
+SAME_LOAD = 0.05
+"""Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
 FALSE_ALARM = 0.01
 """Probability of a false change by one log."""
 
@@ -75,9 +85,14 @@ class Knowledge:
         return tuple(change for change in self.with_logs(logs).changes if change not in self.changes)
 
     def prior(self, setup: Setup, occasion: Occasion) -> JointPrior | None:
-        """What the logs told of the unknowns of a setup; None if nothing."""
+        """What the logs told of the unknowns of a setup; None if nothing.
+
+        Raises:
+            SignalError: the masses are those of another load.
+        """
         if not self.used:
             return None
+        self._require_same_load(setup.vehicle, occasion)
         given, tractor = setup.vehicle.parameters(), setup.vehicle.units[0].name
         lumped = not setup.settings.uniform_payload
         owners = {
@@ -87,6 +102,17 @@ class Knowledge:
         }
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
+
+    def _require_same_load(self, vehicle: Vehicle, occasion: Occasion) -> None:
+        of_load = [log for log in self.used if (log.trailer, log.load) == (occasion.trailer, occasion.load)]
+        known = {path: mass for log in of_load for path, mass in log.masses.items()}
+        for path, mass in masses_of_load(vehicle).items():
+            if path in known and abs(mass - known[path]) > SAME_LOAD * known[path]:
+                raise SignalError(
+                    f"{path}: {mass:g} kg, but {known[path]:g} kg with the same load in {of_load[-1].name}: another "
+                    "load? Name it (--load half, or Occasion(load=...)); what depends on it then begins from the "
+                    "vehicle file"
+                )
 
     def with_logs(self, logs: Sequence[LogKnowledge]) -> "Knowledge":
         """With more logs; one with the same samples replaces the former."""

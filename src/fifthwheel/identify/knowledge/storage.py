@@ -64,6 +64,7 @@ def _contents(log: LogKnowledge) -> dict[str, Any]:
         **{name: getattr(log, name) for name in _LOG},
         "date": log.date.isoformat(),
         "estimated": list(log.estimated),
+        "masses": dict(log.masses),
         "changed": list(log.changed),
         "factors": dict(own.factors),
         "unknowns": unknowns,
@@ -81,6 +82,7 @@ def _log(contents: Mapping[str, Any]) -> LogKnowledge:
         date=datetime.datetime.fromisoformat(contents["date"]),
         estimated=tuple(map(str, contents["estimated"])),
         changed=tuple(map(str, contents["changed"])),
+        masses=_named(contents["masses"]),
         information=SharedInformation(
             names=tuple(str(u["name"]) for u in unknowns),
             centre=_numbers(u["centre"] for u in unknowns),
@@ -88,7 +90,7 @@ def _log(contents: Mapping[str, Any]) -> LogKnowledge:
             logarithmic=np.array([u["logarithmic"] is True for u in unknowns]),
             non_negative=np.array([u["non_negative"] is True for u in unknowns]),
             origins=tuple(str(u["origin"]) for u in unknowns),
-            factors=dict(zip(map(str, contents["factors"]), _positive(contents["factors"].values()), strict=True)),
+            factors=_named(contents["factors"]),
             vector=_numbers(u["vector"] for u in unknowns),
             information=_matrix(contents["information"], len(unknowns)),
             score_covariance=_matrix(contents["score_covariance"], len(unknowns)),
@@ -103,11 +105,12 @@ def _numbers(values: Any) -> Array:
     return numbers
 
 
-def _positive(values: Any) -> list[float]:
-    numbers = _numbers(values)
+def _named(values: Mapping[str, Any]) -> dict[str, float]:
+    """Positive numbers by name."""
+    numbers = _numbers(values.values())
     if not (numbers > 0).all():
-        raise ValueError("a factor that is not above 0")
-    return list(map(float, numbers))
+        raise ValueError("a factor or mass that is not above 0")
+    return dict(zip(map(str, values), map(float, numbers), strict=True))
 
 
 def _matrix(values: Any, n: int) -> Array:

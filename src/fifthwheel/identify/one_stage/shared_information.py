@@ -24,6 +24,7 @@ from fifthwheel.identify.knowledge.information import (
     LogKnowledge,
     Occasion,
     SharedInformation,
+    masses_of_load,
     origin,
     record_digest,
 )
@@ -45,6 +46,7 @@ def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
             information=shared_information(solution, i),
             estimated=solution.estimated,
             digest=record_digest(record),
+            masses=masses_of_load(solution.dataset.initial_vehicle),
         )
         for i, record in enumerate(solution.dataset.records)
     ]

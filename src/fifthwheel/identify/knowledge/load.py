@@ -1,0 +1,78 @@
+"""The same truck with another load: its vehicle, and what of its tyres stays the same."""
+
+import math
+from typing import Any
+
+from fifthwheel.dynamics.tyres import stiffness_at_load
+from fifthwheel.errors import VehicleError
+from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle
+
+OF_TYRE_LOAD = ("cornering_stiffness", "relaxation_length", "pneumatic_trail")
+"""Quantities of an axle group that follow the load of its tyres as the cornering stiffness does
+(`dynamics.tyres.stiffness_at_load`): the relaxation length is the cornering stiffness over the side stiffness of the
+tyre, which hardly depends on the load, and the trail follows the length of the contact."""
+LOAD_POSITION = 0.5
+"""Standard deviation of the distance between the CoG of a load and that of its laden unit, m."""
+
+
+def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
+    """The vehicle with another payload in its only unit with one.
+
+    The unladen masses stay. The yaw inertia follows the mass of the unit, and `OF_TYRE_LOAD` the load of the tyres. The
+    CoG stays, with the uncertainty of a load whose CoG is
+    `LOAD_POSITION` from that of the unit.
+
+    Args:
+        vehicle: with a payload in one unit.
+        mass: of the other payload, kg; 0 for the unladen vehicle.
+
+    Raises:
+        VehicleError: no unit has a payload, or several; or the mass is negative or not finite.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> empty = fw.with_payload(fw.vehicle("cheng_cebon_2011"), 0.0)
+        >>> round(empty.parameters()["semitrailer.mass"])
+        13328
+    """
+    if not 0 <= mass < math.inf:
+        raise VehicleError(f"payload: expected a mass from 0 kg on, got {mass:g} kg")
+    laden = [unit for unit in vehicle.units if unit.payload is not None]
+    if len(laden) != 1 or laden[0].payload is None:
+        raise VehicleError(
+            f"{vehicle.name}: expected one unit with a payload, got {len(laden)}; give a vehicle file of this load"
+        )
+    (unit,), before = laden, laden[0].payload.mass
+    if mass == before:
+        return vehicle
+    after = unit.mass - before + mass
+    content = vehicle.model_dump(mode="json")
+    (changed,) = [u for u in content["units"] if u["name"] == unit.name]
+    changed |= {"mass": after, "yaw_inertia": unit.yaw_inertia * after / unit.mass}
+    changed["payload"] = changed["payload"] | {"mass": mass} if mass else None
+    content["stated"] = _stated(vehicle, unit.name, abs(before - mass) / after, laden=mass > 0)
+    other = Vehicle(**content)
+    old, new = load_factors(vehicle), load_factors(other)
+    values = vehicle.parameters()
+    return other.replace({p: values[p] * new[p] / old[p] for p in old if p in new and p in values})
+
+
+def _stated(vehicle: Vehicle, unit: str, fraction: float, *, laden: bool) -> dict[str, Any]:
+    """The stated uncertainty with that of the CoG; without that of the payload, which another statement determines."""
+    cog, payload = f"{unit}.cog", f"{unit}.payload."
+    stated = {path: sigma for path, sigma in vehicle.stated.items() if laden or not path.startswith(payload)}
+    stated.pop(f"{payload}mass", None)
+    own = stated.get(cog, DEFAULT_SIGMAS["cog.laden" if laden else "cog.unladen"].sigma)
+    return stated | {cog: math.hypot(own, LOAD_POSITION * fraction)}
+
+
+def load_factors(vehicle: Vehicle) -> dict[str, float]:
+    """`OF_TYRE_LOAD` over the values at the nominal load of the tyres, by name; the latter are the same with any load.
+
+    Empty where the static axle loads are not determined.
+    """
+    try:
+        fractions = stiffness_at_load(vehicle)
+    except VehicleError:
+        return {}
+    return {f"{path}.{quantity}": fraction for path, fraction in fractions.items() for quantity in OF_TYRE_LOAD}

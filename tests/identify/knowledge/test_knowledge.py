@@ -1,0 +1,165 @@
+"""Knowledge of a truck: from log to log as in one call, with changes dated, other loads apart, and bad logs aside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.errors import SignalError, VehicleError
+
+TRUCK = fw.vehicle("cheng_cebon_2011")
+GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
+TYRES = "semitrailer.cornering_stiffness"
+FRONT = "tractor.front.cornering_stiffness"
+SMALL = fw.OneStage(free=(FRONT,), consider={}, tyres="linear", nuisances=False)
+"""Settings that are identified in a fraction of a second."""
+
+
+def log(seed, truck=TRUCK, *, name=None):
+    return replace(fw.simulate(truck, count=2, seed=seed, speed=18.0 + 2 * (seed % 3)), name=name or f"run {seed}")
+
+
+def one_after_another(records, **options):
+    result = None
+    for record in records:
+        result = fw.identify([record], GUESS, knowledge=result and result.knowledge, **options)
+    return result
+
+
+def differences(first, second):
+    """Of the estimates that two results share, in sigmas of the second, and the ratios of their sigmas."""
+    pairs = [(first[e.name], e) for e in second.parameters if e.name != "road.friction"]
+    return (
+        np.array([(a.value - b.value) / b.sigma for a, b in pairs]),
+        np.array([a.sigma / b.sigma for a, b in pairs]),
+    )
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [log(seed) for seed in range(3)]
+
+
+@pytest.fixture(scope="module")
+def together(records):
+    return fw.identify(records, GUESS)
+
+
+@pytest.mark.slow
+def test_logs_one_after_another_in_any_order_are_as_in_one_call(records, together):
+    """Each log is linearised at another estimate, and each call takes the friction of its road as its own."""
+    for order in (records, records[::-1]):
+        shift, ratio = differences(one_after_another(order), together)
+        assert (np.abs(shift) < 0.25).all(), shift
+        assert (np.abs(ratio - 1) < 0.05).all(), ratio
+
+
+def test_a_result_begins_with_what_earlier_logs_told(records, together):
+    result = fw.identify([records[0]], GUESS)
+    more = fw.identify([records[1]], GUESS, knowledge=result.knowledge)
+    assert [log.name for log in more.knowledge.logs] == ["run 0", "run 1"]
+    assert any(note.endswith("(1, the last of them run 0).") for note in more.notes)
+    assert all(more[e.name].sigma < e.sigma for e in result.parameters if "road" not in e.name)
+
+
+def test_a_log_counts_once(records):
+    once = fw.identify([records[0]], GUESS, SMALL)
+    again = fw.identify([records[0]], GUESS, SMALL, knowledge=once.knowledge)
+    assert len(again.knowledge.logs) == 1
+    assert again[FRONT].sigma == pytest.approx(once[FRONT].sigma, rel=1e-6)
+
+
+def test_softer_tyres_begin_again(together):
+    """A fifth softer, as new tyres or less pressure: all estimates but theirs go on, also in the next log."""
+    soft = TRUCK.replace({TYRES: 0.8 * TRUCK.parameters()[TYRES]})
+    result = fw.identify([log(7, soft, name="soft")], GUESS, knowledge=together.knowledge)
+    assert result.knowledge.logs[-1].changed == (TYRES,)
+    assert any("The tyres of semitrailer in soft differ" in note for note in result.notes)
+    assert abs(result[TYRES].value / soft.parameters()[TYRES] - 1) < 2 * result[TYRES].sigma / result[TYRES].value
+    assert result[FRONT].sigma < together[FRONT].sigma
+    later = fw.identify([log(8, soft, name="later")], GUESS, knowledge=result.knowledge)
+    assert later.knowledge.logs[-1].changed == ()
+    assert later[TYRES].sigma < result[TYRES].sigma
+    assert abs(later[TYRES].value - result[TYRES].value) < result[TYRES].sigma
+
+
+@pytest.mark.slow
+def test_another_trailer_is_set_aside(together):
+    other = TRUCK.replace({"semitrailer.mass": 15e3, "semitrailer.payload.mass": 2e3, "semitrailer.yaw_inertia": 2.2e5})
+    result = fw.identify([log(9, other, name="other")], GUESS, knowledge=together.knowledge)
+    *before, last = result.knowledge.logs
+    assert "contradicts the earlier logs" in last.set_aside
+    assert not any(log.set_aside for log in before)
+    assert any("set aside" in note for note in result.notes)
+    alone = fw.identify([log(9, other, name="other")], GUESS)
+    assert result[FRONT].value == alone[FRONT].value
+    after = fw.identify([log(5)], GUESS, knowledge=result.knowledge)
+    assert after[FRONT].sigma < together[FRONT].sigma  # the log is not used, the others are
+
+
+@pytest.mark.slow
+def test_a_late_steering_signal_is_found(together):
+    record = log(10, name="late")
+    steer = record.signals["steer.tractor.front"]
+    late = np.interp(record.time - 0.25, record.time, steer)
+    record = replace(record, signals={**record.signals, "steer.tractor.front": late})
+    result = fw.identify([record], GUESS, knowledge=together.knowledge)
+    assert "steer.tractor.front.delay" in result.knowledge.logs[-1].changed
+    assert abs(result[TYRES].value / TRUCK.parameters()[TYRES] - 1) < 3 * result[TYRES].sigma / result[TYRES].value
+
+
+def test_another_load_shares_the_tyres_at_their_nominal_load(records):
+    """The stiffness of the unladen trailer gives that of the laden one, by the load of its tyres."""
+    empty = fw.with_payload(TRUCK, 0.0)
+    unladen = fw.identify([log(3, empty)], fw.with_payload(GUESS, 0.0), occasion=fw.Occasion(load="0t"))
+    laden = fw.identify([records[0]], GUESS, knowledge=unladen.knowledge)
+    alone = fw.identify([records[0]], GUESS)
+    assert unladen[TYRES].value < 0.6 * laden[TYRES].value
+    assert laden[TYRES].sigma < alone[TYRES].sigma
+    assert laden["semitrailer.payload.height"].sigma < alone["semitrailer.payload.height"].sigma
+    for name in (TYRES, FRONT, "semitrailer.yaw_inertia", "semitrailer.payload.height"):
+        assert abs(laden[name].value - TRUCK.parameters()[name]) < 2.5 * laden[name].sigma
+
+
+def test_masses_of_another_load_need_its_name(records):
+    known = fw.identify([records[0]], TRUCK, SMALL).knowledge
+    half = fw.with_payload(TRUCK, 10e3)
+    with pytest.raises(SignalError, match=r"semitrailer\.mass: 23328 kg, but 33450 kg .* another load\? Name it"):
+        fw.identify([records[1]], half, SMALL, knowledge=known)
+    named = fw.identify([records[1]], half, SMALL, knowledge=known, occasion=fw.Occasion(load="half"))
+    assert len(named.knowledge.logs) == 2
+
+
+def test_two_stages_have_no_knowledge(records):
+    known = fw.identify([records[0]], TRUCK, SMALL).knowledge
+    with pytest.raises(SignalError, match="knowledge: only one stage begins with what is known"):
+        fw.identify([records[1]], TRUCK, fw.TwoStage(), knowledge=known)
+
+
+def test_knowledge_of_a_file(records, tmp_path):
+    result = fw.identify(records[:1], TRUCK, SMALL)
+    result.knowledge.save(tmp_path / "knowledge.json")
+    loaded = fw.Knowledge.load(tmp_path)
+    now = fw.Occasion(date=result.knowledge.logs[0].date)
+    first = fw.identify(records[1:2], TRUCK, SMALL, knowledge=result.knowledge, occasion=now)
+    assert fw.identify(records[1:2], TRUCK, SMALL, knowledge=loaded, occasion=now).parameters == first.parameters
+
+
+@pytest.mark.parametrize("mass", [-1.0, np.nan, np.inf])
+def test_a_payload_that_does_not_exist(mass):
+    with pytest.raises(VehicleError, match="expected a mass from 0 kg on"):
+        fw.with_payload(TRUCK, mass)
+
+
+def test_with_payload_keeps_the_unladen_vehicle():
+    half, again = fw.with_payload(TRUCK, 10e3), fw.with_payload(fw.with_payload(TRUCK, 10e3), 20122.0)
+    before, after, back = TRUCK.parameters(), half.parameters(), again.parameters()
+    assert after["semitrailer.mass"] - after["semitrailer.payload.mass"] == pytest.approx(33450 - 20122)
+    assert after["semitrailer.sprung.mass"] == before["semitrailer.sprung.mass"]
+    assert after[TYRES] < before[TYRES]
+    for name, value in before.items():
+        assert back[name] == pytest.approx(value, rel=1e-9), name
+    assert half.stated["semitrailer.cog"] > 0.15
+    with pytest.raises(VehicleError, match="expected one unit with a payload, got 0"):
+        fw.with_payload(fw.with_payload(TRUCK, 0.0), 5e3)
