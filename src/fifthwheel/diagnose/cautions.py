@@ -36,6 +36,7 @@ from fifthwheel.vehicle.uncertainty import MASS_SCALE
 class CautionKind(StrEnum):
     """Kinds of cautions."""
 
+    CONTRADICTION = "contradiction"  # a log differs from earlier ones
     ASSUMPTION = "assumption"  # the residuals contradict a number of the vehicle file or of a sensor
     UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
     DELAY = "delay"  # a significant or unusual delay of a sensor
@@ -80,6 +81,7 @@ def identification_cautions(
         states: of the identified truck.
     """
     return [
+        *contradiction_cautions(identification),
         *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
@@ -110,6 +112,31 @@ def sensor_error_prior(identification: Identification, name: str) -> tuple[float
     """Prior mean and standard deviation of a sensor error, SI."""
     prior = prior_of_sensor_error(identification.initial_vehicle, name, identification.settings)
     return prior or (0.0, identification.settings.steer_delay_prior)  # the delay of a time base
+
+
+def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
+    """Logs that differ from what earlier logs told."""
+    own = {log.name for log in identification.logs}
+    for log in identification.knowledge.logs if identification.knowledge else ():
+        if log.name not in own:
+            continue
+        kind, name = CautionKind.CONTRADICTION, log.name
+        if log.set_aside:
+            message = f"{name} {log.set_aside}. It is set aside, and these estimates are of it alone."
+            cure = (
+                "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load)."
+            )
+            yield Caution(kind, message, cure, 0.0, log=name)
+        elif log.changed:
+            verb = "differs" if len(log.changed) == 1 else "differ"
+            message = (
+                f"{enumerated(log.changed)} in {name} {verb} from the earlier logs; the estimate begins again there."
+            )
+            cure = (
+                "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was "
+                f"changed, check {name}."
+            )
+            yield Caution(kind, message, cure, 0.0, parameters=log.changed, log=name)
 
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:

@@ -52,8 +52,7 @@ def identify_one_stage(
         notes.append(NEARLY_UNSTABLE)
     if before.used:
         if changes := before.changes_by(logs) or tuple(_changed_tyres(solution)):
-            solution, logs, contradiction = _without_what_changed(solve, before, occasion, changes)
-            notes.append(contradiction)
+            solution, logs = _without_what_changed(solve, before, occasion, changes)
         if not logs[0].set_aside:
             last = max(before.used, key=lambda log: log.date)
             notes.append(f"Begins with what earlier logs told ({len(before.used)}, the last of them {last.name}).")
@@ -63,13 +62,11 @@ def identify_one_stage(
 
 def _without_what_changed(
     solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, changes: Sequence[Change]
-) -> tuple[Solution, list[LogKnowledge], str]:
-    """The solution where logs contradict earlier ones, what the logs tell, and a sentence."""
+) -> tuple[Solution, list[LogKnowledge]]:
+    """The solution where logs contradict earlier ones, and what the logs tell."""
     if any(change.kind == OUTLIER for change in changes):
         alone = solve()
-        logs = [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
-        names = ", ".join(log.name for log in logs)
-        return alone, logs, f"{names}: {UNEXPLAINED}. It is set aside, and these estimates are of it alone."
+        return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
     members = frozenset(name for change in changes for name in change.unknowns)
 
     def unchanged(setup: Setup) -> JointPrior | None:
@@ -78,8 +75,7 @@ def _without_what_changed(
 
     solution = solve(earlier=unchanged)
     first, *others = log_knowledge(solution, occasion)
-    texts = dict.fromkeys(change.text for change in changes)
-    return solution, [replace(first, changed=tuple(sorted(members))), *others], " ".join(texts)
+    return solution, [replace(first, changed=tuple(sorted(members))), *others]
 
 
 def _changed_tyres(solution: Solution) -> Iterator[Change]:
