@@ -113,12 +113,14 @@ def prepare_dataset(
     validate: Sequence[Record] = (),
     *,
     findings: bool = True,
+    known: bool = False,
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
     A measured channel without any sample, which the check refuses, counts as absent. Logs to `validate` are only
-    predicted. `findings`: whether the signals are checked for plausibility, with notes on the findings. A SignalError
-    names the signal that makes a log unusable, and the remedy.
+    predicted. `findings`: whether the signals are checked for plausibility, with notes on the findings. `known`: the
+    units behind the first are known, so that the signals of the first are enough. A SignalError names the signal that
+    makes a log unusable, and the remedy.
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
@@ -146,7 +148,7 @@ def prepare_dataset(
         )
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
-    yaw, roll = usable_channels(records, steered)
+    yaw, roll = usable_channels(records, steered, known=known)
     for unit in unmeasured_units(yaw, steered):
         notes.append(
             f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The motion of the {unit} follows from the"
@@ -168,17 +170,20 @@ def prepare_dataset(
     )
 
 
-def usable_channels(records: Sequence[Record], vehicle: Vehicle) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def usable_channels(
+    records: Sequence[Record], vehicle: Vehicle, *, known: bool = False
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """The measured yaw rates and articulation angles, and the measured roll rates.
 
     Raises:
-        SignalError: the first or the last unit has neither a yaw rate nor an articulation angle in any log.
+        SignalError: the first unit or, if the last one is not `known`, the last one has neither a yaw rate nor an
+            articulation angle in any log.
     """
     units = [unit.name for unit in vehicle.units]
     logged = {name for record in records for name in record.signals}
     yaw, roll = (measured_signals(logged, units, channels) for channels in ((YAW_RATE, ARTICULATION), (ROLL_RATE,)))
     for u in unmeasured_units(yaw, vehicle):
-        if u in (units[0], units[-1]):
+        if u == units[0] or (u == units[-1] and not known):
             raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
     return yaw, roll
 

@@ -166,3 +166,18 @@ def test_with_payload_keeps_the_unladen_vehicle():
     assert half.stated["semitrailer.cog"] > 0.15
     with pytest.raises(VehicleError, match="expected one unit with a payload, got 0"):
         fw.with_payload(fw.with_payload(TRUCK, 0.0), 5e3)
+
+
+def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(together):
+    record = log(19, name="tractor")
+    record = replace(record, signals={n: v for n, v in record.signals.items() if not n.endswith("rate.semitrailer")})
+    with pytest.raises(SignalError, match=r"yaw_rate\.semitrailer: in none of the logs"):
+        fw.identify([record], GUESS)
+    result = fw.identify([record], GUESS, knowledge=together.knowledge)
+    assert result[TYRES].verdict == result["semitrailer.payload.height"].verdict == "converged"
+    assert result[TYRES].sigma < 1.02 * together[TYRES].sigma
+    states = result.observer(log="tractor").batch(record, result.uncertainty("tractor"))
+    truth = fw.simulate(TRUCK, count=2, seed=19, speed=20.0).reference["sideslip.semitrailer"]
+    error = np.abs(states.values["sideslip.semitrailer"] - truth)
+    assert np.mean(error < 3 * states.sigma["sideslip.semitrailer"]) > 0.9
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(truth)

@@ -57,7 +57,7 @@ def solve_one_stage(
     vehicle: Vehicle,
     settings: OneStage,
     *,
-    earlier: Callable[[Setup], JointPrior | None] = lambda _: None,
+    earlier: Callable[[Setup], JointPrior | None] | None = None,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> Solution:
@@ -85,9 +85,10 @@ def _estimator(
     vehicle: Vehicle,
     settings: OneStage,
     validate: Sequence[Record],
-    earlier: Callable[[Setup], JointPrior | None],
+    earlier: Callable[[Setup], JointPrior | None] | None,
 ) -> "_Estimator":
-    dataset = prepare_dataset(records, vehicle, settings, validate)
+    known = earlier is not None or settings.free == ()
+    dataset = prepare_dataset(records, vehicle, settings, validate, known=known)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
@@ -97,7 +98,7 @@ def _estimator(
         )
     time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
     setup = setup.with_time_bases(time_bases)
-    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup), start={})
+    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup) if earlier else None, start={})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -144,7 +145,8 @@ class _Estimator:
         own = np.diag(problem.prior.own_precision(excited_by_inputs))  # what earlier logs told counts as information
         information = problem.expand(excited_by_inputs).hessian - own
         posterior = Posterior.from_information(problem.names, information, nuisances=problem.nuisances)
-        return uninformed_parameters(posterior, setup.estimated, setup.without_roll_rate, setup.settings.excited)
+        unseen = setup.without_roll_rate - frozenset(self.earlier.names if self.earlier else ())
+        return uninformed_parameters(posterior, setup.estimated, unseen, setup.settings.excited)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""

@@ -46,7 +46,7 @@ def identify_one_stage(
     occasion, before = occasion or Occasion(), (knowledge or Knowledge()).without_records(records)
     occasion = replace(occasion, date=occasion.date_of(records))
     solve = partial(solve_one_stage, records, vehicle, settings, validate=validate, progress=progress)
-    solution = solve(earlier=partial(before.prior, occasion=occasion))
+    solution = solve(earlier=partial(before.prior, occasion=occasion) if before.used else None)
     notes, logs = [note], log_knowledge(solution, occasion)
     if solution.settings.form != settings.form:
         notes.append(NEARLY_UNSTABLE)
