@@ -17,7 +17,12 @@ from fifthwheel.cli.terminal import (
 )
 from fifthwheel.options import IdentifyOptions
 
-_OF_A_DESIGN = Only(("statements", "fix", "free", "prior", "consider", "any_load", "suspension_from"))
+_OF_A_DESIGN = Only(
+    (
+        *("statements", "fix", "free", "prior", "consider", "any_load", "suspension_from"),
+        *("knowledge", "trailer", "load"),
+    )
+)
 _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
 """Options of an identification for predictions before it."""
 
@@ -26,6 +31,7 @@ _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
     "fifthwheel check run.csv --vehicle truck.toml",
     "fifthwheel check bend.csv ramp.csv -v truck.toml -s signals.toml",
     "fifthwheel check run.csv -v truck.toml --exclude 12.5..14",
+    "fifthwheel check later.csv -v result",
     "fifthwheel check run.csv -v truck.toml --set semitrailer.roll_stiffness=exact",
     "fifthwheel check run.csv -v truck.toml --set tractor.yaw_inertia=free --json",
     "fifthwheel check run.csv -v truck.toml --plot time.html",
@@ -52,10 +58,10 @@ def check(
     ones.
     """
     from fifthwheel.identify.design.assess import assess_information
-    from fifthwheel.workflow import chosen_one_stage, read_vehicle, require_signals
+    from fifthwheel.workflow import read_truck, require_signals, starts_of
 
-    truck = read_vehicle(vehicle)
-    truck, settings = chosen_one_stage(truck, chosen)
+    start = starts_of(read_truck(vehicle), chosen, logs)[-1]
+    truck, settings = start.vehicle, start.one_stage
     warn_of_replaced_options(chosen)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
@@ -65,7 +71,7 @@ def check(
             from fifthwheel.report.time_offsets import write_time_offsets
 
             write_time_offsets(plot, records, truck)
-    assessment = assess_information(records, truck, settings)
+    assessment = assess_information(records, truck, settings, earlier=start.earlier)
     if as_json:
         print(assessment.to_json())
     else:
@@ -83,6 +89,7 @@ def check(
     "fifthwheel design -v truck.toml --target semitrailer.payload.height=15% --set semitrailer.roll_axis_height=exact",
     "fifthwheel design -v truck.toml --channels yaw_rate.tractor,articulation.semitrailer --out run.csv",
     "fifthwheel design -v truck.toml --signals signals.toml",
+    "fifthwheel design -v result --load 0t",
 )
 def design(
     vehicle: options.VehicleOption,
@@ -132,20 +139,20 @@ def design(
     """
     from fifthwheel.logs import SignalMap, write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import chosen_one_stage, design_run, read_vehicle
+    from fifthwheel.workflow import design_run, read_truck, starts_of
     from fifthwheel.workflow.settings import fractions
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
-    truck = read_vehicle(vehicle)
-    truck, settings = chosen_one_stage(truck, chosen)
+    (start,) = starts_of(read_truck(vehicle), chosen)
     warn_of_replaced_options(chosen)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
-                truck,
+                start.vehicle,
                 fractions("--target", target or ()),
-                settings,
+                start.one_stage,
+                earlier=start.earlier,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],
                 sensors=SignalMap.load(signals, allow_outside=True).sensors if signals else {},
                 speed=quantity_option("--speed", speed, "m/s", "km/h") if speed else None,

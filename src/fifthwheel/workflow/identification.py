@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -13,6 +14,7 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States
@@ -83,7 +85,7 @@ def run_identification(
     for i, record in enumerate(everything):
         states.append(_estimate_states(identification, record))
         progress("states", i + 1, len(everything))
-    assessment = _assess_remedies(identification, records)
+    assessment = _assess_remedies(identification, records, occasion or Occasion())
     return IdentificationRun(
         records=everything,
         identification=identification,
@@ -140,7 +142,9 @@ def _estimate_states(identification: Identification, record: Record) -> States:
     return Observer(vehicle, record.signals, ObserverSettings(**settings)).batch(record, uncertainty)
 
 
-def _assess_remedies(identification: Identification, records: Sequence[Record]) -> "InformationAssessment | None":
+def _assess_remedies(
+    identification: Identification, records: Sequence[Record], occasion: Occasion
+) -> "InformationAssessment | None":
     """What would improve the estimates, predicted at the identified vehicle; None where they are good enough."""
     from fifthwheel.identify.design.assess import AssessmentSettings, assess_information  # slow to import
 
@@ -151,7 +155,16 @@ def _assess_remedies(identification: Identification, records: Sequence[Record]) 
     if not isinstance(identification.settings, OneStage) or (converged and precise):
         return None
     try:
-        return assess_information(records, identification.vehicle, identification.settings, settings, checked=True)
+        before = (identification.knowledge or Knowledge()).without_records(records)
+        earlier = partial(before.prior, occasion=occasion, given=identification.initial_vehicle)
+        return assess_information(
+            records,
+            identification.vehicle,
+            identification.settings,
+            settings,
+            checked=True,
+            earlier=earlier if before.used else nothing,
+        )
     except FifthwheelError:
         return None
 
@@ -166,6 +179,7 @@ def design_run(
     speed: float | None = None,
     max_speed: float = 88 / 3.6,
     max_acceleration: float = 1.5,
+    earlier: Earlier = nothing,
     progress: Progress = lambda *_: None,
 ) -> "ExperimentDesign":
     """The shortest test run that reaches all targets; see `identify.design.design_experiment`.
@@ -176,6 +190,7 @@ def design_run(
             higher.
         max_speed: m/s.
         max_acceleration: largest lateral acceleration of any unit, m/s^2.
+        earlier: as of `assess_information`.
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 
@@ -186,6 +201,7 @@ def design_run(
         targets,
         settings,
         channels=channels,
+        earlier=earlier,
         planning=replace(usual, speeds=(speed,) if speed else allowed, max_acceleration=max_acceleration),
         progress=progress,
     )

@@ -4,6 +4,7 @@ import datetime
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
@@ -11,6 +12,7 @@ from fifthwheel.identify import CommonSettings, Identification, OneStage
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.load import with_payload
+from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
@@ -28,15 +30,30 @@ class Start:
     knowledge: Knowledge | None = None
     occasion: Occasion | None = None
 
+    @property
+    def one_stage(self) -> OneStage:
+        """The settings, if they are of one stage."""
+        if not isinstance(self.settings, OneStage):
+            raise SignalError("method: only one stage predicts; leave out --method")
+        return self.settings
 
-def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Sequence[Path]) -> list[Start]:
+    @property
+    def earlier(self) -> Earlier:
+        """What earlier logs told of the unknowns of a setup."""
+        if self.knowledge is None or self.occasion is None:
+            return nothing
+        self.knowledge.require_same_load(self.vehicle, self.occasion)
+        return partial(self.knowledge.prior, occasion=self.occasion)
+
+
+def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Sequence[Path] = ()) -> list[Start]:
     """What the identification of logs begins with, for each load; that of the last log, or of the options, last.
 
     Args:
         truck: the vehicle as known before the logs. An identification stands for the vehicle and the statements that it
             began with, and for what its logs told.
         chosen: what a user chooses; `knowledge` replaces that of `truck`.
-        logs: at least one.
+        logs: none before a run is driven.
 
     Raises:
         FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, or
@@ -49,7 +66,8 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     knowledge = _knowledge(kept) if kept else None
     last = knowledge and max(knowledge.logs, key=lambda log: log.date)
     starts = []
-    for load in sorted(set(loads.values()), key=lambda load: (load == loads[logs[-1]], load)):
+    final = loads[logs[-1]] if logs else _common(chosen.load)
+    for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
         vehicle = _with_load(given, load)
         vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
         own = tuple(path for path in logs if loads[path] == load)
@@ -61,7 +79,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             _require_same_truck(vehicle, kept.initial_vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or last.load
-        occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]))
+        occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
     if len(starts) > 1 and not isinstance(starts[0].settings, OneStage):
         raise SignalError("load: only one stage identifies several loads; leave out --method, or --load")
@@ -81,18 +99,22 @@ def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
         SignalError: a load of no log, or several for all.
     """
     names = {str(path): path for path in logs} | {path.name: path for path in logs} | {path.stem: path for path in logs}
-    own, common = dict[Path, str](), list[str]()
+    own = dict[Path, str]()
     for text in texts:
         log, equals, load = text.partition("=")
-        if not equals:
-            common.append(text.strip())
-        elif log in names:
-            own[names[log]] = load.strip()
-        else:
+        if equals and log not in names:
             raise SignalError(f"--load {text}: no log {log}; {suggestion(log, [path.name for path in logs])}")
+        if equals:
+            own[names[log]] = load.strip()
+    return {path: own.get(path, _common(texts)) for path in logs}
+
+
+def _common(texts: Sequence[str]) -> str:
+    """The load of all logs without one of their own; empty if none is given, a SignalError for several."""
+    common = [text.strip() for text in texts if "=" not in text]
     if len(common) > 1:
         raise SignalError(f"--load {common[1]}: {common[0]} is the load of all logs already; write LOG=LOAD")
-    return {path: own.get(path, "".join(common)) for path in logs}
+    return "".join(common)
 
 
 def _with_load(vehicle: Vehicle, load: str) -> Vehicle:

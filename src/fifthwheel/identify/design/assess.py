@@ -15,6 +15,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
@@ -114,6 +115,7 @@ def assess_information(
     assessment: AssessmentSettings | None = None,
     *,
     checked: bool = False,
+    earlier: Earlier = nothing,
 ) -> InformationAssessment:
     """Assess the information that logs contain on a truck, before any fit.
 
@@ -129,6 +131,7 @@ def assess_information(
         settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
         assessment: which remedies are reported.
         checked: the signals of the logs have been checked for plausibility; there are no findings.
+        earlier: what earlier logs told of the unknowns of a setup, such as `Knowledge.prior` of an occasion.
 
     Raises:
         SignalError: a fit cannot use one of the logs; the message lists all findings.
@@ -147,14 +150,14 @@ def assess_information(
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
-        dataset = prepare_dataset(records, vehicle, settings, findings=False)
+        dataset = prepare_dataset(records, vehicle, settings, findings=False, known=earlier is not nothing)
     except SignalError as error:
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
     predictor = InformationPredictor.of(
-        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.others
+        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.others, earlier=earlier
     )
     logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
     runs = [predictor.run_information(log) for log in logs]

@@ -18,6 +18,7 @@ from fifthwheel.identify.design.predict import InformationPredictor, possible_ch
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
 from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
+from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
@@ -127,6 +128,7 @@ def design_experiment(
     *,
     channels: Sequence[str] = (),
     planning: DesignSettings | None = None,
+    earlier: Earlier = nothing,
     progress: Progress = lambda *_: None,
 ) -> ExperimentDesign:
     """The shortest run after which a one-stage fit reaches all targets; of equally long runs the gentlest.
@@ -168,7 +170,7 @@ def design_experiment(
             f"{truck.name}: unstable at {3.6 * min(planning.speeds):.0f} km/h with the values of its file; check the "
             "file, or choose a lower speed"
         )
-    predictor = InformationPredictor.of(truck, settings, speeds, channels)
+    predictor = InformationPredictor.of(truck, settings, speeds, channels, earlier=earlier)
     noise = {name: variances.sensor_variance(truck, name, settings.noise) for name in channels}
     candidates = list(search_candidates(predictor, speeds, targets, noise, planning, progress))
     best, *others = [_proposed_run(candidate, planning.rate) for candidate in _best_of_each_kind(candidates, planning)]

@@ -18,6 +18,7 @@ from fifthwheel.channels import USUAL, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
@@ -105,10 +106,18 @@ class InformationPredictor:
     """z of the axles' cornering stiffness where a fit starts, if the vehicle is unstable; else empty."""
     start_vehicle: Vehicle
     """The vehicle at `start`, stable at all speeds."""
+    earlier: JointPrior | None = None
+    """What earlier logs told."""
 
     @classmethod
     def of(
-        cls, vehicle: Vehicle, settings: OneStage, speeds: Sequence[float], logged: Iterable[str] = ()
+        cls,
+        vehicle: Vehicle,
+        settings: OneStage,
+        speeds: Sequence[float],
+        logged: Iterable[str] = (),
+        *,
+        earlier: Earlier = nothing,
     ) -> "InformationPredictor":
         """Set up the problem.
 
@@ -118,6 +127,7 @@ class InformationPredictor:
                 vehicle file are used.
             speeds: speeds of all runs, or the lowest and the highest, m/s.
             logged: signals that are or would be logged; see `possible_channels`.
+            earlier: what earlier logs told of the unknowns of a setup.
 
         Raises:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
@@ -137,7 +147,8 @@ class InformationPredictor:
             )
         start = {u.name: float(value) for u, value in zip(setup.unknowns, z, strict=True) if value}
         values = setup.values(z)
-        return cls(setup=setup, start=start, start_vehicle=vehicle.replace({name: values[name] for name in start}))
+        started = vehicle.replace({name: values[name] for name in start})
+        return cls(setup=setup, start=start, start_vehicle=started, earlier=earlier(setup))
 
     @property
     def vehicle(self) -> Vehicle:
@@ -231,8 +242,18 @@ class InformationPredictor:
         """
         names, information = combine_information(runs, known=known, added=added)
         factors = np.array([better_known.get(name, 1.0) for name in names])
-        information = information * np.outer(factors, factors)
+        information = (information + self._known(names)) * np.outer(factors, factors)
         return self.posterior_of(names, information, {*added, *[name for run in runs for name in run.logged]})
+
+    def _known(self, names: Sequence[str]) -> Array:
+        """Information (k, k) of earlier logs, without the prior."""
+        information = np.zeros((len(names), len(names)))
+        if self.earlier:
+            earlier = self.earlier.among(frozenset(names))
+            places = [names.index(name) for name in earlier.names]
+            widened = earlier.covariance * np.outer(earlier.widening, earlier.widening)
+            information[np.ix_(places, places)] = np.linalg.inv(widened) - np.eye(len(places))
+        return information
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""

@@ -84,26 +84,25 @@ class Knowledge:
         """The changes that more logs show, besides those that these already state."""
         return tuple(change for change in self.with_logs(logs).changes if change not in self.changes)
 
-    def prior(self, setup: Setup, occasion: Occasion) -> JointPrior | None:
+    def prior(self, setup: Setup, occasion: Occasion, given: Vehicle | None = None) -> JointPrior | None:
         """What the logs told of the unknowns of a setup; None if nothing.
 
-        Raises:
-            SignalError: the masses are those of another load.
+        `given` is the vehicle as stated, where that of the setup is identified.
         """
         if not self.used:
             return None
-        self._require_same_load(setup.vehicle, occasion)
-        given, tractor = setup.vehicle.parameters(), setup.vehicle.units[0].name
+        stated, tractor = (given or setup.vehicle).parameters(), setup.vehicle.units[0].name
         lumped = not setup.settings.uniform_payload
         owners = {
-            owner(u.name, tractor, occasion.trailer, occasion.load, origin=origin(u, given), lumped=lumped): u
+            owner(u.name, tractor, occasion.trailer, occasion.load, origin=origin(u, stated), lumped=lumped): u
             for u in setup.unknowns
             if not u.per_log
         }
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
 
-    def _require_same_load(self, vehicle: Vehicle, occasion: Occasion) -> None:
+    def require_same_load(self, vehicle: Vehicle, occasion: Occasion) -> None:
+        """A SignalError if the given masses are those of another load."""
         of_load = [log for log in self.used if (log.trailer, log.load) == (occasion.trailer, occasion.load)]
         known = {path: mass for log in of_load for path, mass in log.masses.items()}
         for path, mass in masses_of_load(vehicle).items():

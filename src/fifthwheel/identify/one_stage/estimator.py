@@ -23,7 +23,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.posterior import Posterior
-from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.one_stage.prior import Earlier, JointPrior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.sensor_priors import with_sensors
@@ -57,7 +57,7 @@ def solve_one_stage(
     vehicle: Vehicle,
     settings: OneStage,
     *,
-    earlier: Callable[[Setup], JointPrior | None] | None = None,
+    earlier: Earlier | None = None,
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> Solution:
@@ -85,7 +85,7 @@ def _estimator(
     vehicle: Vehicle,
     settings: OneStage,
     validate: Sequence[Record],
-    earlier: Callable[[Setup], JointPrior | None] | None,
+    earlier: Earlier | None,
 ) -> "_Estimator":
     known = earlier is not None or settings.free == ()
     dataset = prepare_dataset(records, vehicle, settings, validate, known=known)

@@ -5,13 +5,14 @@ precision w: w z is the gradient of its cost. Earlier logs replace these for the
 normal prior N(m, C). Model error widens it to V = D C D (`posterior`).
 """
 
-from collections.abc import Container, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
+from fifthwheel.identify.setup import Setup
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +33,14 @@ class JointPrior:
             covariance=self.covariance[np.ix_(kept, kept)],
             widening=self.widening[kept],
         )
+
+
+Earlier = Callable[[Setup], JointPrior | None]
+"""What earlier logs told of the unknowns of a setup."""
+
+
+def nothing(_: Setup) -> None:
+    """There are no earlier logs."""
 
 
 class Prior:
