@@ -92,7 +92,7 @@ def _is_unused_friction(estimate: Estimate) -> bool:
 
 
 def _headline(identification: Identification, converged: Sequence[Estimate], estimated: Sequence[Estimate]) -> str:
-    logs = counted(len(identification.logs), "log")
+    logs = _logs(identification)
     if not estimated:
         return "All parameters are fixed: nothing was estimated."
     if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
@@ -110,6 +110,16 @@ def _headline(identification: Identification, converged: Sequence[Estimate], est
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     verb = "is" if len(converged) == 1 else "are"
     return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
+
+
+def _logs(identification: Identification) -> str:
+    """ "2 logs and 1 earlier one"."""
+    own, names = counted(len(identification.logs), "log"), {log.name for log in identification.logs}
+    known = identification.knowledge.logs if identification.knowledge else ()
+    if any(log.set_aside for log in known if log.name in names):
+        return own
+    earlier = sum(log.name not in names and not log.set_aside for log in known)
+    return f"{own} and {counted(earlier, 'earlier one')}" if earlier else own
 
 
 def _identified(identification: Identification, e: Estimate) -> str:
