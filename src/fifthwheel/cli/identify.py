@@ -23,6 +23,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
     "fifthwheel identify later.csv --vehicle result -o result",
     "fifthwheel identify empty.csv -v empty.toml --knowledge result --load empty -o result_empty",
+    "fifthwheel identify run.csv -v truck.toml --knowledge merged.json",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -65,6 +66,7 @@ def identify(
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
         identification_file,
+        knowledge_file,
         read_truck,
         run_identification,
         start_of,
@@ -81,7 +83,8 @@ def identify(
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = str(result.with_name("vehicle.toml")) if result else vehicle
-    before = [chosen.suspension_from, *(identification_file(str(path)) for path in (chosen.knowledge,) if path), result]
+    kept = None if chosen.knowledge is None else knowledge_file(chosen.knowledge)
+    before = [chosen.suspension_from, kept, result]
     read = [*inputs, Path(file), *(path for path in (signals, *before) if path)]
     read = [path for path in read if path.parent != out]  # what a result keeps grows in place
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:

@@ -8,7 +8,7 @@ from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.identify import Identification
-from fifthwheel.identify.knowledge.storage import KNOWLEDGE
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
     Provenance,
@@ -32,6 +32,11 @@ def identification_file(name: str) -> Path | None:
     """The identification.json that a folder or a file name stands for; None for a vehicle."""
     path = Path(name)
     return path / "identification.json" if path.is_dir() else path if path.suffix == ".json" else None
+
+
+def knowledge_file(path: Path) -> Path:
+    """The knowledge.json that a result folder, its identification.json, or a file stands for."""
+    return file_of(path)
 
 
 def read_truck(name: str) -> Vehicle | Identification:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import CommonSettings, Identification, OneStage
-from fifthwheel.identify.knowledge.information import Occasion, owner
+from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, load_masses
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.vehicle import Vehicle
@@ -38,26 +38,27 @@ def start_of(truck: Vehicle | Identification, chosen: IdentifyOptions) -> Start:
         FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, or
             belongs to another truck or, without a name, to another load.
     """
-    known = truck if isinstance(truck, Identification) else None
     vehicle, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
-    kept = Identification.load(chosen.knowledge) if chosen.knowledge else known
-    if kept is None:
+    if chosen.knowledge is not None:
+        knowledge: Knowledge | None = Knowledge.load(chosen.knowledge)
+    elif isinstance(truck, Identification):
+        knowledge = truck.knowledge
+    else:
         trailer, load = chosen.trailer or "", chosen.load or ""
         return Start(vehicle=vehicle, settings=settings, occasion=_occasion(settings, trailer, load))
-    knowledge = kept.knowledge
     if knowledge is None or not knowledge.logs:
         raise SignalError(
-            f"knowledge: the result of {kept.vehicle.name} keeps none, because two stages or another version wrote it; "
-            "identify its logs again in one stage"
+            "knowledge: the result has none, because two stages or another version wrote it; identify its logs again "
+            "in one stage"
         )
     if not isinstance(settings, OneStage):
         raise SignalError("knowledge: only one stage begins with it; leave out --method, or give a vehicle file")
     last = max(knowledge.logs, key=lambda log: log.date)
     trailer = last.trailer if chosen.trailer is None else chosen.trailer
-    _require_same_truck(vehicle, kept.initial_vehicle)
+    _require_same_truck(vehicle, last)
     if chosen.load is None and trailer == last.trailer:
-        _require_same_load(vehicle, kept.initial_vehicle)
+        _require_same_load(vehicle, last)
     load = last.load if chosen.load is None else chosen.load
     return Start(vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=_occasion(settings, trailer, load))
 
@@ -66,24 +67,24 @@ def _occasion(settings: CommonSettings, trailer: str, load: str) -> Occasion | N
     return Occasion(trailer=trailer, load=load) if isinstance(settings, OneStage) else None
 
 
-def _require_same_truck(vehicle: Vehicle, known: Vehicle) -> None:
+def _require_same_truck(vehicle: Vehicle, known: LogKnowledge) -> None:
     """A VehicleError if the tractors have other names."""
-    own, other = vehicle.units[0].name, known.units[0].name
-    if own != other:
+    own = vehicle.units[0].name
+    if own != known.tractor:
         raise VehicleError(
-            f"{own}: the knowledge is of a truck whose first unit is {other}; give that of this truck, or the same name"
+            f"{own}: the knowledge is of a truck whose first unit is {known.tractor}; give that of this truck, or the "
+            "same name"
         )
 
 
-def _require_same_load(vehicle: Vehicle, known: Vehicle) -> None:
-    """A SignalError if a mass that depends on the load has changed."""
-    before, tractor = known.parameters(), known.units[0].name
-    for path, value in vehicle.parameters().items():
-        of_load = path.endswith("mass") and owner(path, tractor, "", "load").load
-        if of_load and path in before and abs(value - before[path]) > SAME_LOAD * abs(before[path]):
+def _require_same_load(vehicle: Vehicle, known: LogKnowledge) -> None:
+    """A SignalError if a mass that depends on the load has changed since a log."""
+    for path, value in load_masses(vehicle).items():
+        before = known.masses.get(path, value)
+        if abs(value - before) > SAME_LOAD * abs(before):
             raise SignalError(
-                f"{path}: {value:g} kg, but {before[path]:g} kg in the knowledge: another load? Name it, such as "
-                "--load empty; its mass, CoG, yaw inertia and payload then begin from the vehicle file"
+                f"{path}: {value:g} kg, but {before:g} kg in the knowledge: another load? Name it, such as --load "
+                "empty; its mass, CoG, yaw inertia and payload then begin from the vehicle file"
             )
 
 

@@ -52,15 +52,22 @@ class Combined:
     p_values: Sequence[float]  # of each trip by its innovation
     last: State
     """After the last trip."""
-    rate: Array
-    """Variance of z that each unknown gains in a day (n,)."""
+    walk: Walk
+    """With the resets of all changes."""
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""
-        i = self.layout.unknowns[unknown]
-        sigma = float(np.sqrt(self.variance[k][i]) * self.widening[i])
+        return self._value(self.z[k], self.variance[k], self.layout.unknowns[unknown])
+
+    def sigma(self, state: State, unknown: Owned) -> float:
+        """Sigma of an unknown in a state, SI."""
+        return self._value(state.z, np.diag(state.P), self.layout.unknowns[unknown])[1]
+
+    def _value(self, z: Array, variance: Array, i: int) -> tuple[float, float]:
+        """Value and sigma of unknown i, SI, from all unknowns and their variances."""
+        sigma = float(np.sqrt(variance[i]) * self.widening[i])
         with np.errstate(over="ignore"):
-            values = self.layout.scaling.to_p(self.z[k])
+            values = self.layout.scaling.to_p(z)
         return float(values[i]), sigma * float(self.layout.scaling.slope(values)[i])
 
     def prior(self, unknowns: Mapping[Owned, Unknown], date: datetime.datetime) -> JointPrior | None:
@@ -70,7 +77,7 @@ class Combined:
             return None
         places = np.array([self.layout.unknowns[owned] for owned in known], dtype=np.int64)
         days = max(date.timestamp() / DAY - self.observations[-1].time, 0.0)
-        state, own, new = self.last.later(self.rate * days), self.layout.scaling, scaling(list(known.values()))
+        state, own, new = self.last.later(self.walk.rate * days), self.layout.scaling, scaling(list(known.values()))
         values = own.to_p(state.z)
         slope = own.slope(values)[places] / new.slope(values[places])
         return JointPrior(
@@ -123,7 +130,7 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
         changes=changes,
         p_values=p_values,
         last=forwards[-1],
-        rate=walk.rate,
+        walk=walk,
     )
 
 

@@ -3,7 +3,7 @@
 import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,7 @@ from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 EARLIEST_DATE = 315_532_800.0
@@ -105,6 +106,10 @@ class LogKnowledge:
     """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
     set_aside: str = ""
     """Why it is not used; empty if it is."""
+    doubts: tuple[str, ...] = ()
+    """Evidence in the log against an assumption, in words."""
+    masses: Mapping[str, float] = field(default_factory=dict)
+    """Masses that depend on the load, kg, by their path in the vehicle file of the log."""
 
     @property
     def unknowns(self) -> tuple[Owned, ...]:
@@ -130,6 +135,12 @@ def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "",
     of_load = path.component == "payload" or (lumped and path.component == "sprung")
     of_load = of_load or (not path.component and path.quantity in OF_LOAD)
     return Owned(name, trailer, load if of_load and of_vehicle(name) else None, origin)
+
+
+def load_masses(vehicle: Vehicle) -> dict[str, float]:
+    """The masses of a vehicle that depend on the load, kg, by their paths."""
+    tractor, values = vehicle.units[0].name, vehicle.parameters()
+    return {p: m for p, m in values.items() if p.endswith("mass") and owner(p, tractor, "", "load").load}
 
 
 def of_vehicle(name: str) -> bool:
