@@ -27,7 +27,7 @@ from fifthwheel.workflow.vehicle_questions import QUESTIONS
 from tests.vehicle.test_classes import TEXT
 
 TRUCK = "cheng_cebon_2011"
-FILES = ["identification.json", "report.html", "states.parquet", "vehicle.toml"]
+FILES = ["identification.json", "knowledge.json", "report.html", "states.parquet", "vehicle.toml"]
 ESTIMATED = [
     "tractor.front.cornering_stiffness",
     "tractor.drive.cornering_stiffness",

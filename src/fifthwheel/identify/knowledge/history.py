@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from fifthwheel.channels import SensorErrorName
+from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.combination import Combined
 from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle, owner
@@ -113,7 +114,12 @@ def unit_of_shared(unknown: Owned) -> str:
         return error.unit or ""
     if unknown.origin or unknown.name == MASS_SCALE:
         return PRIOR_SIGMAS
-    return "1" if unknown.name == TIME_BASE else unit_of(unknown.name)
+    if unknown.name == TIME_BASE:
+        return "1"
+    try:
+        return unit_of(unknown.name)
+    except FifthwheelError:  # moves several numbers
+        return PRIOR_SIGMAS
 
 
 def history(knowledge: Knowledge) -> list[LogEntry]:

@@ -11,7 +11,7 @@ from fifthwheel._types import Array
 from fifthwheel.checked_json import Format
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.filters.model import pack_array, unpack_array
-from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation, owner
+from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
 
 KNOWLEDGE, IDENTIFICATION = "knowledge.json", "identification.json"
 MAX_REASON = 200
@@ -117,14 +117,12 @@ def _log(contents: Any) -> LogKnowledge:
     logarithmic = np.array([u["logarithmic"] is True for u in unknowns], dtype=bool)
     if not (scale > 0).all() or not (centre[logarithmic] > 0).all():
         raise ValueError("a prior without a positive scale or median")
-    changed, masses = _texts(contents["changed"]), contents["masses"]
-    for name in changed:
-        owner(name, texts["tractor"], "", "")  # refuses what names no unknown
+    masses = contents["masses"]
     return LogKnowledge(
         **texts,
         date=_date(contents["date"]),
         estimated=_texts(contents["estimated"]),
-        changed=changed,
+        changed=_texts(contents["changed"]),
         doubts=_texts(contents["doubts"]),
         masses=dict(zip(map(_text, masses), _numbers(masses.values()).tolist(), strict=True)),
         information=SharedInformation(
