@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel._atomic import MANIFEST, atomic_write, clean_up, one_run, recover, result_folder
+from fifthwheel._atomic import MANIFEST, atomic_write, clean_up, one_run, recover, replaced_result, result_folder
 from fifthwheel.errors import FifthwheelError
 
 OLD = {"a.json": "old a", "b.toml": "old b", "figures/old/c.svg": "old c"}
@@ -272,3 +272,47 @@ def test_an_interrupt_removes_temporary_files(tmp_path: Path) -> None:
         assert not part.exists()
         write(new, NEW)  # the process of the test lives on
         part.touch()
+
+
+def test_one_result_is_replaced_with_its_digest(tmp_path: Path) -> None:
+    run(tmp_path, OLD)
+    with replaced_result(tmp_path / "a.json") as new:
+        new.write_text("newer a")
+    assert (tmp_path / "a.json").read_text() == "newer a"
+    with one_run(tmp_path / "a.json", tmp_path / "b.toml"):
+        pass
+    assert json.loads((tmp_path / MANIFEST).read_text())["command"] == "identify"
+    assert not (tmp_path / ".fifthwheel").exists()
+    run(tmp_path, NEW)  # it counts as the run's own
+
+
+def test_a_failed_replacement_leaves_the_result(tmp_path: Path) -> None:
+    run(tmp_path, OLD)
+
+    def fails() -> None:
+        with replaced_result(tmp_path / "a.json") as new:
+            new.write_text("half")
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        fails()
+    with one_run(tmp_path / "a.json"):
+        assert (tmp_path / "a.json").read_text() == OLD["a.json"]
+    assert not (tmp_path / ".fifthwheel").exists()
+
+
+def test_a_result_that_has_changed_is_not_replaced(tmp_path: Path) -> None:
+    run(tmp_path, OLD)
+    (tmp_path / "a.json").write_text("mine")
+    with (
+        pytest.raises(FifthwheelError, match="changed since fifthwheel identify"),
+        replaced_result(tmp_path / "a.json"),
+    ):
+        pytest.fail("not reached")
+    assert (tmp_path / "a.json").read_text() == "mine"
+
+
+def test_a_file_that_is_no_result_is_written_itself(tmp_path: Path) -> None:
+    run(tmp_path, OLD)
+    with replaced_result(tmp_path / "other.json") as path:
+        assert path == tmp_path / "other.json"

@@ -52,9 +52,17 @@ class Format:
                 f"{self.renew}, or load it with the version that wrote it"
             )
         content = document.get("content")
-        if not isinstance(content, dict) or document.get("digest") != _digest(content):
+        if not _is_intact(content, document.get("digest")):
             raise SignalError(f"{path}: damaged, its content does not match its checksum; restore an older copy")
-        return content
+        return dict(content)
+
+
+def _is_intact(content: Any, digest: Any) -> bool:
+    """Whether content has this digest; it does not with a number that is not finite, which `write` refuses."""
+    try:
+        return isinstance(content, dict) and digest == _digest(content)
+    except ValueError:
+        return False
 
 
 def _digest(content: Mapping[str, Any]) -> str:

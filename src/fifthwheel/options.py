@@ -99,8 +99,8 @@ class IdentifyOptions(Settings):
     knowledge: Annotated[
         Path | None,
         Option(
-            help="Result folder of earlier logs of this truck: begin with what they told, and keep it with what these "
-            "logs tell. --vehicle with a result folder does the same.",
+            help="Result folder of earlier logs of this truck, or a knowledge.json: begin with the information of "
+            "these logs, and keep it with that of the new ones. --vehicle with a result folder does the same.",
             label="Begin with the knowledge of",
         ),
     ] = None

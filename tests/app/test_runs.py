@@ -13,7 +13,7 @@ from fifthwheel.app.pages.identify import plain_name
 from fifthwheel.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.errors import FifthwheelError, SignalError
-from fifthwheel.identify import Identification
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.logs import write_record
 from fifthwheel.pages import Code
 from fifthwheel.pages.html import cell
@@ -46,14 +46,16 @@ class ReachedError(Exception):
     truck: object
     settings: object
     validate: object
+    knowledge: object
+    occasion: object
 
 
 @pytest.fixture
 def identified(workspace, monkeypatch):
     """What `runs.identify` would identify with some choices."""
 
-    def stop(records, truck, settings, *, validate, progress):
-        raise ReachedError(records, truck, settings, validate)
+    def stop(records, truck, settings, *, knowledge, occasion, validate, progress):
+        raise ReachedError(records, truck, settings, validate, knowledge, occasion)
 
     monkeypatch.setattr(runs, "run_identification", stop)
 
@@ -129,6 +131,39 @@ def test_the_command_line_names_the_result_with_the_suspension(workspace):
     ]  # fmt: skip
 
 
+@pytest.fixture
+def known(workspace) -> str:
+    """A result of another log in the workspace."""
+    settings = OneStage(free=(FRONT,), consider={}, tyres="linear")
+    identify([simulate(TRUCK, count=1, seed=5)], TRUCK, settings).save(workspace.folder / "runs" / "before")
+    return "before"
+
+
+def test_an_identification_begins_with_the_knowledge_of_a_result(workspace, identified, known):
+    found = identified(Choices(identify={"knowledge": known, "trailer": "T 17", "load": ["steel"]}))
+    assert len(found.knowledge.logs) == 1
+    assert (found.occasion.trailer, found.occasion.load) == ("T 17", "steel")
+    assert found.occasion.date is not None
+    assert runs.command(workspace, workspace.choices(), "b")[-3:] == [
+        "--knowledge=runs/before", "--trailer=T 17", "--load=steel",
+    ]  # fmt: skip
+
+
+def test_a_check_refuses_the_knowledge_of_another_truck(workspace, known):
+    workspace.write({"vehicle.toml": TRUCK.to_toml().replace('"tractor"', '"lorry"')}, "another truck")
+    workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
+    with pytest.raises(FifthwheelError, match="truck whose first unit is tractor"):
+        runs.check(workspace.folder, lambda *_: None)
+
+
+def test_a_check_begins_with_the_knowledge(workspace, known):
+    alone = runs.check(workspace.folder, lambda *_: None)
+    workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
+    found = runs.check(workspace.folder, lambda *_: None)
+    (before,), (after,) = ([p.sigma for p in a.parameters if p.name == FRONT] for a in (alone, found))
+    assert after < before
+
+
 @pytest.mark.parametrize("name", ["", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81])
 def test_a_name_that_leads_elsewhere_is_refused(name):
     with pytest.raises(FifthwheelError, match="name: expected"):
@@ -198,5 +233,5 @@ def test_a_run_is_that_of_the_command_line(workspace):
     page, line = (Identification.load(workspace.run(name)) for name in ("page", "line"))
     assert page.to_json() == line.to_json()
     assert sorted(path.name for path in workspace.run("page").iterdir() if path.name[0] != ".") == [
-        "identification.json", "report.html", "run.json", "states.parquet", "vehicle.toml",
+        "identification.json", "knowledge.json", "report.html", "run.json", "states.parquet", "vehicle.toml",
     ]  # fmt: skip

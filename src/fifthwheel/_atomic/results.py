@@ -60,6 +60,41 @@ def result_folder(
                 _commit(folder, command, inputs, force=force)
 
 
+@contextmanager
+def replaced_result(path: Path) -> Iterator[Path]:
+    """A temporary file that replaces one result of a folder, whose manifest then has its new digest.
+
+    For a file that is no result of its folder it is this file itself. No result is replaced if the block fails.
+
+    Raises:
+        FifthwheelError: another process writes to the folder, or the result has changed since it was written.
+        OSError: the file cannot be written.
+    """
+    folder = path.parent
+    recover(folder)
+    run = _manifest(folder)
+    if run is None or path.name not in run["files"]:
+        yield path
+        return
+    with _named_in(folder), held(folder / _LOCK, subject=folder):
+        _settle(folder)
+        run = _manifest(folder) or run
+        if run["files"].get(path.name) != _digest(path):
+            raise FifthwheelError(
+                f"{path}: changed since fifthwheel {run['command']} wrote it, so it is not replaced; write to another "
+                "file with --out"
+            )
+        with cleaned_up(lambda: _settle(folder)):
+            (folder / _NEW).mkdir(parents=True)
+            yield folder / _NEW / path.name
+            files = {**run["files"], path.name: _digest(folder / _NEW / path.name)}
+            _write_json(folder / _NEW / MANIFEST, {**run, "files": files})
+            _sync_folder(folder / _NEW)
+            replaces = {path.name: run["files"].get(path.name)}
+            _write_json(folder / _JOURNAL, {"replaces": replaces, "removes": {}})
+            _sync_folder(folder / _WORK)
+
+
 def recover(folder: Path) -> None:
     """Finish putting the results of a killed run in place.
 

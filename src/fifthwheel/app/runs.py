@@ -23,12 +23,12 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
     IDENTIFICATION_FILES,
     IdentifyOptions,
-    chosen_one_stage,
     compare_runs,
-    identification_settings,
+    knowledge_file,
     require_signals,
-    run_identification,
-    write_results,
+    run_loads,
+    starts_of,
+    write_loads,
 )
 from fifthwheel.workflow.inputs import Progress
 
@@ -58,6 +58,8 @@ def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
     given: dict[str, Any] = {key: value for key, value in choices.identify.items() if key in known}
     if given.get("suspension_from"):
         given["suspension_from"] = workspace.run(str(given["suspension_from"])) / RESULT
+    if given.get("knowledge"):
+        given["knowledge"] = workspace.run(str(given["knowledge"]))
     return IdentifyOptions(**given)
 
 
@@ -94,9 +96,10 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     choices, truck = workspace.choices(), vehicle(workspace)
     records = inputs.records(folder, logs(workspace, choices)[0], progress)
     progress("predicting", 0, 0)
-    truck, settings = chosen_one_stage(truck, options(workspace, choices))
-    require_signals(settings, *records)
-    return assess_information(records, truck, settings)
+    chosen = replace(options(workspace, choices), method="one-stage", passes=None)
+    start = starts_of(truck, chosen, [workspace.log(log) for log in logs(workspace, choices)[0]])[-1]
+    require_signals(start.settings, *records)
+    return assess_information(records, start.vehicle, start.one_stage, earlier=start.earlier)
 
 
 def identify(folder: Path, name: str, progress: Progress) -> str:
@@ -107,22 +110,28 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
     workspace = Workspace(folder)
     choices, truck = workspace.choices(), vehicle(workspace)
     chosen, validate = logs(workspace, choices)
-    truck, settings = identification_settings(truck, options(workspace, choices))
+    stated = options(workspace, choices)
     paths = [workspace.log(log) for log in (*chosen, *validate)]
+    starts = starts_of(truck, stated, paths[: len(chosen)])
     signals = workspace.folder / SIGNALS
     signals_file = signals if signals.exists() else None
     out = workspace.folder / "runs" / name
     read = [*paths, workspace.folder / VEHICLE, *([signals] if signals_file else [])]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=False) as temporary:
         records = inputs.records(folder, [*chosen, *validate], progress)
-        run = run_identification(
-            records[: len(chosen)], truck, settings, validate=records[len(chosen) :], progress=progress
-        )
+        used = dict(zip(paths, records, strict=True))
+        runs = run_loads(starts, used, validate=records[len(chosen) :], progress=progress)
         progress("writing the report", 0, 0)
+        kept = None if stated.knowledge is None else knowledge_file(stated.knowledge)
         provenance = provenance_of_run(
-            paths, str(workspace.folder / VEHICLE), signals_file, command=command(workspace, choices, name)
+            paths,
+            str(workspace.folder / VEHICLE),
+            signals_file,
+            stated.suspension_from,
+            kept,
+            command=command(workspace, choices, name),
         )
-        write_results(run, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
+        write_loads(starts, runs, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
     return name
 
 
@@ -135,8 +144,9 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     for log in (*chosen, *validate):
         words += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
     stated = options(workspace, choices)
-    if stated.suspension_from:
-        stated = replace(stated, suspension_from=stated.suspension_from.relative_to(workspace.folder))
+    for key in ("suspension_from", "knowledge"):
+        if path := getattr(stated, key):
+            stated = replace(stated, **{key: path.relative_to(workspace.folder)})
     return words + arguments(stated)
 
 

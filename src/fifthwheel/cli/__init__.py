@@ -14,6 +14,7 @@ from fifthwheel.cli import (  # importing a command registers it
     export,  # noqa: F401
     fleet,  # noqa: F401
     identify,  # noqa: F401
+    knowledge,  # noqa: F401
     live,  # noqa: F401
     predict,  # noqa: F401
     results,  # noqa: F401

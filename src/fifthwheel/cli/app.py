@@ -35,6 +35,14 @@ fleet_app = typer.Typer(
 app.add_typer(fleet_app, name="fleet")
 
 
+knowledge_app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="What the logs of one truck told together: show, history, forget a log, merge.",
+)
+app.add_typer(knowledge_app, name="knowledge")
+
+
 class _VehicleGroup(TyperGroup):
     """Commands on vehicles; another word is the name of a vehicle of the catalogue."""
 

@@ -23,6 +23,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
     "fifthwheel identify later.csv --vehicle result -o result",
     "fifthwheel identify empty.csv laden.csv -v truck.toml --load empty.csv=0t",
+    "fifthwheel identify run.csv -v truck.toml --knowledge merged.json",
     "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
@@ -65,13 +66,13 @@ def identify(
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
         IDENTIFICATION_FILES,
-        folder_of_load,
         identification_file,
+        knowledge_file,
         read_truck,
         run_loads,
         starts_of,
         vehicle_text,
-        write_results,
+        write_loads,
     )
 
     if figures:
@@ -81,7 +82,7 @@ def identify(
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = str(result.with_name("vehicle.toml")) if result else vehicle
-    results = [path for path in (result, chosen.knowledge and identification_file(str(chosen.knowledge))) if path]
+    results = [path for path in (result, chosen.knowledge and knowledge_file(chosen.knowledge)) if path]
     before = [path for path in (signals, chosen.suspension_from) if path]
     # what a result keeps may grow in place
     read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]
@@ -91,13 +92,11 @@ def identify(
         for start in starts:
             terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
-            *others, run = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
+            runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
         provenance = provenance_of_run(inputs, file, signals, chosen.suspension_from, *results, command=sys.argv[1:])
-        written = write_results(run, folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text(file))
-        for start, other in zip(starts, others, strict=False):
-            part = folder_of_load(start)
-            (folder / part).mkdir()
-            written |= {f"{part}/{name}": path for name, path in write_results(other, folder / part).items()}
+        text = vehicle_text(file)
+        written = write_loads(starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text)
         files = terminal.in_folder(out, written)
+    run = runs[-1]
     document = partial(identification_document, run.identification, run.conclusion)
     terminal.print_result(run.as_dict(), document, files, as_json=as_json)

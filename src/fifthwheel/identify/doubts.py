@@ -18,6 +18,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.names import split_log
 
 STRONG_SCORE = 9.0
 """Statistic from which the model does not describe the logs: then every estimate is doubtful."""
@@ -71,6 +72,22 @@ class Doubt:
     statistic: float
     """Of the most likely cause: that of the test of its prior, or prior standard deviations, or m/s^2."""
     log: str | None = None
+
+
+_AGAINST = {
+    DoubtKind.ASSUMPTION: "contradicted assumption",
+    DoubtKind.SENSOR: "sensor error far outside its prior",
+    DoubtKind.ESTIMATE: "estimate far outside its prior",
+    DoubtKind.RANGE: "lateral acceleration above the range of the linear model",
+    DoubtKind.NOISE: "residuals larger than the noise explains",
+}
+"""What the evidence is against, in words."""
+
+
+def describe_doubt(doubt: Doubt) -> str:
+    """Kind and causes: "contradicted assumption: semitrailer.mass (+5.2 prior sigma)"."""
+    causes = [f"{split_log(cause.name)[0]} ({cause.prior_sigmas:+.1f} prior sigma)" for cause in doubt.causes]
+    return ": ".join(filter(None, (_AGAINST[doubt.kind], " or ".join(causes))))
 
 
 @dataclass(frozen=True, kw_only=True)

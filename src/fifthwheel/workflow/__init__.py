@@ -22,13 +22,15 @@ from fifthwheel.workflow.results import (
     STATES_FILES,
     compare_runs,
     identification_file,
+    knowledge_file,
     read_truck,
     write_assessment,
     write_comparison,
+    write_loads,
     write_results,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
-from fifthwheel.workflow.start import Start, folder_of_load, starts_of
+from fifthwheel.workflow.start import Start, starts_of
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statement import parse as parse_statement
 from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
@@ -58,9 +60,9 @@ __all__ = [
     "design_run",
     "exported_learner",
     "exported_observer",
-    "folder_of_load",
     "identification_file",
     "identification_settings",
+    "knowledge_file",
     "parse_statement",
     "propose_signals",
     "read_records",
@@ -81,5 +83,6 @@ __all__ = [
     "weigh_vehicle",
     "write_assessment",
     "write_comparison",
+    "write_loads",
     "write_results",
 ]

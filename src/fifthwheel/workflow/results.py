@@ -8,7 +8,7 @@ from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.identify import Identification
-from fifthwheel.identify.knowledge.storage import KNOWLEDGE
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
     Provenance,
@@ -22,6 +22,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.inputs import read_vehicle
+from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.states import StatesRun
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html")
@@ -32,6 +33,11 @@ def identification_file(name: str) -> Path | None:
     """The identification.json that a folder or a file name stands for; None for a vehicle."""
     path = Path(name)
     return path / "identification.json" if path.is_dir() else path if path.suffix == ".json" else None
+
+
+def knowledge_file(path: Path) -> Path:
+    """The knowledge.json that a result folder, its identification.json, or a file stands for."""
+    return file_of(path)
 
 
 def read_truck(name: str) -> Vehicle | Identification:
@@ -132,6 +138,25 @@ def write_results(
     names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
     written = [name for name in names if (folder / name).exists()]
     return {name: folder / name for name in (*written, *(["figures"] if drawn else []))}
+
+
+def write_loads(
+    starts: Sequence[Start],
+    runs: Sequence[IdentificationRun],
+    folder: Path,
+    *,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
+    vehicle_text: str | None = None,
+) -> dict[str, Path]:
+    """Write the results of the last load as `write_results` to an existing folder, those of others to folders in it."""
+    written = write_results(runs[-1], folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text)
+    for start, run in zip(starts[:-1], runs, strict=False):
+        part = folder / start.folder
+        part.mkdir()
+        of_load = write_results(run, part, provenance=provenance, figures=figures)
+        written |= {f"{start.folder}/{name}": path for name, path in of_load.items()}
+    return written
 
 
 def compare_runs(folders: Sequence[Path]) -> Comparison:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, Identification, OneStage
-from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.load import with_payload
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
@@ -29,6 +29,12 @@ class Start:
     settings: CommonSettings
     knowledge: Knowledge | None = None
     occasion: Occasion | None = None
+
+    @property
+    def folder(self) -> str:
+        """Name of the folder for the results, if the load is not the last."""
+        load = self.occasion.load if self.occasion else ""
+        return f"load_{re.sub('[^0-9A-Za-z]+', '_', Path(load).stem)}"
 
     @property
     def one_stage(self) -> OneStage:
@@ -60,10 +66,11 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             belongs to another truck; a load is of no log, or cannot be read, or is another one without a name.
     """
     loads = _loads(chosen.load, logs)
-    known = truck if isinstance(truck, Identification) else None
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
-    kept = Identification.load(chosen.knowledge) if chosen.knowledge else known
-    knowledge = _knowledge(kept) if kept else None
+    if chosen.knowledge is not None:
+        knowledge: Knowledge | None = Knowledge.load(chosen.knowledge)
+    else:
+        knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
     last = knowledge and max(knowledge.logs, key=lambda log: log.date)
     starts = []
     final = loads[logs[-1]] if logs else _common(chosen.load)
@@ -75,8 +82,8 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings))
             continue
         trailer, name = chosen.trailer or "", load
-        if last and kept:
-            _require_same_truck(vehicle, kept.initial_vehicle)
+        if last:
+            _require_same_truck(vehicle, last)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
@@ -84,12 +91,6 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     if len(starts) > 1 and not isinstance(starts[0].settings, OneStage):
         raise SignalError("load: only one stage identifies several loads; leave out --method, or --load")
     return starts
-
-
-def folder_of_load(start: Start) -> str:
-    """Name of the folder for the results of a load that is not the last."""
-    load = start.occasion.load if start.occasion else ""
-    return f"load_{re.sub('[^0-9A-Za-z]+', '_', Path(load).stem)}"
 
 
 def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
@@ -132,8 +133,8 @@ def _knowledge(kept: Identification) -> Knowledge:
     """A SignalError if the identification keeps none."""
     if kept.knowledge is None or not kept.knowledge.logs:
         raise SignalError(
-            f"knowledge: the result of {kept.vehicle.name} keeps none, because two stages or another version wrote it; "
-            "identify its logs again in one stage"
+            "knowledge: the result has none, because two stages or another version wrote it; identify its logs again "
+            "in one stage"
         )
     return kept.knowledge
 
@@ -143,10 +144,11 @@ def _date(path: Path) -> datetime.datetime | None:
     return datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC) if path.exists() else None
 
 
-def _require_same_truck(vehicle: Vehicle, known: Vehicle) -> None:
+def _require_same_truck(vehicle: Vehicle, known: LogKnowledge) -> None:
     """A VehicleError if the tractors have other names."""
-    own, other = vehicle.units[0].name, known.units[0].name
-    if own != other:
+    own = vehicle.units[0].name
+    if own != known.tractor:
         raise VehicleError(
-            f"{own}: the knowledge is of a truck whose first unit is {other}; give that of this truck, or the same name"
+            f"{own}: the knowledge is of a truck whose first unit is {known.tractor}; give that of this truck, or the "
+            "same name"
         )

@@ -13,10 +13,15 @@ from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import IdentifyOptions, identification_settings
+from fifthwheel.workflow import IdentifyOptions, starts_of
 
 KEY = "identify"
 """Of the job."""
+_RESULTS = {
+    "knowledge": "A result of the same truck: begin with the information of its logs.",
+    "suspension_from": "A result of the same truck with a known payload.",
+}
+"""Options whose value is an earlier result, and their help."""
 
 
 def build(workspace: Workspace) -> None:
@@ -47,15 +52,17 @@ class _Settings:
             help = option.help.removesuffix(".") + "."
             if option.replaced_by and not self._value(key, None):
                 continue
-            if key == "suspension_from":
+            if key in _RESULTS:
                 results = {"": "the vehicle file"} | {name: name for name in runs.results(self.workspace)}
-                self._choice(key, label, results, "A result of the same truck with a known payload.")
+                self._choice(key, label, results, _RESULTS[key])
             elif option.choices:
                 self._choice(key, label, option.choices, help)
             elif kind is bool:
                 self._switch(key, label, getattr(IdentifyOptions, key), help)
             elif get_origin(kind) is tuple:
                 self._list(key, label, [], help)
+            elif str in get_args(kind):
+                self._text(key, label, help)
             else:
                 self._number(key, label, int in get_args(kind), help)
         self._list("validate", "Only predict", list(used), "Logs for validation; the others are identified on.")
@@ -69,8 +76,9 @@ class _Settings:
         if settings == choices.identify:
             return
         changed = choices.model_copy(update={"identify": settings})
-        runs.logs(self.workspace, changed)
-        identification_settings(self.truck, runs.options(self.workspace, changed))  # refuses what is wrong
+        used, _ = runs.logs(self.workspace, changed)
+        paths = [self.workspace.log(name) for name in used]
+        starts_of(self.truck, runs.options(self.workspace, changed), paths)  # refuses what is wrong
         self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
         layout.undo_buttons.refresh()
 
@@ -90,6 +98,10 @@ class _Settings:
         with self._place(label, help) as named:
             field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
             self._bind(field.props("use-chips"), key, [], named)
+
+    def _text(self, key: str, label: str, help: str) -> None:
+        with self._place(label, help) as named:
+            self._bind(ui.input(value=self._value(key, "")).props("debounce=600"), key, "", named)
 
     def _number(self, key: str, label: str, whole: bool, help: str) -> None:
         with self._place(label, help) as named:

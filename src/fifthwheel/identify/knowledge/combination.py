@@ -52,16 +52,23 @@ class Combined:
     p_values: Sequence[float]  # of each trip by its innovation
     last: State
     """After the last trip."""
-    rate: Array
-    """Variance of z that each unknown gains in a day (n,)."""
+    walk: Walk
+    """With the resets of all changes."""
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""
-        i = self.layout.unknowns[unknown]
-        sigma = float(np.sqrt(self.variance[k][i]) * self.widening[i])
+        return self._value(k, self.z[k], self.variance[k], unknown)
+
+    def sigma(self, k: int, state: State, unknown: Owned) -> float:
+        """Sigma of an unknown at trip k in a state, SI."""
+        return self._value(k, state.z, np.diag(state.P), unknown)[1]
+
+    def _value(self, k: int, z: Array, variance: Array, unknown: Owned) -> tuple[float, float]:
+        """Value and sigma of an unknown at trip k, SI, from all unknowns and their variances."""
+        i, factor = self.layout.unknowns[unknown], self.logs[k].information.factors.get(unknown.name, 1.0)
+        sigma = float(np.sqrt(variance[i]) * self.widening[i])
         with np.errstate(over="ignore"):
-            values = self.layout.scaling.to_p(self.z[k])
-        factor = self.logs[k].information.factors.get(unknown.name, 1.0)
+            values = self.layout.scaling.to_p(z)
         return factor * float(values[i]), factor * sigma * float(self.layout.scaling.slope(values)[i])
 
     def prior(
@@ -76,7 +83,7 @@ class Combined:
             return None
         places = np.array([self.layout.unknowns[owned] for owned in known], dtype=np.int64)
         days = max(date.timestamp() / DAY - self.observations[-1].time, 0.0)
-        state, own, new = self.last.later(self.rate * days), self.layout.scaling, scaling(list(known.values()))
+        state, own, new = self.last.later(self.walk.rate * days), self.layout.scaling, scaling(list(known.values()))
         shared = own.to_p(state.z)
         factor = np.array([factors.get(u.name, 1.0) for u in known.values()])
         values = factor * shared[places]
@@ -131,7 +138,7 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
         changes=changes,
         p_values=p_values,
         last=forwards[-1],
-        rate=walk.rate,
+        walk=walk,
     )
 
 

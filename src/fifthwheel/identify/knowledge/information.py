@@ -110,6 +110,8 @@ class LogKnowledge:
     """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
     set_aside: str = ""
     """Why it is not used; empty if it is."""
+    doubts: tuple[str, ...] = ()
+    """Evidence in the log against an assumption, in words."""
 
     @property
     def unknowns(self) -> tuple[Owned, ...]:

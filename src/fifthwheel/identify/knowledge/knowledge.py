@@ -2,9 +2,12 @@
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
+
+import numpy as np
 
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.identify.knowledge import storage
@@ -29,6 +32,8 @@ SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
 FALSE_ALARM = 0.01
 """Probability of a false change by one log."""
+SHORTEST_DIGEST = 12
+"""Characters of a digest that name a log."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,8 +77,15 @@ class Knowledge:
     @functools.cached_property
     def combined(self) -> Combined:
         """The logs together, with the changes between them."""
-        tests = max(len(self.used), 1) * len(WINDOWS)
-        return combine(self.used, tyre_walk=FleetSettings().tyre_walk, false_alarm=FALSE_ALARM / tests)
+        if not self.used:
+            raise SignalError("knowledge: no log that is used; identify one, or give the result folder of another run")
+        tests = len(self.used) * len(WINDOWS)
+        combined = None
+        with suppress(np.linalg.LinAlgError):
+            combined = combine(self.used, tyre_walk=FleetSettings().tyre_walk, false_alarm=FALSE_ALARM / tests)
+        if combined is None or not np.isfinite([combined.z, combined.variance]).all():
+            raise SignalError("knowledge: its numbers are impossible and cannot be combined; identify the logs again")
+        return combined
 
     @functools.cached_property
     def changes(self) -> tuple[Change, ...]:
@@ -82,7 +94,8 @@ class Knowledge:
 
     def changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[Change, ...]:
         """The changes that more logs show, besides those that these already state."""
-        return tuple(change for change in self.with_logs(logs).changes if change not in self.changes)
+        before = self.changes if self.used else ()
+        return tuple(change for change in self.with_logs(logs).changes if change not in before)
 
     def prior(self, setup: Setup, occasion: Occasion, given: Vehicle | None = None) -> JointPrior | None:
         """What the logs told of the unknowns of a setup; None if nothing.
@@ -124,15 +137,50 @@ class Knowledge:
         return Knowledge(logs=tuple(log for log in self.logs if log.digest not in digests))
 
     def without(self, name: str) -> "Knowledge":
-        """Without a log.
+        """Without a log; logs that are set aside are used if they do not contradict the others any more.
+
+        Args:
+            name: of the log, or the beginning of its digest.
 
         Raises:
-            SignalError: there is no such log.
+            SignalError: there is no such log, several have this name, or it is the last one.
         """
-        names = [log.name for log in self.logs]
-        if name not in names:
-            raise SignalError(f"{name}: no such log; {suggestion(name, names)}")
-        return Knowledge(logs=tuple(log for log in self.logs if log.name != name))
+        found = [log for log in self.logs if log.name == name] or [
+            log for log in self.logs if len(name) >= SHORTEST_DIGEST and log.digest.startswith(name)
+        ]
+        if not found:
+            raise SignalError(f"{name}: no such log; {suggestion(name, dict.fromkeys(log.name for log in self.logs))}")
+        if len(found) > 1:
+            digests = " or ".join(log.digest[:SHORTEST_DIGEST] for log in found)
+            raise SignalError(f"{name}: {len(found)} logs have this name; give the beginning of a digest: {digests}")
+        if len(self.logs) == 1:
+            raise SignalError(f"{name}: the last log, without which nothing is known; delete the file instead")
+        return Knowledge(logs=tuple(log for log in self.logs if log is not found[0]))._reconsidered()
+
+    def _reconsidered(self) -> "Knowledge":
+        """With the logs used that are set aside and do not contradict those that are used, the earliest first."""
+        accepted = Knowledge(logs=self.used)
+        for log in sorted((log for log in self.logs if log.set_aside), key=lambda log: log.date):
+            again = replace(log, set_aside="")
+            if not any(change.kind == OUTLIER for change in accepted.changes_by([again])):
+                accepted = accepted.with_logs([again])
+        used = {id(log.information): log for log in accepted.logs}
+        return Knowledge(logs=tuple(used.get(id(log.information), log) for log in self.logs))
+
+    def merged(self, other: "Knowledge") -> "Knowledge":
+        """With the logs of another knowledge of the truck; a log counts once.
+
+        Raises:
+            SignalError: it is of another truck.
+        """
+        own, others = ({log.tractor for log in knowledge.logs} for knowledge in (self, other))
+        if own and not others <= own:
+            raise SignalError(
+                f"{', '.join(sorted(others - own))}: the first unit of another truck than {', '.join(sorted(own))}; "
+                "merge results of one truck, or give both vehicle files the same name of the first unit"
+            )
+        known = {log.digest for log in self.logs if log.digest}
+        return Knowledge(logs=(*self.logs, *(log for log in other.logs if log.digest not in known)))
 
     def save(self, path: str | Path) -> None:
         """Write a file, complete or not at all; `load` reads an equal one."""
@@ -140,7 +188,7 @@ class Knowledge:
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
-        """The knowledge in a file, or in a folder of `fifthwheel identify`.
+        """The knowledge in a file, or of a folder or an identification.json of `fifthwheel identify`.
 
         Raises:
             SignalError: the file cannot be read, or is not one of `save`.

@@ -57,8 +57,22 @@ def identify_one_stage(
         if not logs[0].set_aside:
             last = max(before.used, key=lambda log: log.date)
             notes.append(f"Begins with what earlier logs told ({len(before.used)}, the last of them {last.name}).")
+            notes.append(_doubtful(before.used))
     result = build_identification(solution, " ".join(filter(None, notes)))
     return replace(result, knowledge=before.with_logs(logs))
+
+
+def _doubtful(logs: Sequence[LogKnowledge]) -> str:
+    """A sentence on the logs with doubts; empty without."""
+    doubtful = [log for log in logs if log.doubts]
+    if not doubtful:
+        return ""
+    first, *others = doubtful
+    more = f"; also doubtful: {', '.join(log.name for log in others)}" if others else ""
+    return (
+        f"Of these, {first.name} is doubtful ({first.doubts[0]}){more}. Remove the cause and identify it again, or "
+        "leave it out with `fifthwheel knowledge forget`."
+    )
 
 
 def _without_what_changed(

@@ -20,6 +20,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
+from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.information import (
     LogKnowledge,
     Occasion,
@@ -29,13 +30,16 @@ from fifthwheel.identify.knowledge.information import (
     record_digest,
 )
 from fifthwheel.identify.knowledge.load import load_factors
+from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.names import split_log
 from fifthwheel.vehicle.parameters import FRICTION
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
     """What each log of a solution tells of the truck."""
+    doubts = find_doubts(solution)
     return [
         LogKnowledge(
             name=record.name,
@@ -46,10 +50,17 @@ def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
             information=shared_information(solution, i),
             estimated=solution.estimated,
             digest=record_digest(record),
+            doubts=tuple(describe_doubt(doubt) for doubt in doubts if _concerns(doubt, i, record.name)),
             masses=masses_of_load(solution.dataset.initial_vehicle),
         )
         for i, record in enumerate(solution.dataset.records)
     ]
+
+
+def _concerns(doubt: Doubt, log: int, name: str) -> bool:
+    """Whether a doubt is one of a log, by its number and its name, or one of all logs."""
+    logs = {split_log(cause.name)[1] for cause in doubt.causes} or {None}
+    return doubt.log in (None, name) and not logs.isdisjoint({None, str(log)})
 
 
 def shared_information(solution: Solution, log: int = 0) -> SharedInformation:

@@ -1,0 +1,162 @@
+"""Knowledge as tables: the estimate of each unknown from all logs, and what each log added."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from fifthwheel.channels import SensorErrorName
+from fifthwheel.errors import FifthwheelError
+from fifthwheel.identify.knowledge.changes import OUTLIER
+from fifthwheel.identify.knowledge.combination import Combined
+from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle, owner
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.knowledge.states import State
+from fifthwheel.identify.unknowns.parameters import TIME_BASE
+from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle import unit_of
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
+
+PRIOR_SIGMAS = "prior sigma"
+"""Unit of an unknown that moves several numbers of the vehicle file: standard deviations of its prior."""
+CHANGED = {"tyres": "tyres of {} changed", "load": "load of {} changed", "sensor": "sensor {} changed"}
+"""A change by its kind."""
+DIFFERS = "differs from the logs before and after it, and is not used"
+"""Of an outlier."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SharedEstimate:
+    """The estimate of an unknown from all logs, at the last log with it."""
+
+    name: str
+    value: float
+    """SI, or in standard deviations of its prior."""
+    sigma: float
+    unit: str
+    trailer: str | None
+    """None for an unknown of the truck."""
+    load: str | None
+    """None for an unknown of the truck, or of the trailer with every load."""
+    estimated: bool
+    """Whether it is an estimated parameter; else an uncertain number or a sensor error."""
+    log: str
+    """The last log with it."""
+    date: str
+    """Of this log, ISO 8601."""
+
+    @property
+    def belongs_to(self) -> str:
+        """The truck, a trailer or a load, in words."""
+        if self.trailer is None:
+            return "truck"
+        trailer = f"trailer {self.trailer}".rstrip()
+        return trailer if self.load is None else f"load {self.load} of {trailer}".replace("  ", " ")
+
+    def as_dict(self) -> dict[str, Any]:
+        """The fields, for JSON."""
+        return {**asdict(self), "belongs_to": self.belongs_to}
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogEntry:
+    """A log in the history of a truck."""
+
+    log: LogKnowledge
+    sigmas: Mapping[str, tuple[float, float]]
+    """Of each estimated parameter: sigma before and after this log, by the logs up to it, SI."""
+    changes: tuple[str, ...]
+    """What changed before this log, in words."""
+    unused: str
+    """Why the log is not used; empty if it is."""
+
+    def as_dict(self) -> dict[str, Any]:
+        """The entry, for JSON."""
+        log = self.log
+        added = [
+            {"name": name, "sigma_before": before, "sigma_after": after, "unit": unit_of(name)}
+            for name, (before, after) in self.sigmas.items()
+        ]
+        texts = {name: getattr(log, name) for name in ("name", "trailer", "load", "digest")}
+        lists = {"changes": list(self.changes), "doubts": list(log.doubts), "added": added}
+        return {**texts, "date": log.date.isoformat(), **lists, "unused": self.unused}
+
+
+def shared_estimates(knowledge: Knowledge) -> list[SharedEstimate]:
+    """The unknowns with their estimates from all logs: the estimated parameters first.
+
+    An unknown that cannot be negative and that all logs together determine as 0 is left out.
+    """
+    combined = knowledge.combined
+    last = {place: k for k, trip in enumerate(combined.observations) for place in trip.places.tolist()}
+    places = {unknown: place for unknown, place in combined.layout.unknowns.items() if place in last}
+    found = [_shared_estimate(combined, unknown, last[place]) for unknown, place in places.items()]
+    return sorted(found, key=lambda estimate: not estimate.estimated)
+
+
+def _shared_estimate(combined: Combined, unknown: Owned, k: int) -> SharedEstimate:
+    value, sigma = combined.estimate(k, unknown)
+    return SharedEstimate(
+        name=unknown.name,
+        value=value,
+        sigma=sigma,
+        unit=unit_of_shared(unknown),
+        trailer=unknown.trailer,
+        load=unknown.load,
+        estimated=unknown in combined.layout.estimated,
+        log=combined.logs[k].name,
+        date=combined.logs[k].date.isoformat(),
+    )
+
+
+def unit_of_shared(unknown: Owned) -> str:
+    """Unit of a shared unknown."""
+    if error := SensorErrorName.of(unknown.name):
+        return error.unit or ""
+    if unknown.origin or unknown.name == MASS_SCALE:
+        return PRIOR_SIGMAS
+    if unknown.name == TIME_BASE:
+        return "1"
+    try:
+        return unit_of(unknown.name)
+    except FifthwheelError:  # moves several numbers
+        return PRIOR_SIGMAS
+
+
+def history(knowledge: Knowledge) -> list[LogEntry]:
+    """The logs in the order of their dates, with what each added."""
+    used = list(_used(knowledge.combined)) if knowledge.used else []
+    aside = [LogEntry(log=log, sigmas={}, changes=(), unused=log.set_aside) for log in knowledge.logs if log.set_aside]
+    return sorted([*used, *aside], key=lambda entry: (entry.log.date, entry.log.name))
+
+
+def _used(combined: Combined) -> Iterator[LogEntry]:
+    """The logs that are not set aside, by the filter in the order of time."""
+    state = State.prior(len(combined.layout.unknowns))
+    for k, log in enumerate(combined.logs):
+        found = [change for change in combined.changes if change.trip == k]
+        outlier = any(change.kind.name == OUTLIER for change in found)
+        before = combined.walk.predict(state, combined.observations, k)
+        state = before if outlier else before.updated(combined.observations[k])
+        texts = [CHANGED[c.kind.name].format(c.kind.subject) for c in found if c.kind.name != OUTLIER]
+        estimated = combined.parameters(k)
+        yield LogEntry(
+            log=log,
+            sigmas={
+                u.name: (combined.sigma(k, before, u), combined.sigma(k, state, u)) for u in combined.parameters(k)
+            },
+            changes=tuple(dict.fromkeys([*changes_in_words(log), *texts])),
+            unused=DIFFERS if outlier else "",
+        )
+
+
+def changes_in_words(log: LogKnowledge) -> Iterator[str]:
+    """What is known to have changed before a log, from the names of the unknowns."""
+    unit = {name: owner(name, log.tractor, log.trailer, log.load) for name in log.changed}
+    of_load = any(of_vehicle(name) and owned.load is not None for name, owned in unit.items())
+    if of_load:
+        yield CHANGED["load"].format(log.trailer or "trailer")
+    for name, owned in unit.items():
+        if error := SensorErrorName.of(name):
+            yield CHANGED["sensor"].format(error.signal)
+        elif ParameterPath.of(name).quantity == "cornering_stiffness" and not (of_load and owned.trailer is not None):
+            yield CHANGED["tyres"].format(name.removesuffix(".cornering_stiffness"))
