@@ -89,8 +89,8 @@ def _require_same_load(vehicle: Vehicle, known: LogKnowledge) -> None:
 
 
 def with_date(start: Start, path: Path) -> Start:
-    """With the date of a file, for logs whose samples have none."""
-    if start.occasion is None:
+    """With the date of a file, for logs whose samples have none; a file that does not exist has none."""
+    if start.occasion is None or not path.exists():
         return start
     date = datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC)
     return replace(start, occasion=replace(start.occasion, date=date))
