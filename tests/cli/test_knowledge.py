@@ -101,6 +101,7 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
         run(*begin, "-v", TRUCK, "--set", "semitrailer.mass=40t"),
         "semitrailer.mass: 40000 kg, but 33450 kg in the knowledge: another load",
     )
+    refused(run("identify", folder / "flat.csv", "-v", "other"), "other: a folder without .*--knowledge other")
     lorry = Path("lorry.toml")
     lorry.write_text(run("vehicle", TRUCK).out.replace('"tractor"', '"lorry"'), encoding="utf-8")
     refused(

@@ -51,7 +51,7 @@ def test_another_truck_is_refused(kept):
 
 
 def test_a_result_without_knowledge_is_refused(result):
-    with pytest.raises(fw.SignalError, match="the result has none.*identify its logs again"):
+    with pytest.raises(fw.SignalError, match=r"the result has none.*identify its logs again"):
         start_of(replace(result, knowledge=None), IdentifyOptions())
 
 
