@@ -49,7 +49,7 @@ def _estimates(estimates: Sequence[SharedEstimate], label: str) -> pages.Table:
 
 def history_document(entries: Sequence[LogEntry]) -> pages.Document:
     """The logs in the order of their dates: what each added, what changed before it, doubts."""
-    blocks = [
+    blocks: list[pages.Block] = [
         _headline(entries),
         _logs(entries),
         pages.Heading("Sigma before and after each log"),
