@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import pytest
@@ -288,14 +288,9 @@ def test_one_result_is_replaced_with_its_digest(tmp_path: Path) -> None:
 
 def test_a_failed_replacement_leaves_the_result(tmp_path: Path) -> None:
     run(tmp_path, OLD)
-
-    def fails() -> None:
-        with replaced_result(tmp_path / "a.json") as new:
-            new.write_text("half")
-            raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        fails()
+    with suppress(ZeroDivisionError), replaced_result(tmp_path / "a.json") as new:
+        new.write_text("half")
+        raise ZeroDivisionError
     with one_run(tmp_path / "a.json"):
         assert (tmp_path / "a.json").read_text() == OLD["a.json"]
     assert not (tmp_path / ".fifthwheel").exists()

@@ -15,7 +15,7 @@ from fifthwheel.diagnose import LogPrediction
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.logs import write_record
-from fifthwheel.pages import Code
+from fifthwheel.pages import Code, Plots
 from fifthwheel.pages.html import cell
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.simulate import simulate
@@ -147,6 +147,15 @@ def test_an_identification_begins_with_the_knowledge_of_a_result(workspace, iden
     assert runs.command(workspace, workspace.choices(), "b")[-3:] == [
         "--knowledge=runs/before", "--trailer=T 17", "--load=steel",
     ]  # fmt: skip
+
+
+def test_the_history_of_the_truck_in_a_result(workspace, known):
+    (workspace.folder / "runs" / "old").mkdir()
+    (workspace.folder / "runs" / "old" / "identification.json").write_text("{}")
+    assert runs.known_results(workspace) == [known]
+    blocks = runs.history(workspace.folder, known).blocks
+    (plots,) = [block.plots for block in blocks if isinstance(block, Plots)]
+    assert [plot.plot.title for plot in plots] == [f"{FRONT}, truck"]
 
 
 def test_a_check_refuses_the_knowledge_of_another_truck(workspace, known):

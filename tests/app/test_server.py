@@ -30,7 +30,7 @@ def get(address, path, method="GET", **headers):
             return answer.status, answer.read().decode(errors="replace")
 
 
-@pytest.mark.parametrize("page", ["/", "/signals", "/truck", "/check", "/identify", "/explore", "/compare"])
+@pytest.mark.parametrize("page", ["/", "/signals", "/truck", "/check", "/identify", "/explore", "/compare", "/history"])
 def test_pages_are_answered_and_load_nothing_from_elsewhere(address, page):
     status, text = get(address, page)
     assert status == 200

@@ -280,7 +280,7 @@ def test_names_are_no_markup_and_no_file_outside_is_given(browser, tmp_path, res
     (tmp_path / "secret").write_text("secret")
     (workspace.folder / "runs" / "a" / "states.parquet").symlink_to(tmp_path / "secret")
     with served(workspace.folder) as address, tab(browser, address) as page:
-        for path in ("truck", "check", "identify", "explore", "compare"):
+        for path in ("truck", "check", "identify", "explore", "compare", "history"):
             page.goto(f"{address}{path}", wait_until="networkidle")
             page.wait_for_timeout(1500)
             assert page.title().endswith("- fifthwheel")

@@ -96,15 +96,15 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
     ).json()
     assert any("Begins with what earlier logs told (2," in note for note in begun["notes"])
     assert [log.name for log in Knowledge.load("next").logs] == ["second", "first", "flat"]
+    begin = ("identify", folder / "flat.csv", "--knowledge", "merged.json")
     refused(
-        run(
-            "identify", folder / "flat.csv", "-v", TRUCK, "--knowledge", "merged.json", "--set", "semitrailer.mass=20t"
-        ),
-        "semitrailer.mass: 20000 kg, but 33450 kg in the knowledge: another load",
+        run(*begin, "-v", TRUCK, "--set", "semitrailer.mass=40t"),
+        "semitrailer.mass: 40000 kg, but 33450 kg in the knowledge: another load",
     )
+    refused(run("identify", folder / "flat.csv", "-v", "other"), "other: a folder without .*--knowledge other")
     lorry = Path("lorry.toml")
     lorry.write_text(run("vehicle", TRUCK).out.replace('"tractor"', '"lorry"'), encoding="utf-8")
     refused(
-        run("identify", folder / "flat.csv", "-v", lorry, "--knowledge", "merged.json"),
+        run(*begin, "-v", lorry),
         "lorry: the knowledge is of a truck whose first unit is tractor",
     )

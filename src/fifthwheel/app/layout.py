@@ -17,7 +17,7 @@ from fifthwheel.app import jobs, result_files
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 
-PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare")
+PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare", "history")
 """Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
 ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16">'

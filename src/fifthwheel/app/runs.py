@@ -7,17 +7,20 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-from fifthwheel._atomic import result_folder
+from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, assess_information
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.result.display import fit_panel, prediction
+from fifthwheel.pages import Document
 from fifthwheel.plots import Line, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
+from fifthwheel.report.knowledge import truck_history_document
 from fifthwheel.settings import arguments, options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
@@ -148,6 +151,18 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
         if path := getattr(stated, key):
             stated = replace(stated, **{key: path.relative_to(workspace.folder)})
     return words + arguments(stated)
+
+
+def known_results(workspace: Workspace) -> list[str]:
+    """Names of the results with knowledge of their logs, the newest first."""
+    return [name for name in results(workspace) if knowledge_file(workspace.run(name)).is_file()]
+
+
+def history(folder: Path, name: str) -> Document:
+    """The history of the truck by the logs of a result and those that it began with."""
+    file = knowledge_file(Workspace(folder).run(name))
+    with one_run(file):
+        return truck_history_document(Knowledge.load(file))
 
 
 def comparison(folder: Path, names: Sequence[str]) -> Comparison:

@@ -3,8 +3,17 @@
 from collections.abc import Sequence
 
 from fifthwheel import pages
-from fifthwheel.formatting import approximate, with_sigma
-from fifthwheel.identify.knowledge.history import LogEntry, SharedEstimate
+from fifthwheel.formatting import approximate, shown, with_sigma
+from fifthwheel.identify.knowledge.history import (
+    EstimateHistory,
+    LogEntry,
+    SharedEstimate,
+    estimate_histories,
+    history,
+)
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
+from fifthwheel.plots.palette import BLUE
 from fifthwheel.report.words import counted
 from fifthwheel.vehicle import unit_of
 
@@ -40,25 +49,67 @@ def _estimates(estimates: Sequence[SharedEstimate], label: str) -> pages.Table:
 
 def history_document(entries: Sequence[LogEntry]) -> pages.Document:
     """The logs in the order of their dates: what each added, what changed before it, doubts."""
+    blocks: list[pages.Block] = [
+        _headline(entries),
+        _logs(entries),
+        pages.Heading("Sigma before and after each log"),
+        _added(entries),
+    ]
+    return pages.Document("History", blocks)
+
+
+def truck_history_document(knowledge: Knowledge) -> pages.Document:
+    """Estimates, their histories as plots, and the logs, for a page."""
+    histories, entries = estimate_histories(knowledge), history(knowledge)
+    blocks: list[pages.Block] = [
+        _headline(entries),
+        _estimates([each.last for each in histories], "Estimated parameters"),
+        pages.Heading("Histories"),
+        pages.Hint("Estimates from all logs at the date of each log; band of two sigma. Vertical lines: changes."),
+        pages.Plots([_plot(each) for each in histories]),
+        pages.Heading("Logs"),
+        _logs(entries),
+        pages.Folded("Sigma before and after each log", [_added(entries)]),
+    ]
+    return pages.Document("Truck's history", blocks)
+
+
+def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
+    unit, dates = shown(each.last.unit), 1000 * each.time
+    value, sigma = each.value * unit.factor, each.sigma * unit.factor
+    items: list[Item] = [
+        Band(dates, value - 2 * sigma, value + 2 * sigma, name="± 2 sigma", colour=BLUE),
+        Line(dates, value, name="all logs", colour=BLUE),
+        Points(dates, value, y_sigma=sigma, name="± sigma", colour=BLUE, size=6),
+        *(Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes),
+    ]
+    title = f"{each.last.name}, {each.last.belongs_to}"
+    plot = Plot(title=title, panels=[Panel(items=items, title=title, x=Axis(date=True), y=Axis(unit=unit.name))])
+    return pages.CaptionedPlot(pages.Code(each.last.name), plot, "knowledge", ("", "history", title))
+
+
+def _headline(entries: Sequence[LogEntry]) -> pages.Headline:
     unused = sum(bool(entry.unused) for entry in entries)
     left = f", {unused} of them not used" if unused else ""
-    blocks: list[pages.Block] = [pages.Headline(f"{counted(len(entries), 'log')}{left}.")]
+    return pages.Headline(f"{counted(len(entries), 'log')}{left}.")
+
+
+def _logs(entries: Sequence[LogEntry]) -> pages.Table:
     rows = [
         (e.log.name, f"{e.log.date:%Y-%m-%d %H:%M}", e.log.trailer or "–", e.log.load or "–", "; ".join(_remarks(e)))
         for e in entries
     ]
-    blocks.append(pages.Table(("Log|name", "Date|w", "Trailer", "Load", "Remark|full-text"), rows, label="Logs"))
-    added = [
+    return pages.Table(("Log|name", "Date|w", "Trailer", "Load", "Remark|full-text"), rows, label="Logs")
+
+
+def _added(entries: Sequence[LogEntry]) -> pages.Table:
+    rows = [
         (e.log.name, pages.Code(name), approximate(before, unit), approximate(after, unit))
         for e in entries
         for name, (before, after) in e.sigmas.items()
         for unit in [unit_of(name)]
     ]
-    blocks += [
-        pages.Heading("Sigma before and after each log"),
-        pages.Table(("Log|name", "Parameter|name", "Before>", "After>"), added, label="Sigma of each log"),
-    ]
-    return pages.Document("History", blocks)
+    return pages.Table(("Log|name", "Parameter|name", "Before>", "After>"), rows, label="Sigma of each log")
 
 
 def _remarks(entry: LogEntry) -> list[str]:

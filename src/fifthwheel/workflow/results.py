@@ -7,6 +7,7 @@ from pathlib import Path
 from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
+from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
 from fifthwheel.observe import write_states
@@ -45,9 +46,14 @@ def read_truck(name: str) -> Vehicle | Identification:
 
     Raises:
         SignalError: the identification cannot be read.
-        VehicleError: no such folder, file or vehicle of the catalogue.
+        VehicleError: no such folder, file or vehicle of the catalogue; or a folder without a result.
     """
     path = identification_file(name)
+    if path is not None and Path(name).is_dir() and not path.exists():
+        found = "give a vehicle file, or the result folder of `fifthwheel identify`"
+        if path.with_name(KNOWLEDGE).exists():
+            found = f"give a vehicle file too: --vehicle truck.toml --knowledge {name}"
+        raise VehicleError(f"{name}: a folder without identification.json; {found}")
     return read_vehicle(name) if path is None else Identification.load(path)
 
 

@@ -4,6 +4,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
 from typing import Any
 
+import numpy as np
+
+from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.knowledge.changes import OUTLIER
@@ -57,6 +60,21 @@ class SharedEstimate:
         return {**asdict(self), "belongs_to": self.belongs_to}
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class EstimateHistory:
+    """An estimated parameter at each of the N logs with it, from all logs."""
+
+    last: SharedEstimate
+    time: Array
+    """Dates of the logs (N,), s since 1970."""
+    value: Array
+    """(N,), SI."""
+    sigma: Array
+    """(N,)"""
+    changes: Array
+    """Dates at which it begins again, s since 1970."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class LogEntry:
     """A log in the history of a truck."""
@@ -91,6 +109,29 @@ def shared_estimates(knowledge: Knowledge) -> list[SharedEstimate]:
     places = {unknown: place for unknown, place in combined.layout.unknowns.items() if place in last}
     found = [_shared_estimate(combined, unknown, last[place]) for unknown, place in places.items()]
     return sorted(found, key=lambda estimate: not estimate.estimated)
+
+
+def estimate_histories(knowledge: Knowledge) -> list[EstimateHistory]:
+    """The estimated parameters over the dates of the logs, by the smoother."""
+    combined, found = knowledge.combined, []
+    seconds = np.array([log.date.timestamp() for log in combined.logs])
+    seen: dict[Owned, list[int]] = {}
+    for k in range(len(combined.logs)):
+        for unknown in combined.parameters(k):
+            seen.setdefault(unknown, []).append(k)
+    for unknown, logs in seen.items():
+        value, sigma = np.array([combined.estimate(k, unknown) for k in logs]).T
+        place = combined.layout.unknowns[unknown]
+        found.append(
+            EstimateHistory(
+                last=_shared_estimate(combined, unknown, logs[-1]),
+                time=seconds[logs],
+                value=value,
+                sigma=sigma,
+                changes=seconds[[k for k, members in combined.walk.resets.items() if place in members]],
+            )
+        )
+    return found
 
 
 def _shared_estimate(combined: Combined, unknown: Owned, k: int) -> SharedEstimate:
@@ -141,9 +182,7 @@ def _used(combined: Combined) -> Iterator[LogEntry]:
         estimated = combined.parameters(k)
         yield LogEntry(
             log=log,
-            sigmas={
-                u.name: (combined.sigma(k, before, u), combined.sigma(k, state, u)) for u in combined.parameters(k)
-            },
+            sigmas={u.name: (combined.sigma(k, before, u), combined.sigma(k, state, u)) for u in estimated},
             changes=tuple(dict.fromkeys([*changes_in_words(log), *texts])),
             unused=DIFFERS if outlier else "",
         )
