@@ -54,10 +54,12 @@ class ReachedError(Exception):
 def identified(workspace, monkeypatch):
     """What `runs.identify` would identify with some choices."""
 
-    def stop(records, truck, settings, *, knowledge, occasion, validate, progress):
-        raise ReachedError(records, truck, settings, validate, knowledge, occasion)
+    def stop(starts, records, *, validate, progress):
+        (start,) = starts
+        used = [records[path] for path in start.logs]
+        raise ReachedError(used, start.vehicle, start.settings, validate, start.knowledge, start.occasion)
 
-    monkeypatch.setattr(runs, "run_identification", stop)
+    monkeypatch.setattr(runs, "run_loads", stop)
 
     def inputs_of(choices):
         workspace.write_choices(choices, "choose")

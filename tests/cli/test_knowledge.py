@@ -94,12 +94,12 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
     begun = run(
         *("identify", folder / "flat.csv", "-v", TRUCK, "--knowledge", "merged.json", "-o", "next", "--json"),
     ).json()
-    assert any("Begins with what earlier logs told (2," in note for note in begun["notes"])
+    assert any("Begins with the information of earlier logs (2," in note for note in begun["notes"])
     assert [log.name for log in Knowledge.load("next").logs] == ["second", "first", "flat"]
     begin = ("identify", folder / "flat.csv", "--knowledge", "merged.json")
     refused(
         run(*begin, "-v", TRUCK, "--set", "semitrailer.mass=40t"),
-        "semitrailer.mass: 40000 kg, but 33450 kg in the knowledge: another load",
+        "semitrailer.mass: 40000 kg, but 33450 kg with the same load in first: another load",
     )
     refused(run("identify", folder / "flat.csv", "-v", "other"), "other: a folder without .*--knowledge other")
     lorry = Path("lorry.toml")

@@ -38,7 +38,7 @@ app.add_typer(fleet_app, name="fleet")
 knowledge_app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="What the logs of one truck told together: show, history, forget a log, merge.",
+    help="Knowledge of one truck from its logs: show, history, forget a log, merge.",
 )
 app.add_typer(knowledge_app, name="knowledge")
 

@@ -51,12 +51,12 @@ def identify(
 ) -> None:
     """Estimate cornering stiffness, yaw inertia, payload height and states from logs.
 
-    Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified vehicle),
-    knowledge.json (what the logs told, for later ones), states.parquet, report.html and run.json (digests of these
-    files). With several loads (--load) these are of the last log's, and each other load has a folder of its own. With a
-    result folder as --vehicle the estimates begin with what its logs told. --any-load,
-    --suspension-from, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage method; two stages
-    take values and "exact" of parameters by --set.
+    Prints every parameter with sigma and verdict. Writes identification.json, vehicle.toml (the identified
+    vehicle), knowledge.json (the information of the logs, for later ones), states.parquet, report.html and run.json
+    (digests of these files). With several loads (--load) these are of the last log's, and each other load has a
+    folder of its own. With a result folder as --vehicle the estimates begin with the information of its logs.
+    --any-load, --suspension-from, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage
+    method; two stages take values and "exact" of parameters by --set.
     """
     from fifthwheel.logs import start_reader
 

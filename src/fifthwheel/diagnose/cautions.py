@@ -115,7 +115,7 @@ def sensor_error_prior(identification: Identification, name: str) -> tuple[float
 
 
 def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
-    """Logs that differ from what earlier logs told."""
+    """Logs that differ from the information of earlier logs."""
     own = {log.name for log in identification.logs}
     for log in identification.knowledge.logs if identification.knowledge else ():
         if log.name not in own:

@@ -227,7 +227,7 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
 
 
 def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
-    """What a trip tells of the truck, from its row.
+    """The information of a trip on the truck, from its row.
 
     Raises:
         FifthwheelError: a version wrote it that did not estimate the uncertain numbers of the vehicle file, so that its

@@ -35,7 +35,7 @@ def identify(
         vehicle: as known before; its values are the initial values.
         settings: `OneStage()` (default) estimates all unknowns together, `TwoStage()` in the two stages of the
             article's dual filter, `article()` as published.
-        knowledge: what earlier logs of this truck told, such as `Identification.knowledge`; one stage only.
+        knowledge: the information of earlier logs of this truck, such as `Identification.knowledge`; one stage only.
         occasion: trailer, load and date of the logs. What belongs to another trailer or load is not taken over.
         validate: logs that are only predicted.
         progress: called with a title, the number of passes or steps done and the largest number.

@@ -103,7 +103,7 @@ def run_loads(
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> list[IdentificationRun]:
-    """Identify the logs of each load after those of the loads before it, and begin with what these told.
+    """Identify the logs of each load after those of the loads before it, and begin with their information.
 
     Args:
         starts: as of `starts_of`.

@@ -1,4 +1,4 @@
-"""What an identification begins with: the vehicle, its settings, and what earlier logs told."""
+"""What an identification begins with: the vehicle, its settings, and the information of earlier logs."""
 
 import datetime
 import re
@@ -45,7 +45,7 @@ class Start:
 
     @property
     def earlier(self) -> Earlier:
-        """What earlier logs told of the unknowns of a setup."""
+        """The information of earlier logs on the unknowns of a setup."""
         if self.knowledge is None or self.occasion is None:
             return nothing
         self.knowledge.require_same_load(self.vehicle, self.occasion)
@@ -57,7 +57,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
 
     Args:
         truck: the vehicle as known before the logs. An identification stands for the vehicle and the statements that it
-            began with, and for what its logs told.
+            began with, and for the information of its logs.
         chosen: what a user chooses; `knowledge` replaces that of `truck`.
         logs: none before a run is driven.
 
@@ -88,8 +88,6 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
-    if len(starts) > 1 and not isinstance(starts[0].settings, OneStage):
-        raise SignalError("load: only one stage identifies several loads; leave out --method, or --load")
     return starts
 
 

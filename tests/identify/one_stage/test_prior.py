@@ -1,4 +1,4 @@
-"""The prior of all unknowns: of each by itself, and what earlier logs told of some together."""
+"""The prior of all unknowns: of each by itself, and the information of earlier logs on some together."""
 
 import numpy as np
 import pytest

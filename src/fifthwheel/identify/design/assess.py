@@ -131,7 +131,7 @@ def assess_information(
         settings: settings of the fit; the output-error form is used, and the vehicle file's payload heights.
         assessment: which remedies are reported.
         checked: the signals of the logs have been checked for plausibility; there are no findings.
-        earlier: what earlier logs told of the unknowns of a setup, such as `Knowledge.prior` of an occasion.
+        earlier: the information of earlier logs on the unknowns of a setup, such as `Knowledge.prior` of an occasion.
 
     Raises:
         SignalError: a fit cannot use one of the logs; the message lists all findings.

@@ -107,7 +107,7 @@ class InformationPredictor:
     start_vehicle: Vehicle
     """The vehicle at `start`, stable at all speeds."""
     earlier: JointPrior | None = None
-    """What earlier logs told."""
+    """The information of earlier logs."""
 
     @classmethod
     def of(
@@ -127,7 +127,7 @@ class InformationPredictor:
                 vehicle file are used.
             speeds: speeds of all runs, or the lowest and the highest, m/s.
             logged: signals that are or would be logged; see `possible_channels`.
-            earlier: what earlier logs told of the unknowns of a setup.
+            earlier: the information of earlier logs on the unknowns of a setup.
 
         Raises:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the

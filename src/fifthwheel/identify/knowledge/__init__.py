@@ -1,4 +1,4 @@
-"""What logs of one truck told of it, kept so that later logs begin from it.
+"""The information of logs on one truck, kept so that later logs begin with it.
 
 identification of a log -> its information (information.py)
                         -> with that of other logs: estimates over days, changes (combination.py, states.py, changes.py)

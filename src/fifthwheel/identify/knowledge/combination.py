@@ -74,7 +74,7 @@ class Combined:
     def prior(
         self, unknowns: Mapping[Owned, Unknown], date: datetime.datetime, factors: Mapping[str, float]
     ) -> JointPrior | None:
-        """What the logs told of some unknowns, at a later date; None if nothing.
+        """The information of the logs on some unknowns, at a later date; None if nothing.
 
         `factors` are the values of unknowns over the shared ones, by name (`load_factors`).
         """

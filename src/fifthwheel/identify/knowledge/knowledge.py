@@ -50,7 +50,7 @@ class Change:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Knowledge:
-    """What logs told of one truck: the information of each, so that they can be combined, removed and merged.
+    """The information of logs on one truck, of each by itself, so that they can be combined, removed and merged.
 
     Example:
         >>> import fifthwheel as fw
@@ -98,7 +98,7 @@ class Knowledge:
         return tuple(change for change in self.with_logs(logs).changes if change not in before)
 
     def prior(self, setup: Setup, occasion: Occasion, given: Vehicle | None = None) -> JointPrior | None:
-        """What the logs told of the unknowns of a setup; None if nothing.
+        """The information of the logs on the unknowns of a setup; None if nothing.
 
         `given` is the vehicle as stated, where that of the setup is identified.
         """
@@ -132,7 +132,7 @@ class Knowledge:
         return Knowledge(logs=(*(log for log in self.logs if log.digest not in digests), *logs))
 
     def without_records(self, records: Sequence[Record]) -> "Knowledge":
-        """Without what these logs told: a log counts once."""
+        """Without these logs: a log counts once."""
         digests = {record_digest(record) for record in records} if self.logs else set()
         return Knowledge(logs=tuple(log for log in self.logs if log.digest not in digests))
 

@@ -63,8 +63,8 @@ def solve_one_stage(
 ) -> Solution:
     """The maximum of the posterior; arguments and errors as in `identify`.
 
-    `earlier` is what earlier logs told of the unknowns of a setup. A vehicle that is unstable, or nearly, in the logs
-    is solved by prediction errors.
+    `earlier` is the information of earlier logs on the unknowns of a setup. A vehicle that is unstable, or nearly,
+    in the logs is solved by prediction errors.
     """
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
@@ -142,7 +142,9 @@ class _Estimator:
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
-        own = np.diag(problem.prior.own_precision(excited_by_inputs))  # what earlier logs told counts as information
+        own = np.diag(
+            problem.prior.own_precision(excited_by_inputs)
+        )  # the information of earlier logs counts as information
         information = problem.expand(excited_by_inputs).hessian - own
         posterior = Posterior.from_information(problem.names, information, nuisances=problem.nuisances)
         unseen = setup.without_roll_rate - frozenset(self.earlier.names if self.earlier else ())

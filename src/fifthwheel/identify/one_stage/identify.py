@@ -1,4 +1,4 @@
-"""The method of one stage: its solution, what it tells of the truck, and whether that fits what earlier logs told."""
+"""The method of one stage: its solution, and whether the logs contradict earlier ones."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -56,7 +56,9 @@ def identify_one_stage(
             solution, logs = _without_what_changed(solve, before, occasion, changes)
         if not logs[0].set_aside:
             last = max(before.used, key=lambda log: log.date)
-            notes.append(f"Begins with what earlier logs told ({len(before.used)}, the last of them {last.name}).")
+            notes.append(
+                f"Begins with the information of earlier logs ({len(before.used)}, the last of them {last.name})."
+            )
             notes.append(_doubtful(before.used))
     result = build_identification(solution, " ".join(filter(None, notes)))
     return replace(result, knowledge=before.with_logs(logs))
@@ -78,7 +80,7 @@ def _doubtful(logs: Sequence[LogKnowledge]) -> str:
 def _without_what_changed(
     solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, changes: Sequence[Change]
 ) -> tuple[Solution, list[LogKnowledge]]:
-    """The solution where logs contradict earlier ones, and what the logs tell."""
+    """The solution where logs contradict earlier ones, and the information of the logs."""
     if any(change.kind == OUTLIER for change in changes):
         alone = solve()
         return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]

@@ -1,4 +1,4 @@
-"""The prior of all unknowns of a problem: of each by itself, and what earlier logs told of some together.
+"""The prior of all unknowns of a problem: of each by itself, and the information of earlier logs on some together.
 
 Each unknown z has by itself a normal prior N(0, 1) or, if it is a guess, the hyperbolic one of `Unknown`, with the
 precision w: w z is the gradient of its cost. Earlier logs replace these for the unknowns that they informed by a joint
@@ -17,7 +17,7 @@ from fifthwheel.identify.setup import Setup
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class JointPrior:
-    """What earlier logs told of n unknowns, in units of their own priors."""
+    """The information of earlier logs on n unknowns, in units of their own priors."""
 
     names: tuple[str, ...]
     mean: Array  # m (n,)
@@ -36,7 +36,7 @@ class JointPrior:
 
 
 Earlier = Callable[[Setup], JointPrior | None]
-"""What earlier logs told of the unknowns of a setup."""
+"""The information of earlier logs on the unknowns of a setup."""
 
 
 def nothing(_: Setup) -> None:
@@ -49,7 +49,7 @@ class Prior:
     Args:
         names: of the unknowns.
         tails: of the prior of each by itself (k,); infinite if it is normal.
-        earlier: what earlier logs told of some of them; other names are ignored.
+        earlier: the information of earlier logs on some of them; other names are ignored.
     """
 
     def __init__(self, names: Sequence[str], tails: Array, earlier: JointPrior | None = None) -> None:

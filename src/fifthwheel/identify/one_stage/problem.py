@@ -92,7 +92,7 @@ class Problem:
         setup: vehicle, unknowns and model.
         logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
             set to 1.
-        earlier: what earlier logs told of the unknowns.
+        earlier: the information of earlier logs on the unknowns.
     """
 
     def __init__(self, setup: Setup, logs: Sequence[LogData], earlier: JointPrior | None = None) -> None:

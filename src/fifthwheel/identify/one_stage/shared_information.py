@@ -38,7 +38,7 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
-    """What each log of a solution tells of the truck."""
+    """The information of each log of a solution on the truck."""
     doubts = find_doubts(solution)
     return [
         LogKnowledge(

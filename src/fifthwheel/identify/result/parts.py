@@ -94,7 +94,7 @@ class IdentificationData:
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of vehicle file and tyres, estimated too
     knowledge: Knowledge | None = None
-    """What these logs and earlier ones told of the truck; None in two stages."""
+    """The information of these logs and earlier ones on the truck; None in two stages."""
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
     doubts: tuple[Doubt, ...] = ()
     """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
