@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from fifthwheel import pages
 from fifthwheel.formatting import approximate, shown, with_sigma
 from fifthwheel.identify.knowledge.history import (
@@ -77,14 +79,16 @@ def truck_history_document(knowledge: Knowledge) -> pages.Document:
 def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
     unit, dates = shown(each.last.unit), 1000 * each.time
     value, sigma = each.value * unit.factor, each.sigma * unit.factor
-    items: list[Item] = [
-        Band(dates, value - 2 * sigma, value + 2 * sigma, name="± 2 sigma", colour=BLUE),
-        Line(dates, value, name="all logs", colour=BLUE),
-        Points(dates, value, y_sigma=sigma, name="± sigma", colour=BLUE, size=6),
-        *(Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes),
-    ]
+    items: list[Item] = []
+    for part in np.split(np.arange(len(dates)), np.searchsorted(each.time, np.sort(each.changes))):
+        if len(part):  # from one change to the next
+            name = "" if items else "all logs, ± 2 sigma"
+            x, y, spread = dates[part], value[part], sigma[part]
+            items += [Band(x, y - 2 * spread, y + 2 * spread, colour=BLUE), Line(x, y, name=name, colour=BLUE)]
+    items.append(Points(dates, value, y_sigma=sigma, name="at a log, ± sigma", colour=BLUE, size=6))
+    items += [Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes]
     title = f"{each.last.name}, {each.last.belongs_to}"
-    plot = Plot(title=title, panels=[Panel(items=items, title=title, x=Axis(date=True), y=Axis(unit=unit.name))])
+    plot = Plot(title=title, panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
     return pages.CaptionedPlot(pages.Code(each.last.name), plot, "knowledge", ("", "history", title))
 
 

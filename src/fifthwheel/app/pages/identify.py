@@ -53,7 +53,8 @@ class _Settings:
             if option.replaced_by and not self._value(key, None):
                 continue
             if key in _RESULTS:
-                results = {"": "the vehicle file"} | {name: name for name in runs.results(self.workspace)}
+                found = runs.known_results if key == "knowledge" else runs.results
+                results = {"": "the vehicle file"} | {name: name for name in found(self.workspace)}
                 self._choice(key, label, results, _RESULTS[key])
             elif option.choices:
                 self._choice(key, label, option.choices, help)
