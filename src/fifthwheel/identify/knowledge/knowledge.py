@@ -30,6 +30,8 @@ from fifthwheel.vehicle import Vehicle
 
 SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
+OUTLYING = "contradicts the logs after it"
+"""Why a log is set aside."""
 FALSE_ALARM = 0.01
 """Probability of a false change by one log."""
 SHORTEST_DIGEST = 12
@@ -46,6 +48,8 @@ class Change:
     """Names of those that it alters."""
     text: str
     """A sentence."""
+    log: str = ""
+    """Digest of the log from which on it is; of the log itself for an outlier."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,6 +101,14 @@ class Knowledge:
         before = self.changes if self.used else ()
         return tuple(change for change in self.with_logs(logs).changes if change not in before)
 
+    def earlier_changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[Change, ...]:
+        """The changes at these logs that only later logs show; none if the others are not later than all of these."""
+        dates = [[(log.date, log.name) for log in group] for group in (self.used, logs)]
+        if max(dates[0]) >= min(dates[1]):
+            return ()
+        digests = {log.digest for log in self.used}
+        return tuple(change for change in self.changes_by(logs) if change.log in digests)
+
     def prior(self, setup: Setup, occasion: Occasion, given: Vehicle | None = None) -> JointPrior | None:
         """The information of the logs on the unknowns of a setup; None if nothing.
 
@@ -130,6 +142,27 @@ class Knowledge:
         """With more logs; one with the same samples replaces the former."""
         digests = {log.digest for log in logs if log.digest}
         return Knowledge(logs=(*(log for log in self.logs if log.digest not in digests), *logs))
+
+    def with_changes(self, changes: Sequence[Change]) -> "Knowledge":
+        """With changes that later logs show: an outlier is set aside, other unknowns begin again with their log."""
+        logs = []
+        for log in self.logs:
+            own = [change for change in changes if log.digest and change.log == log.digest]
+            if any(change.kind == OUTLIER for change in own):
+                log = replace(log, set_aside=OUTLYING)
+            members = {name for change in own if change.kind != OUTLIER for name in change.unknowns}
+            logs.append(replace(log, changed=tuple(sorted({*log.changed, *members}))))
+        return Knowledge(logs=tuple(logs))
+
+    def majority(self, logs: Sequence[LogKnowledge]) -> "Knowledge | None":
+        """The logs that were set aside instead of those in use, if together with these logs they are more, and agree;
+        None if not."""
+        aside = [log for log in self.logs if log.set_aside]
+        if not aside or len(aside) + len(logs) <= len(self.used):
+            return None
+        if Knowledge(logs=(*(replace(log, set_aside="") for log in aside), *logs)).changes:
+            return None
+        return Knowledge(logs=tuple(replace(log, set_aside="" if log.set_aside else OUTLYING) for log in self.logs))
 
     def without_records(self, records: Sequence[Record]) -> "Knowledge":
         """Without these logs: a log counts once."""
@@ -215,4 +248,4 @@ def _change(combined: Combined, change: TripChange) -> Change:
     log, names = combined.logs[change.trip], [u.name for u in combined.layout.unknowns]
     text = _CHANGES[change.kind.name].format(subject=change.kind.subject, log=log.name)
     members = tuple(names[i] for i in change.kind.members)
-    return Change(kind=change.kind.name, unknowns=members, text=f"{text}.")
+    return Change(kind=change.kind.name, unknowns=members, text=f"{text}.", log=log.digest)

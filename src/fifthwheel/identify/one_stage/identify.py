@@ -1,12 +1,13 @@
 """The method of one stage: its solution, and whether the logs contradict earlier ones."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
+from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
-from fifthwheel.identify.knowledge.knowledge import Change, Knowledge, tyre_change
+from fifthwheel.identify.knowledge.knowledge import OUTLYING, Change, Knowledge, tyre_change
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.identification import build_identification
@@ -48,12 +49,13 @@ def identify_one_stage(
     before.require_same_load(vehicle, occasion)
     solve = partial(solve_one_stage, records, vehicle, settings, validate=validate, progress=progress)
     solution = solve(earlier=partial(before.prior, occasion=occasion) if before.used else None)
-    notes, logs = [note], log_knowledge(solution, occasion)
+    notes = [note]
     if solution.settings.form != settings.form:
         notes.append(NEARLY_UNSTABLE)
+    logs = log_knowledge(solution, occasion)
     if before.used:
-        if changes := before.changes_by(logs) or tuple(_changed_tyres(solution)):
-            solution, logs = _without_what_changed(solve, before, occasion, changes)
+        before, solution, logs, found = _reconciled(solve, before, occasion, solution)
+        notes += found
         if not logs[0].set_aside:
             last = max(before.used, key=lambda log: log.date)
             notes.append(
@@ -62,6 +64,30 @@ def identify_one_stage(
             notes.append(_doubtful(before.used))
     result = build_identification(solution, " ".join(filter(None, notes)))
     return replace(result, knowledge=before.with_logs(logs))
+
+
+def _reconciled(
+    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, solution: Solution
+) -> tuple[Knowledge, Solution, list[LogKnowledge], list[str]]:
+    """The knowledge of earlier logs, the solution and the information of its logs where both contradict each other, and
+    sentences on the earlier logs."""
+    logs, notes = log_knowledge(solution, occasion), list[str]()
+    for _ in before.used:
+        earlier = before.earlier_changes_by(logs)
+        if not earlier:
+            break
+        before = before.with_changes(earlier)
+        notes += dict.fromkeys(change.text for change in earlier)
+        solution = solve(earlier=partial(before.prior, occasion=occasion))
+        logs = log_knowledge(solution, occasion)
+    if changes := before.changes_by(logs) or tuple(_changed_tyres(solution)):
+        solution, logs = _without_what_changed(solve, before, occasion, changes)
+        if logs[0].set_aside and (other := before.majority([replace(log, set_aside="") for log in logs])):
+            notes.append(f"{', '.join(log.name for log in before.used)}: {OUTLYING}, and is set aside.")
+            before = other
+            solution = solve(earlier=partial(before.prior, occasion=occasion))
+            logs = log_knowledge(solution, occasion)
+    return before, solution, logs, notes
 
 
 def _doubtful(logs: Sequence[LogKnowledge]) -> str:
@@ -81,18 +107,32 @@ def _without_what_changed(
     solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, changes: Sequence[Change]
 ) -> tuple[Solution, list[LogKnowledge]]:
     """The solution where logs contradict earlier ones, and the information of the logs."""
-    if any(change.kind == OUTLIER for change in changes):
-        alone = solve()
-        return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
     members = frozenset(name for change in changes for name in change.unknowns)
 
     def unchanged(setup: Setup) -> JointPrior | None:
         prior = before.prior(setup, occasion)
         return prior and prior.among(frozenset(prior.names) - members)
 
-    solution = solve(earlier=unchanged)
-    first, *others = log_knowledge(solution, occasion)
-    return solution, [replace(first, changed=tuple(sorted(members))), *others]
+    if not any(change.kind == OUTLIER for change in changes):
+        solution = solve(earlier=unchanged)
+        if not _is_contradicted(solution, before.prior(solution.problem.setup, occasion), members):
+            first, *others = log_knowledge(solution, occasion)
+            return solution, [replace(first, changed=tuple(sorted(members))), *others]
+    alone = solve()
+    return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
+
+
+def _is_contradicted(solution: Solution, before: JointPrior | None, members: Container[str]) -> bool:
+    """Whether a log contradicts earlier ones although some unknowns changed, or these changed implausibly.
+
+    An estimate that was unusual before is a wrong guess, and no contradiction.
+    """
+    means = dict(zip(before.names, before.mean.tolist(), strict=True)) if before else {}
+    for doubt in find_doubts(solution):
+        changed = [c for c in doubt.causes if c.name in members and abs(means.get(c.name, 0.0)) < UNUSUAL_ESTIMATE]
+        if doubt.kind is DoubtKind.ASSUMPTION or changed:
+            return True
+    return False
 
 
 def _changed_tyres(solution: Solution) -> Iterator[Change]:

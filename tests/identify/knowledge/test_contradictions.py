@@ -1,0 +1,79 @@
+"""Logs that contradict each other: a bad log is set aside, also if it is the first."""
+
+import datetime
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.diagnose.cautions import contradiction_cautions
+from fifthwheel.identify.knowledge.knowledge import Change
+
+TRUCK = fw.vehicle("cheng_cebon_2011")
+STEER = "steer.tractor.front"
+DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
+SETTINGS = fw.OneStage(steer_delay_prior=0.02)
+
+
+def record(k: int, *, late: float = 0.0, trailer: bool = False) -> fw.Record:
+    """Log k: two lane changes, with a steer angle that is late, or with another trailer."""
+    p = TRUCK.parameters()
+    light = {f"semitrailer.{name}": p[f"semitrailer.{name}"] - 13e3 for name in ("mass", "payload.mass")}
+    truck = TRUCK.replace(light | {"semitrailer.yaw_inertia": 0.5 * p["semitrailer.yaw_inertia"]}) if trailer else TRUCK
+    made = fw.simulate(truck, count=2, seed=k, speed=18.0 + k)
+    signals = {**made.signals, STEER: np.interp(made.time - late, made.time, made.signals[STEER])}
+    return fw.Record(time=made.time, signals=signals, name=f"log {k}")
+
+
+def identified(records: Sequence[fw.Record]) -> fw.Identification:
+    """One after another, one an hour."""
+    result = None
+    for k, log in enumerate(records):
+        occasion = fw.Occasion(date=DATE + datetime.timedelta(hours=k))
+        knowledge = result.knowledge if result else None
+        result = fw.identify([log], TRUCK, SETTINGS, knowledge=knowledge, occasion=occasion)
+    assert result
+    return result
+
+
+def states(result: fw.Identification) -> str:
+    """Set aside (A), changed (C) or used (.), of each log."""
+    return "".join("A" if log.set_aside else "C" if log.changed else "." for log in result.knowledge.logs)
+
+
+@pytest.fixture(scope="module")
+def good() -> fw.Identification:
+    return identified([record(0), record(1)])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("error", [{"late": 0.25}, {"trailer": True}])
+def test_a_bad_log_is_set_aside(good, error) -> None:
+    """A late steer angle is not explained by other tyres: with these, the log contradicts the earlier ones, too."""
+    occasion = fw.Occasion(date=DATE + datetime.timedelta(hours=2))
+    bad = fw.identify([record(2, **error)], TRUCK, SETTINGS, knowledge=good.knowledge, occasion=occasion)
+    assert states(bad) == "..A"
+    assert "It is set aside" in " ".join(map(str, contradiction_cautions(bad)))
+
+
+@pytest.mark.slow
+def test_a_bad_first_log_is_set_aside_by_two_others() -> None:
+    """Of two logs that differ, the second is set aside; the third decides."""
+    result = identified([record(k, trailer=k == 0) for k in range(3)])
+    assert states(result) == "A.."
+    assert "log 0: contradicts the logs after it, and is set aside." in " ".join(result.notes)
+    for name in ("semitrailer.cornering_stiffness", "semitrailer.yaw_inertia"):
+        estimate = result[name]
+        assert abs(estimate.value - TRUCK.parameters()[name]) < 3 * estimate.sigma
+
+
+def test_an_earlier_log_that_later_logs_contradict_is_set_aside(good) -> None:
+    """A change at an earlier log, which only later logs show, belongs to this one."""
+    first, second = good.knowledge.logs
+    outlier = good.knowledge.with_changes([Change(kind="outlier", unknowns=(), text="", log=second.digest)])
+    assert [bool(log.set_aside) for log in outlier.logs] == [False, True]
+    name = "semitrailer.cornering_stiffness"
+    tyres = good.knowledge.with_changes([Change(kind="tyres", unknowns=(name,), text="", log=second.digest)])
+    assert [log.changed for log in tyres.logs] == [(), (name,)]
+    assert first.digest != second.digest
