@@ -86,7 +86,8 @@ def identify(
     kept = None if chosen.knowledge is None else knowledge_file(chosen.knowledge)
     before = [chosen.suspension_from, kept, result]
     read = [*inputs, Path(file), *(path for path in (signals, *before) if path)]
-    read = [path for path in read if path.parent != out]  # what a result keeps grows in place
+    grown = [result, kept, *([Path(file)] if result else [])]  # a result grows in place
+    read = [path for path in read if path not in grown or path.parent != out]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_axle_loads(start.vehicle, records)
