@@ -92,10 +92,10 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
     return (run.time, run.truth) if draw.nonlinear else linear_signals(run, bank)
 
 
-def linear_signals(run: PlantRun, bank: float) -> tuple[Array, Mapping[str, Array]]:
-    """The same of the linear truck with the inputs of a run of the nonlinear one."""
+def linear_signals(run: PlantRun, bank: float, truck: Vehicle = TRUCK) -> tuple[Array, Mapping[str, Array]]:
+    """The same of a linear truck with the inputs of a run of the nonlinear one."""
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
-    truck = TRUCK.with_logged_steering(inputs, run.name)
+    truck = truck.with_logged_steering(inputs, run.name)
     model = dynamics.model(truck, outputs, roll=True, bank=True)
     first = {name: float(values[0]) for name, values in inputs.items()}
     start = np.append(steady_initial_state(truck, first, {}, roll=True, bank=bank)[0], bank)
