@@ -24,7 +24,7 @@ def test_the_estimates_of_all_logs(result, run):  # noqa: F811
     assert shown.out.startswith("2 logs, 5 estimated parameters.")
     for name in ESTIMATED:
         assert name in shown.out
-    assert "load of trailer" in shown.out
+    assert " load " in shown.out
     assert "mass_scale" not in shown.out
     assert "mass_scale" in run("knowledge", "show", result, "--all").out
     contents = run("knowledge", "show", result / "knowledge.json", "--json").json()

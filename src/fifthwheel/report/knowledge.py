@@ -36,17 +36,8 @@ def knowledge_document(estimates: Sequence[SharedEstimate], logs: int, *, everyt
 
 
 def _estimates(estimates: Sequence[SharedEstimate], label: str) -> pages.Table:
-    rows = [
-        (
-            pages.Code(e.name),
-            with_sigma(e.value, e.sigma, e.unit),
-            e.belongs_to,
-            e.log,
-            e.date[:10],
-        )
-        for e in estimates
-    ]
-    return pages.Table(("Parameter|name", "Value|main", "Belongs to", "Last log", "Date|w"), rows, label=label)
+    rows = [(pages.Code(e.name), with_sigma(e.value, e.sigma, e.unit), e.belongs_to, e.log) for e in estimates]
+    return pages.Table(("Parameter|name", "Value|main", "Belongs to", "Last log"), rows, label=label)
 
 
 def history_document(entries: Sequence[LogEntry]) -> pages.Document:

@@ -21,7 +21,7 @@ def test_every_estimate_has_its_owner_and_its_last_log(knowledge):
     assert found[REAR, "T 17"].belongs_to == "trailer T 17"
     inertia = found["semitrailer.yaw_inertia", "T 17"]
     assert inertia.belongs_to == "load steel of trailer T 17"
-    assert found["semitrailer.yaw_inertia", ""].belongs_to == "load of trailer"
+    assert found["semitrailer.yaw_inertia", ""].belongs_to == "load"
 
 
 def test_units_of_sensor_errors_and_of_changes_of_several_numbers():

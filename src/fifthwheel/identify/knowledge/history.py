@@ -53,7 +53,9 @@ class SharedEstimate:
         if self.trailer is None:
             return "truck"
         trailer = f"trailer {self.trailer}".rstrip()
-        return trailer if self.load is None else f"load {self.load} of {trailer}".replace("  ", " ")
+        if self.load is None:
+            return trailer
+        return f"load {self.load}".rstrip() + (f" of {trailer}" if self.trailer else "")
 
     def as_dict(self) -> dict[str, Any]:
         """The fields, for JSON."""
