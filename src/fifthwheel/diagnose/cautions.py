@@ -25,6 +25,7 @@ from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
+from fifthwheel.identify.knowledge.history import changes_in_words
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
@@ -128,10 +129,8 @@ def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
             )
             yield Caution(kind, message, cure, 0.0, log=name)
         elif log.changed:
-            verb = "differs" if len(log.changed) == 1 else "differ"
-            message = (
-                f"{enumerated(log.changed)} in {name} {verb} from the earlier logs; the estimate begins again there."
-            )
+            changes = enumerated([*changes_in_words(log)] or log.changed)
+            message = f"{name} differs from the earlier logs: {changes}. What this alters begins again there."
             cure = (
                 "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was "
                 f"changed, check {name}."
