@@ -8,7 +8,8 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.diagnose.cautions import contradiction_cautions
-from fifthwheel.identify.knowledge.knowledge import Change
+from fifthwheel.identify.knowledge.knowledge import Change, tyre_change
+from fifthwheel.identify.one_stage import identify as method
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 STEER = "steer.tractor.front"
@@ -77,3 +78,15 @@ def test_an_earlier_log_that_later_logs_contradict_is_set_aside(good) -> None:
     tyres = good.knowledge.with_changes([Change(kind="tyres", unknowns=(name,), text="", log=second.digest)])
     assert [log.changed for log in tyres.logs] == [(), (name,)]
     assert first.digest != second.digest
+
+
+def test_a_bad_log_of_the_tractor_alone_is_refused(good, monkeypatch) -> None:
+    """By itself it cannot be identified."""
+    monkeypatch.setattr(method, "_changed_tyres", lambda _: [tyre_change("tractor.drive.cornering_stiffness", "")])
+    monkeypatch.setattr(method, "_is_contradicted", lambda *_: True)
+    whole = record(2)
+    signals = {name: values for name, values in whole.signals.items() if not name.endswith("rate.semitrailer")}
+    alone = fw.Record(time=whole.time, signals=signals, name="tractor")
+    occasion = fw.Occasion(date=DATE + datetime.timedelta(hours=2))
+    with pytest.raises(fw.SignalError, match=r"tractor: contradicts the earlier logs.*yaw_rate\.semitrailer: in none"):
+        fw.identify([alone], TRUCK, SETTINGS, knowledge=good.knowledge, occasion=occasion)

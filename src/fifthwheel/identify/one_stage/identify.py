@@ -4,6 +4,7 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
@@ -81,7 +82,7 @@ def _reconciled(
         solution = solve(earlier=partial(before.prior, occasion=occasion))
         logs = log_knowledge(solution, occasion)
     if changes := before.changes_by(logs) or tuple(_changed_tyres(solution)):
-        solution, logs = _without_what_changed(solve, before, occasion, changes)
+        solution, logs = _without_what_changed(solve, before, occasion, solution, changes)
         if logs[0].set_aside and (other := before.majority([replace(log, set_aside="") for log in logs])):
             notes.append(f"{', '.join(log.name for log in before.used)}: {OUTLYING}, and is set aside.")
             before = other
@@ -104,7 +105,7 @@ def _doubtful(logs: Sequence[LogKnowledge]) -> str:
 
 
 def _without_what_changed(
-    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, changes: Sequence[Change]
+    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, solution: Solution, changes: Sequence[Change]
 ) -> tuple[Solution, list[LogKnowledge]]:
     """The solution where logs contradict earlier ones, and the information of the logs."""
     members = frozenset(name for change in changes for name in change.unknowns)
@@ -118,7 +119,11 @@ def _without_what_changed(
         if not _is_contradicted(solution, before.prior(solution.problem.setup, occasion), members):
             first, *others = log_knowledge(solution, occasion)
             return solution, [replace(first, changed=tuple(sorted(members))), *others]
-    alone = solve()
+    try:
+        alone = solve()
+    except SignalError as error:  # such as signals of the first unit alone
+        names = ", ".join(log.name for log in log_knowledge(solution, occasion))
+        raise SignalError(f"{names}: {UNEXPLAINED}, and by itself it cannot be identified ({error})") from None
     return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
 
 
