@@ -13,7 +13,7 @@ from fifthwheel.input_files import read_json
 
 
 @dataclass(frozen=True, kw_only=True)
-class Format:
+class FileKind:
     """A kind of files, such as "fifthwheel learner 3"."""
 
     kind: str

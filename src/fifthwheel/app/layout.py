@@ -2,12 +2,12 @@
 
 import logging
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module, resources
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 from urllib.parse import urlencode
 from weakref import WeakKeyDictionary
 
@@ -17,6 +17,7 @@ from fifthwheel.app import jobs, result_files
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 
+T = TypeVar("T")
 PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare", "history")
 """Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
 ICON = (
@@ -103,6 +104,20 @@ def plain(text: str) -> str:
 def query(**values: str | Sequence[str]) -> str:
     """Values as the query of an address."""
     return urlencode(values, doseq=True)
+
+
+async def fill(place: ui.column, computed: Awaitable[T], build: Callable[[T], object]) -> None:
+    """Build what is computed in place of the spinner, or say why it cannot be."""
+    try:
+        found = await computed
+    except FifthwheelError as error:
+        place.clear()
+        with place:
+            failure(str(error))
+        return
+    place.clear()
+    with place:
+        build(found)
 
 
 def failure(message: str) -> None:

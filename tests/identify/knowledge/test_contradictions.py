@@ -8,7 +8,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.diagnose.cautions import contradiction_cautions
-from fifthwheel.identify.knowledge.knowledge import Change, tyre_change
+from fifthwheel.identify.knowledge.knowledge import LogChange, tyre_change
 from fifthwheel.identify.one_stage import identify as method
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -72,10 +72,10 @@ def test_a_bad_first_log_is_set_aside_by_two_others() -> None:
 def test_an_earlier_log_that_later_logs_contradict_is_set_aside(good) -> None:
     """A change at an earlier log, which only later logs show, belongs to this one."""
     first, second = good.knowledge.logs
-    outlier = good.knowledge.with_changes([Change(kind="outlier", unknowns=(), text="", log=second.digest)])
+    outlier = good.knowledge.with_changes([LogChange(kind="outlier", unknowns=(), text="", log=second.digest)])
     assert [bool(log.set_aside) for log in outlier.logs] == [False, True]
     name = "semitrailer.cornering_stiffness"
-    tyres = good.knowledge.with_changes([Change(kind="tyres", unknowns=(name,), text="", log=second.digest)])
+    tyres = good.knowledge.with_changes([LogChange(kind="tyres", unknowns=(name,), text="", log=second.digest)])
     assert [log.changed for log in tyres.logs] == [(), (name,)]
     assert first.digest != second.digest
 

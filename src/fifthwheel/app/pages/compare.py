@@ -1,17 +1,14 @@
 """Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
-from collections.abc import Awaitable, Callable
-from typing import Any, TypeVar
+from typing import Any
 
 from nicegui import ui
 
 from fifthwheel.app import documents, inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.diagnose import Comparison
-from fifthwheel.errors import FifthwheelError
 from fifthwheel.report.comparison import comparison_document
 
-T = TypeVar("T")
 MOST = 6
 """Results that are compared without being asked for."""
 
@@ -31,23 +28,9 @@ def build(workspace: Workspace) -> None:
 
     async def show() -> None:
         computed = jobs.compute(runs.comparison, workspace.folder, chosen)
-        await _show(place, computed, lambda found: _comparison(workspace, found, chosen))
+        await layout.fill(place, computed, lambda found: _comparison(workspace, found, chosen))
 
     ui.timer(0, show, once=True)
-
-
-async def _show(place: ui.column, computed: Awaitable[T], build: Callable[[T], object]) -> None:
-    """Build what is computed in place of the spinner, or say why it cannot be."""
-    try:
-        found = await computed
-    except FifthwheelError as error:
-        place.clear()
-        with place:
-            layout.failure(str(error))
-        return
-    place.clear()
-    with place:
-        build(found)
 
 
 def _choice(results: list[str], chosen: list[str]) -> None:
@@ -90,7 +73,7 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
         with place:
             ui.spinner(size="2em").props('role=status aria-label="Predicting"')
         computed = jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
-        await _show(place, computed, lambda plot: documents.show_plot(plot, height=170 * len(plot.panels) + 100))
+        await layout.fill(place, computed, lambda plot: documents.show_plot(plot, height=170 * len(plot.panels) + 100))
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)

@@ -4,7 +4,6 @@ from nicegui import ui
 
 from fifthwheel.app import documents, jobs, layout, runs
 from fifthwheel.app.workspace import Workspace
-from fifthwheel.errors import FifthwheelError
 
 
 def build(workspace: Workspace) -> None:
@@ -22,15 +21,7 @@ def build(workspace: Workspace) -> None:
         ui.spinner(size="2em").props('role=status aria-label="Combining the logs"')
 
     async def show() -> None:
-        try:
-            found = await jobs.compute(runs.history, workspace.folder, chosen)
-        except FifthwheelError as error:
-            place.clear()
-            with place:
-                layout.failure(str(error))
-            return
-        place.clear()
-        with place:
-            documents.show(*found.blocks)
+        computed = jobs.compute(runs.history, workspace.folder, chosen)
+        await layout.fill(place, computed, lambda found: documents.show(*found.blocks))
 
     ui.timer(0, show, once=True)

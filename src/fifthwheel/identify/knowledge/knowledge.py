@@ -39,7 +39,7 @@ SHORTEST_DIGEST = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class Change:
+class LogChange:
     """What a log shows that differs from the logs before it."""
 
     kind: str
@@ -92,16 +92,16 @@ class Knowledge:
         return combined
 
     @functools.cached_property
-    def changes(self) -> tuple[Change, ...]:
+    def changes(self) -> tuple[LogChange, ...]:
         """Between the logs, in the order of time."""
         return tuple(_change(self.combined, change) for change in self.combined.changes)
 
-    def changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[Change, ...]:
+    def changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[LogChange, ...]:
         """The changes that more logs show, besides those that these already state."""
         before = self.changes if self.used else ()
         return tuple(change for change in self.with_logs(logs).changes if change not in before)
 
-    def earlier_changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[Change, ...]:
+    def earlier_changes_by(self, logs: Sequence[LogKnowledge]) -> tuple[LogChange, ...]:
         """The changes at these logs that only later logs show; none if the others are not later than all of these."""
         dates = [[(log.date, log.name) for log in group] for group in (self.used, logs)]
         if max(dates[0]) >= min(dates[1]):
@@ -143,7 +143,7 @@ class Knowledge:
         digests = {log.digest for log in logs if log.digest}
         return Knowledge(logs=(*(log for log in self.logs if log.digest not in digests), *logs))
 
-    def with_changes(self, changes: Sequence[Change]) -> "Knowledge":
+    def with_changes(self, changes: Sequence[LogChange]) -> "Knowledge":
         """With changes that later logs show: an outlier is set aside, other unknowns begin again with their log."""
         logs = []
         for log in self.logs:
@@ -238,14 +238,14 @@ _CHANGES = {
 """Sentences without their end."""
 
 
-def tyre_change(stiffness: str, log: str) -> Change:
+def tyre_change(stiffness: str, log: str) -> LogChange:
     """The change of a cornering stiffness by its path."""
     subject = stiffness.removesuffix(".cornering_stiffness")
-    return Change(kind="tyres", unknowns=(stiffness,), text=f"{_CHANGES['tyres'].format(subject=subject, log=log)}.")
+    return LogChange(kind="tyres", unknowns=(stiffness,), text=f"{_CHANGES['tyres'].format(subject=subject, log=log)}.")
 
 
-def _change(combined: Combined, change: TripChange) -> Change:
+def _change(combined: Combined, change: TripChange) -> LogChange:
     log, names = combined.logs[change.trip], [u.name for u in combined.layout.unknowns]
     text = _CHANGES[change.kind.name].format(subject=change.kind.subject, log=log.name)
     members = tuple(names[i] for i in change.kind.members)
-    return Change(kind=change.kind.name, unknowns=members, text=f"{text}.", log=log.digest)
+    return LogChange(kind=change.kind.name, unknowns=members, text=f"{text}.", log=log.digest)

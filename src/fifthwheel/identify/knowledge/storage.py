@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.checked_json import Format
+from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.filters.model import pack_array, unpack_array
 from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
@@ -16,7 +16,7 @@ from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInform
 KNOWLEDGE, IDENTIFICATION = "knowledge.json", "identification.json"
 MAX_REASON = 200
 """Characters of the reason of an error."""
-FILE = Format(
+FILE = FileKind(
     kind="fifthwheel knowledge",
     version=1,
     title="the knowledge of a truck",

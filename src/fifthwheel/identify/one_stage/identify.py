@@ -8,7 +8,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
-from fifthwheel.identify.knowledge.knowledge import OUTLYING, Change, Knowledge, tyre_change
+from fifthwheel.identify.knowledge.knowledge import OUTLYING, Knowledge, LogChange, tyre_change
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.identification import build_identification
@@ -55,7 +55,7 @@ def identify_one_stage(
         notes.append(NEARLY_UNSTABLE)
     logs = log_knowledge(solution, occasion)
     if before.used:
-        before, solution, logs, found = _reconciled(solve, before, occasion, solution)
+        before, solution, logs, found = _reconciled(solve, before, occasion, solution, logs)
         notes += found
         if not logs[0].set_aside:
             last = max(before.used, key=lambda log: log.date)
@@ -68,11 +68,15 @@ def identify_one_stage(
 
 
 def _reconciled(
-    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, solution: Solution
+    solve: Callable[..., Solution],
+    before: Knowledge,
+    occasion: Occasion,
+    solution: Solution,
+    logs: list[LogKnowledge],
 ) -> tuple[Knowledge, Solution, list[LogKnowledge], list[str]]:
     """The knowledge of earlier logs, the solution and the information of its logs where both contradict each other, and
     sentences on the earlier logs."""
-    logs, notes = log_knowledge(solution, occasion), list[str]()
+    notes = list[str]()
     for _ in before.used:
         earlier = before.earlier_changes_by(logs)
         if not earlier:
@@ -105,7 +109,11 @@ def _doubtful(logs: Sequence[LogKnowledge]) -> str:
 
 
 def _without_what_changed(
-    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, solution: Solution, changes: Sequence[Change]
+    solve: Callable[..., Solution],
+    before: Knowledge,
+    occasion: Occasion,
+    solution: Solution,
+    changes: Sequence[LogChange],
 ) -> tuple[Solution, list[LogKnowledge]]:
     """The solution where logs contradict earlier ones, and the information of the logs."""
     members = frozenset(name for change in changes for name in change.unknowns)
@@ -140,7 +148,7 @@ def _is_contradicted(solution: Solution, before: JointPrior | None, members: Con
     return False
 
 
-def _changed_tyres(solution: Solution) -> Iterator[Change]:
+def _changed_tyres(solution: Solution) -> Iterator[LogChange]:
     """The tyres of which a log contradicts the variation that is usual from log to log."""
     for doubt in find_doubts(solution):
         for cause in doubt.causes[:1]:

@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.checked_json import Format
+from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.unknowns.unknown import Unknown
 
-LEARNER_FILE = Format(
+LEARNER_FILE = FileKind(
     kind="fifthwheel learner", version=3, title="a learner", writer="Learner.save", renew="start with a new Learner"
 )
 
