@@ -283,6 +283,13 @@ class LiveOptions(Settings):
     trailer: Annotated[
         str | None, Option(help="Name of the coupled trailer; each trailer has estimates of its own.")
     ] = None
+    knowledge: Annotated[
+        Path | None,
+        Option(
+            help="Result of `fifthwheel identify` for this truck: a new --state, and a trailer that is new to it, "
+            "begin with its logs."
+        ),
+    ] = None
     trailer_signal: Annotated[
         str | None,
         Option(help="Message.Signal whose number names the coupled trailer, and follows each change."),

@@ -24,7 +24,13 @@ def rows_of(count: int, seed: int = 3) -> Array:
 
 def linear_filter(**settings: float) -> RelinearisedFilter:
     made = RelinearisedFilter(
-        MODEL, c=C, noise=NOISE, scaling=SCALING, walk=np.zeros(2), settings=RelinearisationSettings(**settings)
+        MODEL,
+        c=C,
+        noise=NOISE,
+        scaling=SCALING,
+        walk=np.zeros(2),
+        correlation=np.zeros((0, 0)),
+        settings=RelinearisationSettings(**settings),
     )
     made.start(np.zeros(3), np.eye(3), np.zeros((3, 2)), np.zeros(1))
     return made
@@ -79,6 +85,7 @@ def logarithmic_filter(V: Array | None = None, **settings: float) -> Relinearise
         noise=noise,
         scaling=LOG_SCALING,
         walk=np.zeros(2),
+        correlation=np.zeros((0, 0)),
         settings=RelinearisationSettings(**settings),
     )
     made.start(np.zeros(1), np.full((1, 1), 1e-12), np.zeros((1, 2)) if V is None else V, np.zeros(1))
@@ -150,8 +157,13 @@ def test_inflation_of_the_variance() -> None:
     """At most to the variance of the prior; correlations stay, and the scores contain so much less information."""
     Pz = np.array([[0.1, 0.12], [0.12, 0.4]])
     estimate = JointEstimate(
-        z=np.ones(2), Pz=Pz, B=np.ones((2, 1)), gradient=np.array([6.0]), information=np.array([8.0])
-    )  # fmt: skip
+        z=np.ones(2),
+        Pz=Pz,
+        B=np.ones((2, 1)),
+        gradient=np.array([6.0]),
+        information=np.array([8.0]),
+        correlation=np.eye(1),
+    )
     wider = estimate.with_variance_inflation(4.0)
     assert np.diag(wider.Pz) == pytest.approx([0.4, 1.0])
     assert wider.Pz[0, 1] / np.sqrt(0.4) == pytest.approx(0.12 / np.sqrt(0.1 * 0.4))

@@ -6,6 +6,8 @@ import math
 import pytest
 
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import STANDSTILL, Learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
@@ -189,3 +191,18 @@ def test_a_number_on_the_bus_names_the_trailer(tmp_path):
             break
     session.close()
     assert learning.learner.trailer == "12"
+
+
+def test_a_new_state_begins_with_knowledge_and_one_that_exists_continues(tmp_path):
+    """With the trailer of the last log, unless another one is named; a trailer of the result has its own estimates."""
+    log, occasion = simulate(TRUCK, count=2, seed=5), Occasion(trailer="depot 7", load="steel")
+    kept = identify([log], TRUCK, OneStage(tyres="linear"), occasion=occasion).knowledge
+    learning = make_learning(TRUCK, SIGNALS, knowledge=kept)
+    assert learning.learner.trailer == "depot 7"
+    sigma = learning.learner[STIFF].sigma
+    assert sigma < 0.5 * make_learning(TRUCK, SIGNALS).learner[STIFF].sigma
+    learning.learner.save(tmp_path / "truck.json")
+    other = make_learning(TRUCK, SIGNALS, path=tmp_path / "truck.json", trailer="depot 8", knowledge=kept)
+    assert other.learner[STIFF].sigma > 2 * sigma
+    other.couple("depot 7")
+    assert other.learner[STIFF].sigma == pytest.approx(sigma, rel=1e-6)

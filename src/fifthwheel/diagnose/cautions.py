@@ -26,6 +26,7 @@ from fifthwheel.formatting import approximate, digits, enumerated, percent, with
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
 from fifthwheel.identify.knowledge.history import changes_in_words
+from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
@@ -122,7 +123,7 @@ def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
         if log.name not in own:
             continue
         kind, name = CautionKind.CONTRADICTION, log.name
-        if log.set_aside:
+        if log.set_aside not in ("", NOT_CONVERGED):  # the verdicts show the latter
             message = f"{name} {log.set_aside}. It is set aside, and these estimates are of it alone."
             cure = (
                 "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load)."

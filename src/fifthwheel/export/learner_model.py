@@ -4,6 +4,7 @@ import math
 import zlib
 from collections.abc import Sequence
 
+from fifthwheel.errors import SignalError
 from fifthwheel.export import c_text
 from fifthwheel.export import learner_functions as functions
 from fifthwheel.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
@@ -34,6 +35,8 @@ def reported(learner: Learner) -> list[Unknown]:
 
 def texts_of(learner: Learner) -> dict[str, str]:
     """Texts that replace the marks in the files of a learner."""
+    if not learner.live.considered.is_prior:
+        raise SignalError("learner: begins with the information of earlier logs, which C code lacks; make it without")
     linearisation = functions.linearisation(learner.live)
     model, source = _sizes_and_limits(learner, len(linearisation.places)), _source(learner, linearisation)
     return {

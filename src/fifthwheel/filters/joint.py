@@ -8,7 +8,8 @@ This filter adds:
 * learn: z has no gain on a sample with learn = 0.
 * Considered parameters c ~ N(0, I), which keep their prior mean 0 (Schmidt 1966). `B` is the derivative of the estimate
   of z that goes with a change of c. The covariance of z is Pz + B B', its covariance with c is B. The gains ignore c,
-  so that samples are not weighted by an assumed model of the vehicle's errors.
+  so that samples are not weighted by an assumed model of the vehicle's errors. After earlier logs c has a correlation
+  R = L L' and z the covariance Pz + B R B'; the gate ignores R.
 * The score test of each considered parameter (Rao 1948; `identify.doubts`): with rho the derivative of an innovation
   with respect to c, and S its variance, the gradient is - sum rho e / S and the information sum rho^2 / S.
 * walk: the variance of an estimated z grows towards that of its prior with this rate, 1/s.
@@ -267,25 +268,29 @@ def bounds(scaling: Scaling, n_z: int) -> tuple[Array, Array]:
 
 
 @compiled(functools.partial(Scan, lanes=LANES))
-def state_view(model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
+def state_view(
+    model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int, correlated: bool = False
+) -> ca.Function:
     """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
 
-    carry = `JointLayout`, unchanged; sample = d; constant = [c of the report, centre, scale];
-    output = [reported, their variances]. `report` is a model of the first states of `model`, with the same free
-    parameters; the other arguments are those of `joint_step`.
+    carry = `JointLayout`, unchanged; sample = d; constant = [c of the report, centre, scale, L by columns, if
+    `correlated`]; output = [reported, their variances]. `report` is a model of the first states of `model`, with the
+    same free parameters; the other arguments are those of `joint_step`.
     """
     n_x, n_d, n_p, *_ = sizes(model)
     n_states, n_c = sizes(report)[0], sizes(report)[3]
     layout = JointLayout(n_x, n_z, n_p - n_z)
     carry, d = ca.SX.sym("carry", layout.size), ca.SX.sym("d", n_d)
     x, P, V, z, Pz, B, _, _ = Carried.of(carry, layout)
-    constant, c, centre, scale = partitioned("constant", n_c, n_p, n_p)
+    lower = ca.Sparsity.lower(n_p - n_z)
+    constant, c, centre, scale, factor = partitioned("constant", n_c, n_p, n_p, lower.nnz() if correlated else 0)
     reported, slopes = reported_values(report, logarithmic, x[:n_states], z, d, c, centre, scale)
     variances = []
     for i in range(reported.shape[0]):
         row = slopes[i, :n_states]
         psi = row @ V[:n_states, :] + slopes[i, n_states:]
         rho = psi[n_z:] + psi[:n_z] @ B
+        rho = rho @ ca.SX(lower, factor) if correlated else rho
         variances.append(row @ P[:n_states, :n_states] @ row.T + psi[:n_z] @ Pz @ psi[:n_z].T + ca.sumsqr(rho))
     output = ca.densify(ca.vertcat(reported, *variances))
     return ca.Function("view", [carry, d, constant], [carry, output], {"cse": True})

@@ -58,22 +58,24 @@ class JointEstimate:
     B: Array  # (n_z, n_c) derivative of z with respect to c
     gradient: Array  # (n_c,) of the score tests
     information: Array  # (n_c,) of the score tests
+    correlation: Array  # (n_c, n_c) of c
 
     @classmethod
-    def prior(cls, n_z: int, n_c: int) -> "JointEstimate":
+    def prior(cls, n_z: int, correlation: Array) -> "JointEstimate":
         """The estimate before the first sample."""
-        none = np.zeros(n_c)
-        return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=np.zeros((n_z, n_c)), gradient=none, information=none)
+        n_c = len(correlation)
+        none, B = np.zeros(n_c), np.zeros((n_z, n_c))
+        return cls(z=np.zeros(n_z), Pz=np.eye(n_z), B=B, gradient=none, information=none, correlation=correlation)
 
     @classmethod
-    def of(cls, vector: Array, layout: JointLayout) -> "JointEstimate":
+    def of(cls, vector: Array, layout: JointLayout, correlation: Array) -> "JointEstimate":
         """The inverse of `vector`."""
         z, Pz, B, gradient, information = np.split(vector, np.cumsum(layout.lengths[3:-1]))
         Pz, B = unpack_array(Pz, layout.n_z), B.reshape(layout.n_z, layout.n_c, order="F")
-        return cls(z=z, Pz=Pz, B=B, gradient=gradient, information=information)
+        return cls(z=z, Pz=Pz, B=B, gradient=gradient, information=information, correlation=correlation)
 
     def vector(self) -> Array:
-        """In the order of the carry."""
+        """In the order of the carry, without the correlation."""
         return np.concatenate([self.z, pack_array(self.Pz), self.B.ravel(order="F"), self.gradient, self.information])
 
     def with_variance_inflation(self, factor: float) -> "JointEstimate":
@@ -88,7 +90,8 @@ class JointEstimate:
 
     def covariance(self) -> Array:
         """Of all parameters, the estimated ones first (n_p, n_p)."""
-        return np.block([[self.Pz + self.B @ self.B.T, self.B], [self.B.T, np.eye(len(self.gradient))]])
+        gains, cross = self.B @ np.linalg.cholesky(self.correlation), self.B @ self.correlation
+        return np.block([[self.Pz + gains @ gains.T, cross], [cross.T, self.correlation]])
 
 
 class RelinearisedFilter:
@@ -97,17 +100,26 @@ class RelinearisedFilter:
     The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
     Of the first filter, `row` is the memory of its sample, `weights` of the weights there, and `innovations` of the
     innovations over their standard deviations; Python accesses these views ten times as fast as an array. For c, noise,
-    scaling and walk see `joint.constants`.
+    scaling and walk see `joint.constants`; `correlation` is that of the considered parameters (n_c, n_c).
     """
 
     def __init__(
-        self, model: Model, *, c: Array, noise: Noise, scaling: Scaling, walk: Array, settings: RelinearisationSettings
+        self,
+        model: Model,
+        *,
+        c: Array,
+        noise: Noise,
+        scaling: Scaling,
+        walk: Array,
+        correlation: Array,
+        settings: RelinearisationSettings,
     ) -> None:
         n_x, n_d, n_p, _, n_y = sizes(model)
         n_z = len(walk)
         self.layout = layout = JointLayout(n_x, n_z, n_p - n_z)
         self.scan = joint.joint_step(model, scaling.logarithmic, n_z)
         self.c, self.noise, self.walk, self.settings = c, noise, walk, settings
+        self.correlation = correlation
         self.carry = carry = np.zeros((layout.size, joint.LANES))
         self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
         self.output = output = np.zeros((self.scan.n_output, joint.LANES))
@@ -130,7 +142,7 @@ class RelinearisedFilter:
         self._samples = np.zeros((settings.samples, k))
         self._sample_views = list(self._samples)
         self._variances = layout.Pz.start + np.cumsum([0, *range(n_z, 1, -1)])
-        self.set_estimate(JointEstimate.prior(n_z, n_p - n_z))
+        self.set_estimate(JointEstimate.prior(n_z, correlation))
 
     def set_estimate(self, estimate: JointEstimate) -> None:
         """Set the estimate, and discard the segment."""
@@ -157,7 +169,7 @@ class RelinearisedFilter:
         Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
         """
         vector, _ = self._finish_passes()
-        return JointEstimate.of(vector, self.layout)
+        return JointEstimate.of(vector, self.layout, self.correlation)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
         """Process the sample in the first lane of `sample`: [dt, d, y, weight]. `in_segment`: it belongs to a segment
@@ -275,7 +287,7 @@ class RelinearisedFilter:
 
         The state changes with z to first order, and its covariance increases by the square of that change.
         """
-        layout, estimate = self.layout, JointEstimate.of(vector, self.layout)
+        layout, estimate = self.layout, JointEstimate.of(vector, self.layout, self.correlation)
         V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
         difference = estimate.z - self._z
         change = V @ difference

@@ -11,6 +11,8 @@ from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import LEARNER_FILE
 from fifthwheel.identify.sensor_priors import with_sensors
@@ -30,6 +32,7 @@ def make_learning(
     *,
     path: Path | None = None,
     trailer: str | None = None,
+    knowledge: Knowledge | None = None,
     locks: Collection[str] = (),
     tyres: TyreLaw = "linear",
     sensors: Mapping[str, SensorPrior] = MappingProxyType({}),
@@ -37,7 +40,9 @@ def make_learning(
     """A learner with the estimates of a file, if it exists.
 
     `trailer` is the name of the coupled one, by default that of the file, or the vehicle's. `locks` are parameters that
-    keep their value, that of the file, or of the vehicle. `sensors` is what is stated of them by signal.
+    keep their value, that of the file, or of the vehicle. `knowledge` is that of a truck with which a new file, and a
+    trailer that is new to it, begin; by default with the trailer of its last log. `sensors` is what is stated of them
+    by signal.
 
     Raises:
         SignalError: the file is damaged, or of another vehicle, other signals, sensors or another law.
@@ -47,15 +52,21 @@ def make_learning(
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        settings = OneStage(fixed=tuple(locks), tyres=tyres)
-        return Learning(Learner(vehicle, signals, settings, sensors=sensors, trailer=trailer), vehicle)
+        settings, last = OneStage(fixed=tuple(locks), tyres=tyres), knowledge and knowledge.last
+        occasion = Occasion(trailer=trailer or "")
+        if last and trailer in (None, last.trailer):
+            occasion = Occasion(trailer=last.trailer, load=last.load)
+        learner = Learner(
+            vehicle, signals, settings, sensors=sensors, trailer=trailer, knowledge=knowledge, occasion=occasion
+        )
+        return Learning(learner, vehicle)
     content = LEARNER_FILE.read(path)
     former = Vehicle(**content["vehicle"])
     _require_same(path, content, former, vehicle, signals)
     if content["settings"].get("tyres", "linear") != tyres:
         raise SignalError(f"{path}: was learned with other tyres; give its --tyres, or another --state")
     before, stated = set(content["settings"]["fixed"]), with_sensors(vehicle, OneStage(), sensors)
-    learner = _with_locks(Learner.of_content(content, str(path)), former, vehicle, before, locks)
+    learner = _with_locks(Learner.of_content(content, str(path), knowledge=knowledge), former, vehicle, before, locks)
     settings = learner.live.setup.settings
     if (settings.stated_priors, settings.noise) != (stated.stated_priors, stated.noise):
         raise SignalError(

@@ -11,6 +11,7 @@ from typing import Any
 from fifthwheel._atomic import reserved
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import LiveEstimator, Node, Output
@@ -85,9 +86,10 @@ def opened(
 def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:
     if (chosen.replay is None) == (not chosen.bus):
         raise FifthwheelError("live: expected --bus or --replay; give one of them")
-    of_learning = (chosen.state, chosen.trailer, chosen.trailer_signal, chosen.lock, chosen.tyres != "linear")
-    if not chosen.learn and any(of_learning):
-        raise FifthwheelError("--state, --trailer, --trailer-signal, --lock and --tyres are for --learn; add it")
+    of_learning = (chosen.state, chosen.trailer, chosen.knowledge, chosen.trailer_signal, chosen.lock)
+    if not chosen.learn and (any(of_learning) or chosen.tyres != "linear"):
+        names = "--state, --trailer, --knowledge, --trailer-signal, --lock and --tyres"
+        raise FifthwheelError(f"{names} are for --learn; add it")
     if chosen.learn and chosen.identification:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
     if chosen.learn and observer != ObserverOptions(min_speed=observer.min_speed):
@@ -153,6 +155,7 @@ def _node(
             complete.signals,
             path=chosen.state,
             trailer=chosen.trailer,
+            knowledge=Knowledge.load(chosen.knowledge) if chosen.knowledge else None,
             locks=chosen.lock,
             tyres=chosen.tyres,
             sensors=complete.sensors,

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, suggestion
+from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.identify import CommonSettings, Identification, OneStage
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
+from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.load import with_payload
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
@@ -71,7 +71,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         knowledge: Knowledge | None = Knowledge.load(chosen.knowledge)
     else:
         knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
-    last = knowledge and max(knowledge.logs, key=lambda log: log.date)
+    last = knowledge and knowledge.last
     starts = []
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
@@ -82,8 +82,8 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings))
             continue
         trailer, name = chosen.trailer or "", load
-        if last:
-            _require_same_truck(vehicle, last)
+        if knowledge and last:
+            knowledge.require_same_truck(vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
@@ -140,13 +140,3 @@ def _knowledge(kept: Identification) -> Knowledge:
 def _date(path: Path) -> datetime.datetime | None:
     """Of a file, for logs whose samples have none; None if there is no such file."""
     return datetime.datetime.fromtimestamp(path.stat().st_mtime, datetime.UTC) if path.exists() else None
-
-
-def _require_same_truck(vehicle: Vehicle, known: LogKnowledge) -> None:
-    """A VehicleError if the tractors have other names."""
-    own = vehicle.units[0].name
-    if own != known.tractor:
-        raise VehicleError(
-            f"{own}: the knowledge is of a truck whose first unit is {known.tractor}; give that of this truck, or the "
-            "same name"
-        )

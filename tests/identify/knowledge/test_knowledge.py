@@ -8,6 +8,8 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.diagnose.cautions import contradiction_cautions
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
+from tests.identify.knowledge.conftest import SETTINGS
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
@@ -182,3 +184,19 @@ def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(together
     error = np.abs(states.values["sideslip.semitrailer"] - truth)
     assert np.mean(error < 3 * states.sigma["sideslip.semitrailer"]) > 0.9
     assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(truth)
+
+
+def test_a_log_that_did_not_converge_is_set_aside_until_it_is_identified_again(knowledge: fw.Knowledge) -> None:
+    """Its result says so; later logs do not begin with it, and no other log brings it back."""
+    bad = fw.simulate(TRUCK, count=1, seed=4, name="run 4")
+    stopped = fw.identify([bad], GUESS, replace(SETTINGS, iterations=1))
+    assert {str(estimate.verdict) for estimate in stopped.parameters} == {"not_converged"}
+    (log,) = stopped.knowledge.logs
+    assert log.set_aside == NOT_CONVERGED
+    with pytest.raises(SignalError, match="run 4 did not converge"):
+        _ = stopped.knowledge.combined
+    both = knowledge.with_logs([log])
+    assert both.without("run 1").used == both.used[1:]
+    assert both.majority(knowledge.logs) is None
+    again = fw.identify([bad], TRUCK, SETTINGS, knowledge=both)
+    assert not again.knowledge.logs[-1].set_aside

@@ -5,10 +5,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.evidence import find_doubts, score_tests
+from fifthwheel.identify.online.start import Considered
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
@@ -32,25 +34,33 @@ SIGMA = np.sqrt([0.04, 0.16, 0.24])  # of Pz + B B'
 def doubts(z=(0.0, 0.0, 0.0), t=(0.0, 0.0), information=(1.0, 1.0), size=1.0, autocorrelation=1.0, **of) -> list[Doubt]:
     """The doubts with these statistics of the score tests."""
     gradient = -np.array(t) * np.sqrt(information)
-    estimate = JointEstimate(
+    estimate = estimated(
         z=np.array(z), Pz=of.get("Pz", PZ), B=of.get("B", B), gradient=gradient, information=np.array(information)
     )
     innovations = SimpleNamespace(mean_square=[0.9, size], autocorrelation=[autocorrelation, 0.9])
-    return list(find_doubts(PROBLEM, LearnerSettings(), estimate, innovations))
+    return list(find_doubts(live_filter(innovations), estimate))
+
+
+def live_filter(innovations: SimpleNamespace | None = None) -> SimpleNamespace:
+    """A filter of which the considered unknowns have their priors."""
+    known = Considered.of(np.zeros(2), np.eye(2))
+    return SimpleNamespace(setup=PROBLEM, learner=LearnerSettings(), innovations=innovations, considered=known)
+
+
+def estimated(z: Array, **of: Array) -> JointEstimate:
+    return JointEstimate(z=z, correlation=np.eye(2), **of)
 
 
 def test_score_tests() -> None:
     """Of a scalar c with y = c + noise of variance 1 / I: the estimate without and with its prior N(0, 1)."""
-    estimate = JointEstimate(
-        z=np.zeros(3), Pz=PZ, B=B, gradient=np.array([-2.0, 6.0]), information=np.array([4.0, 9.0])
-    )
-    second, first = score_tests(PROBLEM, estimate)
+    estimate = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.array([-2.0, 6.0]), information=np.array([4.0, 9.0]))
+    second, first = score_tests(live_filter(), estimate)
     assert (first.name, second.name) == ("mass", "cog")
     assert (first.statistic, second.statistic) == (0.5 / (1 / 2), -(6 / 9) / (1 / 3))
     assert (first.implied, second.implied) == (0.5 * 4 / (4 + 1), -(6 / 9) * 9 / (9 + 1))
     np.testing.assert_allclose(second.shifts, [0.0, -0.06, -0.12])
-    without = JointEstimate(z=np.zeros(3), Pz=PZ, B=B, gradient=np.ones(2), information=np.array([0.0, 1e-9]))
-    assert [test.name for test in score_tests(PROBLEM, without)] == ["cog"]
+    without = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.ones(2), information=np.array([0.0, 1e-9]))
+    assert [test.name for test in score_tests(live_filter(), without)] == ["cog"]
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

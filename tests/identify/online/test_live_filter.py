@@ -25,7 +25,8 @@ def test_a_long_dropout_of_the_steer_angle_must_settle(guess: Vehicle) -> None:
 
     def settled(*samples: tuple[float, float | None, float | None]) -> bool:
         """Of a filter after samples of time, speed and steer angle."""
-        live = LiveFilter(setup, SETTINGS)
+        n = len(setup.unknowns)
+        live = LiveFilter(setup, SETTINGS, np.zeros(n), np.eye(n))
         for time, speed, steer in samples:
             assert live.push(time, [speed, steer], [0.0]) is Status.OK
         return live._has_settled()

@@ -24,7 +24,7 @@ def model(setup: Setup) -> OnlineModel:
 
 def derivative(setup: Setup, z: Array) -> Array:
     """dx/dz (n_x, n_p) at the start."""
-    return start_state(setup, model(setup), LearnerSettings(), z, FIRST)[2]
+    return start_state(setup, model(setup), LearnerSettings(), setup.scaling, z, FIRST)[2]
 
 
 def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehicle) -> None:

@@ -9,7 +9,7 @@ from typing import Self
 
 import numpy as np
 
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge import storage
 from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
 from fifthwheel.identify.knowledge.combination import Combined, combine
@@ -32,6 +32,8 @@ SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
 OUTLYING = "contradicts the logs after it"
 """Why a log is set aside."""
+NOT_CONVERGED = "did not converge, and must be identified again"
+"""The same; no other log changes that."""
 FALSE_ALARM = 0.01
 """Probability of a false change by one log."""
 SHORTEST_DIGEST = 12
@@ -78,11 +80,19 @@ class Knowledge:
         """The logs that are not set aside."""
         return tuple(log for log in self.logs if not log.set_aside)
 
+    @property
+    def last(self) -> LogKnowledge | None:
+        """The log with the latest date; None if there is none."""
+        return max(self.logs, key=lambda log: log.date, default=None)
+
     @functools.cached_property
     def combined(self) -> Combined:
         """The logs together, with the changes between them."""
         if not self.used:
-            raise SignalError("knowledge: no log that is used; identify one, or give the result folder of another run")
+            reasons = "".join(dict.fromkeys(f" ({log.name} {log.set_aside})" for log in self.logs[:1]))
+            raise SignalError(
+                f"knowledge: no log that is used{reasons}; identify one, or give the result folder of another run"
+            )
         tests = len(self.used) * len(WINDOWS)
         combined = None
         with suppress(np.linalg.LinAlgError):
@@ -126,6 +136,16 @@ class Knowledge:
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
 
+    def require_same_truck(self, vehicle: Vehicle) -> None:
+        """A VehicleError if the first unit of a vehicle has another name."""
+        own = vehicle.units[0].name
+        for log in self.logs:
+            if log.tractor != own:
+                raise VehicleError(
+                    f"{own}: the knowledge is of a truck whose first unit is {log.tractor}; give that of this truck, "
+                    "or the same name"
+                )
+
     def require_same_load(self, vehicle: Vehicle, occasion: Occasion) -> None:
         """A SignalError if the given masses are those of another load."""
         of_load = [log for log in self.used if (log.trailer, log.load) == (occasion.trailer, occasion.load)]
@@ -157,12 +177,13 @@ class Knowledge:
     def majority(self, logs: Sequence[LogKnowledge]) -> "Knowledge | None":
         """The logs that were set aside instead of those in use, if together with these logs they are more, and agree;
         None if not."""
-        aside = [log for log in self.logs if log.set_aside]
+        aside = [log for log in self.logs if log.set_aside not in ("", NOT_CONVERGED)]
         if not aside or len(aside) + len(logs) <= len(self.used):
             return None
         if Knowledge(logs=(*(replace(log, set_aside="") for log in aside), *logs)).changes:
             return None
-        return Knowledge(logs=tuple(replace(log, set_aside="" if log.set_aside else OUTLYING) for log in self.logs))
+        swapped = {"": OUTLYING, NOT_CONVERGED: NOT_CONVERGED}
+        return Knowledge(logs=tuple(replace(log, set_aside=swapped.get(log.set_aside, "")) for log in self.logs))
 
     def without_records(self, records: Sequence[Record]) -> "Knowledge":
         """Without these logs: a log counts once."""
@@ -193,7 +214,8 @@ class Knowledge:
     def _reconsidered(self) -> "Knowledge":
         """With the logs used that are set aside and do not contradict those that are used, the earliest first."""
         accepted = Knowledge(logs=self.used)
-        for log in sorted((log for log in self.logs if log.set_aside), key=lambda log: log.date):
+        aside = [log for log in self.logs if log.set_aside not in ("", NOT_CONVERGED)]
+        for log in sorted(aside, key=lambda log: log.date):
             again = replace(log, set_aside="")
             if not any(change.kind == OUTLIER for change in accepted.changes_by([again])):
                 accepted = accepted.with_logs([again])

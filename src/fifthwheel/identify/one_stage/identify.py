@@ -8,7 +8,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
-from fifthwheel.identify.knowledge.knowledge import OUTLYING, Knowledge, LogChange, tyre_change
+from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED, OUTLYING, Knowledge, LogChange, tyre_change
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.identification import build_identification
@@ -19,6 +19,7 @@ from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import VARIATION
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -64,6 +65,8 @@ def identify_one_stage(
             )
             notes.append(_doubtful(before.used))
     result = build_identification(solution, " ".join(filter(None, notes)))
+    if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in result.parameters):
+        logs = [replace(log, set_aside=log.set_aside or NOT_CONVERGED) for log in logs]
     return replace(result, knowledge=before.with_logs(logs))
 
 

@@ -4,26 +4,23 @@ import numpy as np
 
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, most_likely
-from fifthwheel.identify.online.live_filter import InnovationStatistics
-from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 
 
-def find_doubts(
-    setup: Setup, learner: LearnerSettings, estimate: JointEstimate, innovations: InnovationStatistics
-) -> tuple[Doubt, ...]:
-    """The doubts at an estimate, each with the parameters that it concerns."""
+def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
+    """The doubts of a filter at an estimate, each with the parameters that it concerns."""
+    setup, learner, innovations = live.setup, live.learner, live.innovations
     unknowns = setup.estimated_unknowns
     evidence = Evidence(
         names=[u.name for u in unknowns],
         z=estimate.z,
-        covariance=estimate.Pz + estimate.B @ estimate.B.T,
+        covariance=estimate.covariance()[: len(unknowns), : len(unknowns)],
         unknowns={u.name: u for u in setup.unknowns},
         parameters=tuple(u.name for u in unknowns if u.kind is not UnknownKind.SENSOR),
     )
     doubts = [
-        *evidence.contradicted_assumptions(most_likely(score_tests(setup, estimate))),
+        *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate))),
         *evidence.unusual_estimates(),
     ]
     size, autocorrelation = max(innovations.mean_square), max(innovations.autocorrelation)
@@ -33,13 +30,13 @@ def find_doubts(
     return tuple(doubts)
 
 
-def score_tests(setup: Setup, estimate: JointEstimate) -> list[PriorTest]:
+def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
     """The score test of every considered unknown, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
-    tests = []
-    for i, unknown in enumerate(setup.considered_unknowns):
+    tests, cross = [], estimate.B @ estimate.correlation
+    for i, unknown in enumerate(live.setup.considered_unknowns):
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
         if information > 0:
             implied = -gradient / (1 + information)
@@ -47,9 +44,9 @@ def score_tests(setup: Setup, estimate: JointEstimate) -> list[PriorTest]:
                 PriorTest(
                     name=unknown.name,
                     statistic=-gradient / np.sqrt(information),
-                    implied=implied,
+                    implied=implied * float(live.considered.sigma[i]),
                     size=abs(implied),
-                    shifts=estimate.B[:, i] * implied,
+                    shifts=cross[:, i] * implied,
                 )
             )
     return sorted(tests, key=lambda test: -abs(test.statistic))

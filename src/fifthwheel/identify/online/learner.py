@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
-from fifthwheel._types import Array
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.online_model import online_setup
@@ -62,11 +62,16 @@ class Learner:
             the search have no effect. A delay of the steer angle is compensated to first order, by its slope.
         sensors: what is stated of them by signal, such as `SignalMap.sensors` or `Record.sensors`.
         learner: when it learns, and how it treats faults of the signals.
-        trailer: name under which the estimates of the units behind the first are kept; by default the vehicle's.
+        trailer: name under which the estimates of the units behind the first are kept; by default that of the
+            occasion, or the vehicle's.
+        knowledge: information of earlier logs of the truck, with which the estimates begin. It is the joint prior of
+            all shared unknowns; those that are considered keep its mean.
+        occasion: the trailer and the load of that knowledge.
 
     Raises:
-        SignalError: a necessary signal is missing, or no unknown is left to estimate.
-        VehicleError: a parameter cannot be estimated or fixed.
+        SignalError: a necessary signal is missing, no unknown is left to estimate, or the vehicle has another load than
+            the knowledge.
+        VehicleError: a parameter cannot be estimated or fixed, or the knowledge is of another truck.
 
     Example:
         >>> import fifthwheel as fw
@@ -89,12 +94,19 @@ class Learner:
         sensors: Mapping[str, SensorPrior] = MappingProxyType({}),
         learner: LearnerSettings | None = None,
         trailer: str | None = None,
+        knowledge: Knowledge | None = None,
+        occasion: Occasion | None = None,
     ) -> None:
-        self._vehicle_file, self._signals = vehicle, frozenset(signals)
+        occasion = occasion or Occasion(trailer=trailer or "")
+        if knowledge is not None:
+            knowledge.require_same_truck(vehicle)
+            knowledge.require_same_load(vehicle, occasion)
+        self._vehicle_file, self._signals, self._knowledge = vehicle, frozenset(signals), knowledge
         settings = with_sensors(vehicle, settings or OneStage(tyres="linear"), sensors)
         setup = online_setup(vehicle, self._signals, settings)
-        self._live = LiveFilter(setup, learner or LearnerSettings())
-        self._trailer = vehicle.name if trailer is None else trailer
+        start = combine_blocks(setup.unknowns, [], knowledge.prior(setup, occasion) if knowledge else None)
+        self._live = LiveFilter(setup, learner or LearnerSettings(), *start)
+        self._trailer = (occasion.trailer or vehicle.name) if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
         self._time = math.nan  # of the last sample, s
 
@@ -203,17 +215,15 @@ class Learner:
     @property
     def doubts(self) -> tuple[Doubt, ...]:
         """Evidence against an assumption, with the parameters that are doubtful therefore."""
-        live = self._live
-        return find_doubts(live.setup, live.learner, live.estimate(), live.innovations)
+        return find_doubts(self._live, self._live.estimate())
 
     def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
         live, setup = self._live, self._live.setup
         estimate = live.estimate()
-        doubts = find_doubts(setup, live.learner, estimate, live.innovations)
-        doubtful = {name for doubt in doubts for name in doubt.parameters}
-        z = with_prior_means(estimate.z, len(setup.unknowns))
+        doubtful = {name for doubt in find_doubts(live, estimate) for name in doubt.parameters}
+        z, known = np.append(estimate.z, live.considered.mean), live.considered.sigma
         p = np.clip(setup.scaling.to_p(z), setup.scaling.lower, setup.scaling.upper).tolist()
-        sigma_z = np.sqrt(np.diag(estimate.covariance())).tolist()
+        sigma_z = (np.sqrt(np.diag(estimate.covariance())) * np.append(np.ones(len(estimate.z)), known)).tolist()
         measured = live.innovations.measured or setup.outputs  # a channel without samples counts as absent
         estimates = []
         for u, value, s in zip(setup.unknowns, p, sigma_z, strict=True):
@@ -242,7 +252,8 @@ class Learner:
         """Couple another trailer to the same tractor, or one that was coupled before.
 
         The estimates of the tractor stay. Those of the units behind it are the ones of the last time that this trailer
-        was coupled, or the prior. Correlations between tractor and trailer are discarded; the sigmas stay.
+        was coupled, or from the knowledge of earlier logs with it, or the prior.
+        Correlations between tractor and trailer are discarded; the sigmas stay.
 
         Args:
             trailer: name under which its estimates are kept.
@@ -260,9 +271,12 @@ class Learner:
         combination = _with_tractor_of(self._vehicle_file, vehicle)
         measured = self._signals if signals is None else frozenset(signals)
         setup = online_setup(combination, measured, self._live.setup.settings)
-        z, Pz = combine_blocks(setup.unknowns, blocks)
-        live = LiveFilter(setup, self._live.learner)
-        live.filter.set_estimate(_estimate(setup, z, Pz))
+        earlier = self._knowledge.prior(setup, Occasion(trailer=trailer)) if self._knowledge else None
+        if earlier is not None:
+            blocked = {name for block, _ in blocks for name in block.names}
+            own = {u.name for u in setup.unknowns if not _is_of_tractor(setup, u)}
+            earlier = earlier.among(own - blocked)
+        live = LiveFilter(setup, self._live.learner, *combine_blocks(setup.unknowns, blocks, earlier))
         live.innovations.restore(**self._live.innovations.as_dict())
         self._vehicle_file, self._signals = combination, measured
         self._live, self._trailer, self._uncoupled = live, trailer, kept
@@ -274,10 +288,13 @@ class Learner:
         contains only the difference of their effects.
         """
         setup, new, old = self._live.setup, self._live.estimate(), before._live.estimate()
+        known, known_before = self._live.considered, before._live.considered
         unknowns, count = setup.estimated_unknowns, len(setup.unknowns)
-        p, p_old = (setup.scaling.to_p(with_prior_means(z, count)) for z in (new.z, old.z))
-        B = new.B - old.B
-        sigma = np.sqrt(np.diag(new.Pz + old.Pz + B @ B.T)) * np.abs(setup.scaling.slope(p)[: len(unknowns)])
+        B, B_old = new.B / known.sigma, old.B / known_before.sigma
+        z_old = old.z + B_old @ (known.mean - known_before.mean)
+        p, p_old = (setup.scaling.to_p(with_prior_means(z, count)) for z in (new.z, z_old))
+        gains = (B - B_old) * known.sigma @ np.linalg.cholesky(known.correlation)
+        sigma = np.sqrt(np.diag(new.Pz + old.Pz + gains @ gains.T)) * np.abs(setup.scaling.slope(p)[: len(unknowns)])
         changes = zip(unknowns, (p - p_old).tolist(), sigma.tolist(), strict=False)
         return {u.name: (change, s) for u, change, s in changes if not u.is_sensor_error}
 
@@ -297,8 +314,8 @@ class Learner:
         fixed = Learner(vehicle.replace(values), self._signals, settings, learner=live.learner, trailer=self._trailer)
         unknowns = fixed._live.setup.unknowns
         block = self._block_of(range(len(setup.unknowns))).restricted(unknowns)
-        z, Pz = combine_blocks(unknowns, [(block, "this learner")])
-        fixed._live.filter.set_estimate(_estimate(fixed._live.setup, z, Pz))
+        start = combine_blocks(unknowns, [(block, "this learner")])
+        fixed._live, fixed._knowledge = LiveFilter(fixed._live.setup, live.learner, *start), self._knowledge
         fixed._live.innovations.restore(**live.innovations.as_dict())
         fixed._uncoupled = {name: other.restricted(unknowns) for name, other in self._uncoupled.items()}
         return fixed
@@ -306,15 +323,12 @@ class Learner:
     def _block(self, *, of_tractor: bool) -> EstimateBlock:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
         setup = self._live.setup
-        tractor = setup.vehicle.units[0].name
-        places = [i for i, u in enumerate(setup.unknowns) if (unit_of_unknown(u.name) in (tractor, "")) == of_tractor]
+        places = [i for i, u in enumerate(setup.unknowns) if _is_of_tractor(setup, u) == of_tractor]
         return self._block_of(places)
 
     def _block_of(self, places: Sequence[int]) -> EstimateBlock:
         """Estimates of the unknowns at these places."""
-        setup, estimate = self._live.setup, self._live.filter.estimate()
-        z = with_prior_means(estimate.z, len(setup.unknowns))
-        return EstimateBlock.of(setup.unknowns, z, estimate.covariance(), places)
+        return EstimateBlock.of(self._live.setup.unknowns, *self._live.joint(), places)
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
@@ -340,17 +354,19 @@ class Learner:
         }
 
     @classmethod
-    def load(cls, path: str | Path) -> "Learner":
+    def load(cls, path: str | Path, *, knowledge: Knowledge | None = None) -> "Learner":
         """A learner with the saved estimates; its next sample is the first of a run.
+
+        `knowledge` is for trailers that are coupled later; the saved estimates contain it already.
 
         Raises:
             SignalError: the file cannot be read, is damaged, not of a learner, or of another version.
         """
-        return cls.of_content(LEARNER_FILE.read(path), str(path))
+        return cls.of_content(LEARNER_FILE.read(path), str(path), knowledge=knowledge)
 
     @classmethod
-    def of_content(cls, content: Mapping[str, Any], path: str) -> "Learner":
-        """A learner with the estimates in the content of the file `path`; errors as in `load`."""
+    def of_content(cls, content: Mapping[str, Any], path: str, *, knowledge: Knowledge | None = None) -> "Learner":
+        """A learner with the estimates in the content of the file `path`; arguments and errors as in `load`."""
         try:
             learner = cls(
                 Vehicle(**content["vehicle"]),
@@ -359,11 +375,15 @@ class Learner:
                 learner=TypeAdapter(LearnerSettings).validate_python(content["learner"]),
                 trailer=content["trailer"],
             )
+            if knowledge is not None:
+                knowledge.require_same_truck(learner._vehicle_file)
+            learner._knowledge = knowledge
             blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
-            live, evidence = learner._live, content["evidence"]
+            setup, evidence = learner._live.setup, content["evidence"]
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
-            z, Pz = combine_blocks(live.setup.unknowns, blocks)
-            live.filter.set_estimate(_estimate(live.setup, z, Pz, *scores))
+            start = combine_blocks(setup.unknowns, blocks)
+            learner._live = live = LiveFilter(setup, learner._live.learner, *start)
+            live.set_estimate(*start, *scores)
             live.innovations.restore(**evidence["innovations"])
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
@@ -394,16 +414,6 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
     return vehicle.replace(values)
 
 
-def _estimate(
-    setup: Setup, z: Array, Pz: Array, gradient: Array | None = None, information: Array | None = None
-) -> JointEstimate:
-    """The estimate of a filter from z (n_p,), its covariance (n_p, n_p) and score tests, which start again if None."""
-    n, none = len(setup.estimated_unknowns), np.zeros(len(setup.considered_unknowns))
-    B = Pz[:n, n:]
-    return JointEstimate(
-        z=z[:n],
-        Pz=Pz[:n, :n] - B @ B.T,
-        B=B,
-        gradient=none if gradient is None else gradient,
-        information=none if information is None else information,
-    )
+def _is_of_tractor(setup: Setup, unknown: Unknown) -> bool:
+    """Whether an unknown belongs to the first unit, its sensors or its steered axles."""
+    return unit_of_unknown(unknown.name) in (setup.vehicle.units[0].name, "")

@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.relinearised import JointEstimate, RelinearisedFilter
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.online.start import block_diagonal, discrepancy_variances, start_state
+from fifthwheel.identify.online.start import Considered, block_diagonal, discrepancy_variances, start_state
 from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.identify.setup import Setup
 from fifthwheel.observe.observer_step import reported_signals
@@ -31,14 +33,22 @@ WINDOWS = 10.0
 class LiveFilter:
     """A joint filter of the yaw-roll model, the road's bank, the unknown parameters and the sensors' errors.
 
-    The constructor compiles the filter's step for the model, or takes it from the cache.
+    The constructor compiles the filter's step for the model, or takes it from the cache. It begins with the estimates z
+    (n_p,) and their covariance (n_p, n_p), in units of the priors; the mean and covariance of the considered unknowns
+    stay.
     """
 
-    def __init__(self, setup: Setup, learner: LearnerSettings) -> None:
+    def __init__(self, setup: Setup, learner: LearnerSettings, z: Array, covariance: Array) -> None:
+        n = len(setup.estimated_unknowns)
         self.setup, self.learner = setup, learner
+        self.considered = Considered.of(z[n:], covariance[n:, n:])
+        """What is known of the considered unknowns."""
+        self._scaling = self.considered.scaling(setup)
         self.model = model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
-        self.filter = _relinearised_filter(setup, self.model, learner)
-        self.view, self.row = StateView(setup, self.model, self.filter), self.filter.row
+        self.filter = _relinearised_filter(setup, self.model, learner, self._scaling, self.considered)
+        self.set_estimate(z, covariance)
+        view = StateView(setup, self.model, self.filter, self._scaling, self.considered)
+        self.view, self.row = view, self.filter.row
         self.learning = False
         """Whether it learned from the last sample."""
         self.innovations = InnovationStatistics(setup.outputs, learner.innovation_window, setup.settings.gate)
@@ -56,7 +66,7 @@ class LiveFilter:
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
         state = {name: value for name, value in vars(self).items() if name not in ("model", "filter", "view", "row")}
-        return LiveFilter, (self.setup, self.learner), (state, self.filter.memory())
+        return LiveFilter, (self.setup, self.learner, *self.joint()), (state, self.filter.memory())
 
     def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
         attributes, memory = state
@@ -67,6 +77,31 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
+    def joint(self) -> tuple[Array, Array]:
+        """All unknowns after all samples: z (n_p,) and its covariance (n_p, n_p), in units of their priors."""
+        estimate, known = self.filter.estimate(), self.considered
+        unit = np.append(np.ones(len(estimate.z)), known.sigma)
+        return np.append(estimate.z, known.mean), estimate.covariance() * np.outer(unit, unit)
+
+    def set_estimate(
+        self, z: Array, covariance: Array, gradient: Array | None = None, information: Array | None = None
+    ) -> None:
+        """Set the estimates to what `joint` gave, and the score tests, which start again if None."""
+        n, known = len(self.setup.estimated_unknowns), self.considered
+        cross = covariance[:n, n:] / known.sigma
+        B = np.asarray(np.linalg.solve(known.correlation, cross.T).T if known.is_correlated else cross)
+        gains, none = B @ np.linalg.cholesky(known.correlation), np.zeros(len(known.mean))
+        self.filter.set_estimate(
+            JointEstimate(
+                z=z[:n],
+                Pz=covariance[:n, :n] - gains @ gains.T,
+                B=B,
+                gradient=none if gradient is None else gradient,
+                information=none if information is None else information,
+                correlation=known.correlation,
+            )
+        )
+
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
         self.learning = False
@@ -76,7 +111,7 @@ class LiveFilter:
         """Start the state at the steady state of the inputs; the estimates stay."""
         self.filter.end_segment()
         first = dict(zip(self.setup.inputs, stream.inputs, strict=True))
-        x, P, V = start_state(self.setup, self.model, self.learner, self.filter.estimate().z, first)
+        x, P, V = start_state(self.setup, self.model, self.learner, self._scaling, self.filter.estimate().z, first)
         before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
@@ -182,8 +217,15 @@ class InnovationStatistics:
 class StateView:
     """The reported states of a filter, whose memory it reads, and their variances with those of the unknowns."""
 
-    def __init__(self, setup: Setup, model: OnlineModel, joint_filter: RelinearisedFilter) -> None:
-        vehicle, scaling = setup.vehicle, setup.scaling
+    def __init__(
+        self,
+        setup: Setup,
+        model: OnlineModel,
+        joint_filter: RelinearisedFilter,
+        scaling: Scaling,
+        considered: Considered,
+    ) -> None:
+        vehicle, n_z, correlated = setup.vehicle, len(setup.estimated_unknowns), considered.is_correlated
         bank = model.chain.bank
         signals = reported_signals(vehicle, roll=True, bank=bank)
         self.names = [(name, f"{name}.sigma") for name in signals]
@@ -191,9 +233,11 @@ class StateView:
         self.bank = signals.index(BANK) if bank else None
         """Place of the bank of the road among them; None if it is no state."""
         self.report = model_of(setup, signals, discrepancies=False)
-        self._step = joint.state_view(model, self.report, scaling.logarithmic, len(setup.estimated_unknowns))
+        self._step = joint.state_view(model, self.report, scaling.logarithmic, n_z, *((True,) if correlated else ()))
         self.c = self.report.constant(setup.given_to_model(signals), setup.unknowns, math.inf)
-        constant = np.concatenate([self.c, scaling.centre, scaling.scale])
+        L = np.linalg.cholesky(considered.correlation)
+        factor = [L[k:, k] for k in range(len(L))] if correlated else []
+        constant = np.concatenate([self.c, scaling.centre, scaling.scale, *factor])
         self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
         self._output = np.zeros((self._step.n_output, joint.LANES))
         self._first_lane = self._output[:, 0]
@@ -228,7 +272,9 @@ def stream_settings(setup: Setup, learner: LearnerSettings) -> StreamSettings:
     )
 
 
-def _relinearised_filter(setup: Setup, model: OnlineModel, learner: LearnerSettings) -> RelinearisedFilter:
+def _relinearised_filter(
+    setup: Setup, model: OnlineModel, learner: LearnerSettings, scaling: Scaling, considered: Considered
+) -> RelinearisedFilter:
     settings, vehicle = setup.settings, setup.vehicle
     table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
     factor = max(settings.process_noise, MIN_PROCESS_NOISE)
@@ -244,7 +290,8 @@ def _relinearised_filter(setup: Setup, model: OnlineModel, learner: LearnerSetti
         model,
         c=model.constant(setup.given_to_model(setup.outputs), setup.unknowns, learner.discrepancy_time),
         noise=noise,
-        scaling=setup.scaling,
+        scaling=scaling,
+        correlation=considered.correlation,
         walk=np.array(
             [2 / (learner.offset_time if u.per_log else learner.parameter_time) for u in setup.estimated_unknowns]
         ),

@@ -9,6 +9,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError
+from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown
 
 LEARNER_FILE = FileKind(
@@ -82,18 +83,25 @@ class EstimateBlock:
         )
 
 
-def combine_blocks(unknowns: Sequence[Unknown], blocks: Iterable[tuple[EstimateBlock, str]]) -> tuple[Array, Array]:
+def combine_blocks(
+    unknowns: Sequence[Unknown], blocks: Iterable[tuple[EstimateBlock, str]], earlier: JointPrior | None = None
+) -> tuple[Array, Array]:
     """z (n_p,) and its covariance (n_p, n_p) from blocks, which are uncorrelated; the prior for all other unknowns.
 
     Args:
         unknowns: (n_p,).
         blocks: with a title of each for the message of an error.
+        earlier: the information of earlier logs on unknowns of no block, with the widening by model error.
 
     Raises:
         SignalError: an unknown of a block does not exist, or has another prior.
     """
     z, Pz = np.zeros(len(unknowns)), np.eye(len(unknowns))
     by_name = {u.name: (i, u) for i, u in enumerate(unknowns)}
+    if earlier is not None:
+        places = [by_name[name][0] for name in earlier.names]
+        z[places] = earlier.mean
+        Pz[np.ix_(places, places)] = earlier.covariance * np.outer(earlier.widening, earlier.widening)
     for block, title in blocks:
         for name, centre, scale in zip(block.names, block.centre, block.scale, strict=True):
             _, u = by_name.get(name, (0, None))

@@ -4,7 +4,8 @@ E x' = F x + G d; in a steady state dx/dp = - F^-1 d(F x + G d)/dp.
 """
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -13,18 +14,57 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
+from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.setup import Setup
 from fifthwheel.native import Scan, compiled
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Considered:
+    """What is known of the n_c considered unknowns, in units of their priors."""
+
+    mean: Array
+    """(n_c,); 0 without earlier logs."""
+    sigma: Array
+    """(n_c,); 1 without earlier logs."""
+    correlation: Array
+    """(n_c, n_c)"""
+
+    @classmethod
+    def of(cls, mean: Array, covariance: Array) -> Self:
+        """From the mean (n_c,) and the covariance (n_c, n_c)."""
+        sigma = np.sqrt(np.diag(covariance))
+        correlation = covariance / np.outer(sigma, sigma)
+        np.fill_diagonal(correlation, 1.0)
+        return cls(mean=mean, sigma=sigma, correlation=correlation)
+
+    @property
+    def is_prior(self) -> bool:
+        """Whether only the priors are known."""
+        return not self.mean.any() and bool((self.sigma == 1).all()) and not self.is_correlated
+
+    @property
+    def is_correlated(self) -> bool:
+        """Whether some are correlated."""
+        return bool(np.count_nonzero(self.correlation) > len(self.mean))
+
+    def scaling(self, setup: Setup) -> Scaling:
+        """The scaling of all unknowns of a setup in which the considered ones have mean 0 and variance 1."""
+        own, n = setup.scaling, len(setup.estimated_unknowns)
+        centre, scale = own.to_p(np.append(np.zeros(n), self.mean)), own.scale.copy()
+        centre[:n] = own.centre[:n]
+        scale[n:] *= self.sigma
+        return replace(own, centre=centre, scale=scale)
+
+
 def start_state(
-    setup: Setup, model: OnlineModel, learner: LearnerSettings, z: Array, first: Mapping[str, float]
+    setup: Setup, model: OnlineModel, learner: LearnerSettings, scaling: Scaling, z: Array, first: Mapping[str, float]
 ) -> tuple[Array, Array, Array]:
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
     vehicle, unknowns = setup.vehicle, setup.unknowns
-    p = setup.scaling.to_p(with_prior_means(z, len(unknowns)))
+    p = scaling.to_p(with_prior_means(z, len(unknowns)))
     values = setup.given_to_model(setup.outputs)
     values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
     bank = setup.settings.bank_prior if model.chain.bank else None
@@ -35,7 +75,7 @@ def start_state(
     _, output = steady_slopes(model)(np.zeros(0), np.append(inputs, x[:n])[None], constant)
     slopes = equilibrium(m, np.linalg.solve(m.E[:n, :n], output[0].reshape(n, -1, order="F")))
     V = np.zeros((len(x) + model.discrepancies, len(p)))
-    V[:n] = slopes * setup.scaling.slope(p)
+    V[:n] = slopes * scaling.slope(p)
     discrepancies = discrepancy_variances(setup, learner)
     return np.pad(x, (0, len(discrepancies))), block_diagonal(P, np.diag(discrepancies)), V
 
