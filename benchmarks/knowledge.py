@@ -6,8 +6,8 @@ Every seed draws the errors of all numbers of the vehicle file and of all sensor
 (`sharpness.CAREFUL`). Gains, delays and misalignments are the same in all logs of a seed. Each log has its own offsets,
 bank, and cornering stiffness of each axle group (2.5 %). A log is one lane change.
 
-* Order: four logs at 60, 70, 80 and 88 km/h in one call; one after another; in reverse order; and each alone, combined
-  afterwards as by `fifthwheel fleet`.
+* Order: four logs at 60, 70, 80 and 88 km/h in one call; one after another; in reverse order; each alone, combined
+  afterwards as by `fifthwheel fleet`; and learned on line, where the knowledge of the learner counts.
 * Fifth log: after the four logs in order, a fifth at 75 km/h, which is good or has an error (`BAD`).
 * Two loads: a log at 80 km/h with the payload of unknown height, alone and after a log of the trailer with a known load
   of 500 kg. Both trucks have the same tyres: the cornering stiffness at each load follows from the tyre model.
@@ -32,6 +32,7 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.online import Learner
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import MagicFormula, Plant, Properties
@@ -46,7 +47,7 @@ from trust_runs import TRUCK, table
 SPEEDS = (60.0, 70.0, 80.0, 88.0)
 """km/h"""
 FIFTH_SPEED, LADEN_SPEED = 75.0, 80.0
-WAYS = ("in one call", "one after another", "in reverse order", "each alone, combined")
+WAYS = ("in one call", "one after another", "in reverse order", "each alone, combined", "learned on line")
 BAD = {
     "good": "none",
     "late": "steer angle 0.25 s late",
@@ -184,6 +185,14 @@ def combined(logs: Sequence[LogKnowledge]) -> Numbers:
     return {unknown.name: together.estimate(last, unknown) for unknown in together.parameters(last)}
 
 
+def learned(logs: Sequence[Record], truth: Truth) -> Numbers:
+    """The estimates from the knowledge of a learner after all logs, with the law of the tyres of the other ways."""
+    learner = Learner(truth.file, logs[0].signals, truth.settings)
+    for i, log in enumerate(logs):
+        learner.learn(replace(log, time=log.time + 3600.0 * i))
+    return combined(learner.knowledge.logs)
+
+
 def order(truth: Truth, logs: Sequence[Record], in_order: Identification) -> dict[str, Numbers]:
     """The estimates of four logs in every way."""
     alone = [identify([log], truth.file, truth.settings, occasion=truth.occasion(log)) for log in logs]
@@ -192,6 +201,7 @@ def order(truth: Truth, logs: Sequence[Record], in_order: Identification) -> dic
         WAYS[1]: numbers(in_order),
         WAYS[2]: numbers(after_another(logs[::-1], truth)),
         WAYS[3]: combined([log for result in alone for log in result.knowledge.logs]),
+        WAYS[4]: learned(logs, truth),
     }
 
 

@@ -32,6 +32,14 @@ class FileKind:
         with atomic_write(path) as part:
             part.write_text(text + "\n", encoding="utf-8")
 
+    def wrote(self, path: str | Path) -> bool:
+        """Whether a file says that it is of this kind."""
+        try:
+            document = read_json(Path(path))
+        except FifthwheelError:
+            return False
+        return isinstance(document, dict) and str(document.get("format")).rpartition(" ")[0] == self.kind
+
     def read(self, path: str | Path) -> dict[str, Any]:
         """The content that `write` wrote.
 

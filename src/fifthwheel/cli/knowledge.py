@@ -122,13 +122,16 @@ def forget(
 @command(
     "fifthwheel knowledge merge monday tuesday -o merged.json",
     "fifthwheel knowledge merge monday tuesday other.json -o truck",
+    "fifthwheel knowledge merge result learned.json -o truck",
     of=knowledge_app,
 )
 def merge(
     results: Annotated[
         list[Path],
         typer.Argument(
-            metavar="RESULT...", help="Result folders of one truck, or knowledge.json of them.", show_default=False
+            metavar="RESULT...",
+            help="Result folders of one truck, knowledge.json of them, or files of `fifthwheel live --learn`.",
+            show_default=False,
         ),
     ],
     out: Annotated[
@@ -161,11 +164,10 @@ def merge(
 
 def _read(result: Path) -> "Knowledge":
     from fifthwheel.errors import SignalError
-    from fifthwheel.identify.knowledge.knowledge import Knowledge
-    from fifthwheel.workflow import knowledge_file
+    from fifthwheel.workflow import knowledge_file, read_knowledge
 
     with one_run(knowledge_file(result)):
-        knowledge = Knowledge.load(result)
+        knowledge = read_knowledge(result)
     if not knowledge.used:
         raise SignalError(f"{result}: has no log that is used; give another result")
     return knowledge

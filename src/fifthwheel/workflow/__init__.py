@@ -5,7 +5,7 @@ from fifthwheel.time_bases import check_record
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification, run_loads
-from fifthwheel.workflow.inputs import read_records, read_vehicle, vehicle_text
+from fifthwheel.workflow.inputs import read_knowledge, read_records, read_vehicle, vehicle_text
 from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
 from fifthwheel.workflow.measured_vehicle import (
     AxleLoadDifference,
@@ -65,6 +65,7 @@ __all__ = [
     "knowledge_file",
     "parse_statement",
     "propose_signals",
+    "read_knowledge",
     "read_records",
     "read_truck",
     "read_vehicle",

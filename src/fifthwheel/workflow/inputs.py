@@ -6,6 +6,9 @@ from pathlib import Path
 from types import MappingProxyType
 
 from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.online import Learner
+from fifthwheel.identify.online.persistence import LEARNER_FILE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue, toml_format
@@ -80,3 +83,17 @@ def read_records(
 def report_fraction(progress: Progress, title: str, fraction: float) -> None:
     """Report a fraction of the work as thousandths."""
     progress(title, round(1000 * fraction), 1000)
+
+
+def read_knowledge(path: Path) -> Knowledge:
+    """The knowledge in a result folder, of its identification.json, of a knowledge.json, or of the file of a learner.
+
+    Raises:
+        SignalError: the file cannot be read, or has no knowledge.
+    """
+    if not LEARNER_FILE.wrote(path):
+        return Knowledge.load(path)
+    learned = Learner.load(path).knowledge
+    if not learned.logs:
+        raise SignalError(f"{path}: the learner has learned nothing since it began; give another result")
+    return learned

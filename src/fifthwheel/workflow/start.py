@@ -16,7 +16,7 @@ from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.inputs import read_vehicle
+from fifthwheel.workflow.inputs import read_knowledge, read_vehicle
 from fifthwheel.workflow.settings import identification_settings
 
 
@@ -68,7 +68,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     loads = _loads(chosen.load, logs)
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     if chosen.knowledge is not None:
-        knowledge: Knowledge | None = Knowledge.load(chosen.knowledge)
+        knowledge: Knowledge | None = read_knowledge(chosen.knowledge)
     else:
         knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
     last = knowledge and knowledge.last

@@ -46,9 +46,12 @@ class Occasion:
 
     def date_of(self, records: Sequence[Record]) -> datetime.datetime:
         """The date of the first sample, if the logs have one; else its own, or today."""
-        first = min(float(record.time[0]) for record in records)
-        if first >= EARLIEST_DATE:
-            return datetime.datetime.fromtimestamp(first, datetime.UTC)
+        return self.date_at(min(float(record.time[0]) for record in records))
+
+    def date_at(self, time: float) -> datetime.datetime:
+        """The date of a sample at a time, s, if it has one; else its own, or today."""
+        if time >= EARLIEST_DATE:
+            return datetime.datetime.fromtimestamp(time, datetime.UTC)
         return self.date or datetime.datetime.now(datetime.UTC)
 
 

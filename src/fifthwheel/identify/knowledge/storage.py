@@ -37,7 +37,7 @@ _LOG = ("name", "tractor", "trailer", "load", "digest", "set_aside")
 
 def write(path: Path, logs: Sequence[LogKnowledge]) -> None:
     """Write the file, complete or not at all."""
-    FILE.write(path, {"logs": [_contents(log) for log in logs]})
+    FILE.write(path, {"logs": [log_contents(log) for log in logs]})
 
 
 def read(path: Path) -> tuple[LogKnowledge, ...]:
@@ -54,7 +54,7 @@ def read(path: Path) -> tuple[LogKnowledge, ...]:
         )
     content = FILE.read(path)
     try:
-        logs = tuple(_log(log) for log in _list(content["logs"]))
+        logs = tuple(log_of(log) for log in _list(content["logs"]))
         _check_size(logs)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError) as error:
         reason = printable(str(error).partition("\n")[0])[:MAX_REASON]
@@ -77,7 +77,8 @@ def _check_size(logs: Sequence[LogKnowledge]) -> None:
         raise ValueError(f"{len(logs)} logs with {n} unknowns are too many to combine")
 
 
-def _contents(log: LogKnowledge) -> dict[str, Any]:
+def log_contents(log: LogKnowledge) -> dict[str, Any]:
+    """A log for JSON."""
     own = log.information
     origins = own.origins or ("",) * len(own.names)
     columns = (own.names, own.centre, own.scale, own.logarithmic, own.non_negative, origins, own.vector)
@@ -107,7 +108,8 @@ def _contents(log: LogKnowledge) -> dict[str, Any]:
     }
 
 
-def _log(contents: Any) -> LogKnowledge:
+def log_of(contents: Any) -> LogKnowledge:
+    """The log of `log_contents`; a KeyError, TypeError, ValueError, AttributeError or OverflowError for others."""
     unknowns, texts = _list(contents["unknowns"]), {name: _text(contents[name]) for name in _LOG}
     if len(unknowns) > MAX_UNKNOWNS:
         raise ValueError(f"{len(unknowns)} unknowns of a log; at most {MAX_UNKNOWNS} expected")

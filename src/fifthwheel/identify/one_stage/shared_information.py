@@ -31,8 +31,9 @@ from fifthwheel.identify.knowledge.information import (
 )
 from fifthwheel.identify.knowledge.load import load_factors
 from fifthwheel.identify.one_stage.evidence import find_doubts
-from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
+from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import split_log
 from fifthwheel.vehicle.parameters import FRICTION
 
@@ -64,29 +65,39 @@ def _concerns(doubt: Doubt, log: int, name: str) -> bool:
 
 
 def shared_information(solution: Solution, log: int = 0) -> SharedInformation:
-    """The information of one log of a solution.
+    """The information of one log of a solution."""
+    of_log, names = solution.linearisation.logs[log], solution.problem.names
+    z = solution.minimum.z[of_log.indices]
+    return marginal_information(solution.problem.setup, [names[i] for i in of_log.indices], z, of_log)
+
+
+def marginal_information(setup: Setup, names: Sequence[str], z: Array, log: LogLinearisation) -> SharedInformation:
+    """The information of a log on what logs share.
 
     The friction of its road is the log's own. So is a parameter that is not identifiable because the roll rate is not
     measured.
+
+    Args:
+        setup: of the log.
+        names: (k,) of the unknowns of the log.
+        z: (k,) their estimates.
+        log: what it contributes at these estimates.
     """
-    problem, of_log = solution.problem, solution.linearisation.logs[log]
-    z = solution.minimum.z[of_log.indices]
-    index = {problem.names[place]: i for i, place in enumerate(of_log.indices)}
-    own_unknowns = {*problem.setup.without_roll_rate, FRICTION}
-    unknowns = [u for u in problem.unknowns if not u.per_log and u.name not in own_unknowns]
+    index = {name: i for i, name in enumerate(names)}
+    own_unknowns = {*setup.without_roll_rate, FRICTION}
+    unknowns = [u for u in setup.unknowns if not u.per_log and u.name not in own_unknowns]
     shared = [index[u.name] for u in unknowns]
     own = [i for i in range(len(z)) if i not in shared]
-    H, M = of_log.information, of_log.score_covariance
+    H, M = log.information, log.score_covariance
     K = H[np.ix_(shared, own)] @ np.linalg.inv(np.eye(len(own)) + H[np.ix_(own, own)])
-    gradient = of_log.gradient[shared] - K @ (of_log.gradient[own] + z[own])
+    gradient = log.gradient[shared] - K @ (log.gradient[own] + z[own])
     joint = H[shared] - K @ H[own]
     information = (joint[:, shared] + joint[:, shared].T) / 2
     rows = M[shared] - K @ M[own]
     scores = rows[:, shared] - rows[:, own] @ K.T + K @ K.T
-    values, given = problem.values(solution.minimum.z, log), problem.vehicle.parameters()
     gains = np.array([is_sensor_error(u.name, "gain") for u in unknowns])
-    gain = np.where(gains, [values[u.name] for u in unknowns], 1.0)
-    centre, scale = _column(unknowns, "centre"), _column(unknowns, "scale")
+    gain = np.where(gains, scaling(unknowns).to_p(z[shared]), 1.0)
+    centre, scale, given = _column(unknowns, "centre"), _column(unknowns, "scale"), setup.vehicle.parameters()
     estimate = np.where(gains, np.log(gain / np.where(gains, centre, 1.0)) / scale, z[shared])
     information *= np.outer(gain, gain)
     return SharedInformation(
@@ -99,7 +110,7 @@ def shared_information(solution: Solution, log: int = 0) -> SharedInformation:
         information=information,
         score_covariance=(scores + scores.T) / 2 * np.outer(gain, gain),
         origins=tuple(origin(u, given) for u in unknowns),
-        factors=load_factors(problem.vehicle),
+        factors=load_factors(setup.vehicle),
     )
 
 

@@ -21,6 +21,7 @@ from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online.evidence import find_doubts
+from fifthwheel.identify.online.learned import LearnedLog
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.persistence import LEARNER_FILE, EstimateBlock, combine_blocks
@@ -109,6 +110,7 @@ class Learner:
         self._trailer = (occasion.trailer or vehicle.name) if trailer is None else trailer
         self._uncoupled: dict[str, EstimateBlock] = {}  # estimates of other trailers by name
         self._time = math.nan  # of the last sample, s
+        self._log = LearnedLog(occasions={self._trailer: occasion})
 
     def __copy__(self) -> "Learner":
         """A copy that learns on its own."""
@@ -234,6 +236,17 @@ class Learner:
             estimates.append((u, LearnedValue(name=u.name, value=value, sigma=u.sigma(value, s), verdict=verdict)))
         return estimates
 
+    @property
+    def knowledge(self) -> Knowledge:
+        """The information of the logs that it began with, and of what it learned: a log for each time that a trailer
+        was coupled.
+
+        It begins a later `identify`, or another learner. Of the considered unknowns it contains only what follows from
+        their effect on the estimates.
+        """
+        logs = self._log.finished(self._live, self._trailer, self._time).logs
+        return (self._knowledge or Knowledge()).with_logs(logs)
+
     def vehicle(self) -> Vehicle:
         """The vehicle with the estimates; a parameter that is not excited or not identifiable keeps its given value.
 
@@ -271,13 +284,15 @@ class Learner:
         combination = _with_tractor_of(self._vehicle_file, vehicle)
         measured = self._signals if signals is None else frozenset(signals)
         setup = online_setup(combination, measured, self._live.setup.settings)
-        earlier = self._knowledge.prior(setup, Occasion(trailer=trailer)) if self._knowledge else None
+        occasion = self._log.occasions.get(trailer, Occasion(trailer=trailer))
+        earlier = self._knowledge.prior(setup, occasion) if self._knowledge else None
         if earlier is not None:
             blocked = {name for block, _ in blocks for name in block.names}
             own = {u.name for u in setup.unknowns if not _is_of_tractor(setup, u)}
             earlier = earlier.among(own - blocked)
         live = LiveFilter(setup, self._live.learner, *combine_blocks(setup.unknowns, blocks, earlier))
         live.innovations.restore(**self._live.innovations.as_dict())
+        self._log = self._log.finished(self._live, self._trailer, self._time).with_occasion(trailer, occasion)
         self._vehicle_file, self._signals = combination, measured
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
@@ -317,6 +332,7 @@ class Learner:
         start = combine_blocks(unknowns, [(block, "this learner")])
         fixed._live, fixed._knowledge = LiveFilter(fixed._live.setup, live.learner, *start), self._knowledge
         fixed._live.innovations.restore(**live.innovations.as_dict())
+        fixed._log = self._log.finished(live, self._trailer, self._time)
         fixed._uncoupled = {name: other.restricted(unknowns) for name, other in self._uncoupled.items()}
         return fixed
 
@@ -345,6 +361,7 @@ class Learner:
             "learner": self._live.learner.as_dict(),
             "trailer": self._trailer,
             "estimates": self._block_of(range(len(setup.unknowns))).as_dict(),
+            "knowledge": self._log.as_dict(self._live, self._trailer, self._time),
             "evidence": {
                 "gradient": estimate.gradient.tolist(),
                 "information": estimate.information.tolist(),
@@ -385,6 +402,8 @@ class Learner:
             learner._live = live = LiveFilter(setup, learner._live.learner, *start)
             live.set_estimate(*start, *scores)
             live.innovations.restore(**evidence["innovations"])
+            if "knowledge" in content:  # not in files of version 0.2.0
+                learner._log = LearnedLog.restored(content["knowledge"], live)
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:

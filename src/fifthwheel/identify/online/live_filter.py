@@ -47,6 +47,8 @@ class LiveFilter:
         self.model = model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
         self.filter = _relinearised_filter(setup, self.model, learner, self._scaling, self.considered)
         self.set_estimate(z, covariance)
+        self.began = self.filter.estimate()
+        """The estimates before the first sample."""
         view = StateView(setup, self.model, self.filter, self._scaling, self.considered)
         self.view, self.row = view, self.filter.row
         self.learning = False
@@ -77,9 +79,10 @@ class LiveFilter:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
         return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
-    def joint(self) -> tuple[Array, Array]:
-        """All unknowns after all samples: z (n_p,) and its covariance (n_p, n_p), in units of their priors."""
-        estimate, known = self.filter.estimate(), self.considered
+    def joint(self, estimate: JointEstimate | None = None) -> tuple[Array, Array]:
+        """All unknowns after all samples: z (n_p,) and its covariance (n_p, n_p), in units of their priors; or those of
+        another estimate of this filter."""
+        estimate, known = estimate or self.filter.estimate(), self.considered
         unit = np.append(np.ones(len(estimate.z)), known.sigma)
         return np.append(estimate.z, known.mean), estimate.covariance() * np.outer(unit, unit)
 
@@ -87,19 +90,26 @@ class LiveFilter:
         self, z: Array, covariance: Array, gradient: Array | None = None, information: Array | None = None
     ) -> None:
         """Set the estimates to what `joint` gave, and the score tests, which start again if None."""
+        self.filter.set_estimate(self._joint_estimate(z, covariance, gradient, information))
+
+    def set_start(self, z: Array, covariance: Array) -> None:
+        """Set the estimates before the first sample to what `joint` gave."""
+        self.began = self._joint_estimate(z, covariance)
+
+    def _joint_estimate(
+        self, z: Array, covariance: Array, gradient: Array | None = None, information: Array | None = None
+    ) -> JointEstimate:
         n, known = len(self.setup.estimated_unknowns), self.considered
         cross = covariance[:n, n:] / known.sigma
         B = np.asarray(np.linalg.solve(known.correlation, cross.T).T if known.is_correlated else cross)
         gains, none = B @ np.linalg.cholesky(known.correlation), np.zeros(len(known.mean))
-        self.filter.set_estimate(
-            JointEstimate(
-                z=z[:n],
-                Pz=covariance[:n, :n] - gains @ gains.T,
-                B=B,
-                gradient=none if gradient is None else gradient,
-                information=none if information is None else information,
-                correlation=known.correlation,
-            )
+        return JointEstimate(
+            z=z[:n],
+            Pz=covariance[:n, :n] - gains @ gains.T,
+            B=B,
+            gradient=none if gradient is None else gradient,
+            information=none if information is None else information,
+            correlation=known.correlation,
         )
 
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
