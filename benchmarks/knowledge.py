@@ -186,8 +186,8 @@ def combined(logs: Sequence[LogKnowledge]) -> Numbers:
 
 
 def learned(logs: Sequence[Record], truth: Truth) -> Numbers:
-    """The estimates from the knowledge of a learner after all logs, with the law of the tyres of the other ways."""
-    learner = Learner(truth.file, logs[0].signals, truth.settings)
+    """The estimates from the knowledge of a learner after all logs, with linear tyres, its default."""
+    learner = Learner(truth.file, logs[0].signals, replace(truth.settings, tyres="linear"))
     for i, log in enumerate(logs):
         learner.learn(replace(log, time=log.time + 3600.0 * i))
     return combined(learner.knowledge.logs)

@@ -46,35 +46,34 @@ def learner_of(record: fw.Record, guess: fw.Vehicle, knowledge: fw.Knowledge | N
 def test_start_and_what_was_learned_give_the_estimates(
     records: list[fw.Record], guess: fw.Vehicle, earlier: fw.Knowledge, known: bool
 ) -> None:
-    """With c at its mean: the information of the start and that of the samples add up to that of the estimates."""
+    """With the effect of considered unknowns, but for directions in which the walk exceeds what was learned."""
     live = learner_of(records[1], guess, earlier if known else None).live
-    start, now, n = live.began, live.filter.estimate(), len(live.setup.estimated_unknowns)
-    information, vector = learned_information(start, now, live.considered)
+    n = len(live.setup.estimated_unknowns)
+    (z0, P0), (z1, P1) = ((z[:n], P[:n, :n]) for z, P in (live.joint(live.began), live.joint()))
+    information, vector = learned_information(live)
+    total = np.linalg.inv(P0) + information
+    z = np.linalg.solve(total, np.linalg.solve(P0, z0) + vector)
+    shared, unit = np.array([not u.per_log for u in live.setup.estimated_unknowns]), np.sqrt(np.diag(P1))
+    np.testing.assert_allclose(((z - z1) / unit)[shared], 0.0, atol=0.25)
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(total)))[shared], unit[shared], rtol=0.02)
     assert np.linalg.eigvalsh(information)[0] > -1e-9 * np.abs(information).max()
-    of_start, total = np.linalg.inv(start.Pz), np.linalg.inv(start.Pz) + information[:n, :n]
-    at_mean = vector[:n] - information[:n, n:] @ live.considered.mean
-    z = np.linalg.solve(total, of_start @ start.z + at_mean)
-    excited = np.array([not u.per_log for u in live.setup.estimated_unknowns])
-    unit = np.sqrt(np.diag(now.Pz))
-    np.testing.assert_allclose(((z - now.z) / unit)[excited], 0.0, atol=0.05)
-    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(total)))[excited], unit[excited], rtol=0.01)
+    assert (unit[shared] < 0.9 * np.sqrt(np.diag(P0))[shared]).sum() >= 4
 
 
 def test_a_later_learner_and_identification_begin_with_it(
     records: list[fw.Record], guess: fw.Vehicle, truck: fw.Vehicle
 ) -> None:
-    """Their sigma of each stiffness is smaller than without, and not smaller than that of all samples together."""
+    """Values stay, and sigma grows by the variation of the stiffness from log to log only."""
     learner = learner_of(records[0], guess)
     (log,) = learner.knowledge.logs
     assert (log.trailer, log.load, log.tractor) == ("T 17", "steel", "tractor")
     later = fw.Learner(guess, records[1].signals, SETTINGS, knowledge=learner.knowledge, occasion=OCCASION)
     result = fw.identify(records[1:], guess, SETTINGS, knowledge=learner.knowledge, occasion=OCCASION)
     alone = fw.identify(records[1:], guess, SETTINGS)
-    both = fw.identify(records, guess, SETTINGS)
     for name in STIFFNESSES:
         assert later[name].value == pytest.approx(learner[name].value, rel=0.03)
-        assert later[name].sigma == pytest.approx(learner[name].sigma, rel=0.2)
-        assert both[name].sigma < 1.02 * result[name].sigma < 1.02 * alone[name].sigma
+        assert learner[name].sigma < 1.01 * later[name].sigma < 1.4 * learner[name].sigma
+        assert result[name].sigma < 1.02 * alone[name].sigma
         assert abs(result[name].value - truck.parameters()[name]) < 3 * result[name].sigma
 
 

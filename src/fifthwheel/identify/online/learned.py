@@ -1,19 +1,13 @@
 """What a learner learned, as the knowledge of a log.
 
-The estimates z of a learner and the considered unknowns c, in units of their priors, are jointly normal. With
-z | c ~ N(z0 + B0 (c - c0), P0) at the start and z | c ~ N(z1 + B1 (c - c0), P1) now, the samples between contribute to
-the cost of z and c, up to a function of c alone,
-
-    (z - z1 - B1 (c - c0))' P1^-1 (...) / 2 - (z - z0 - B0 (c - c0))' P0^-1 (...) / 2.
-
-Hence the information A = P1^-1 - P0^-1 of z, and N = P0^-1 B0 - P1^-1 B1 between z and c. Of the function of c the
-learner keeps only tests. The least information that A and N allow is that for which the minimum of the cost over z is
-the same for all c: N' A^+ N. Directions of z that gained nothing, where the walk of the estimates exceeds what was
-learned, contribute nothing.
+With the means z0 and z1 of the estimated unknowns at the start and now, and their covariances P0 and P1, which contain
+the effect of the considered unknowns, the samples between contribute the information H = P1^-1 - P0^-1 and
+H z = P1^-1 z1 - P0^-1 z0. Start and information together give the estimates of the learner with their sigma. Directions
+of z that gained nothing, because the estimates walk or a considered unknown determines them, contribute nothing. Of the
+considered unknowns nothing is kept: their effect is a bound of model errors, from which they cannot be estimated.
 
 The cornering stiffness of a log varies about that which logs share, with a standard deviation that is no unknown of a
-learner. With the covariance Q of this variation, the information H of the log on the shared one is
-H (I + Q H)^-1.
+learner. With the covariance Q of this variation, the information on the shared one is H (I + Q H)^-1.
 """
 
 import datetime
@@ -26,7 +20,6 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import describe_doubt
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, masses_of_load
 from fifthwheel.identify.knowledge.storage import log_contents, log_of
@@ -35,7 +28,6 @@ from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
-from fifthwheel.identify.online.start import Considered
 from fifthwheel.identify.setup import Setup
 from fifthwheel.names import ParameterPath
 
@@ -108,38 +100,33 @@ class LearnedLog:
         return self.date if self.date and math.isnan(time) else occasion.date_at(time)
 
 
-def learned_information(start: JointEstimate, now: JointEstimate, known: Considered) -> tuple[Array, Array]:
-    """Information (n_p, n_p) of all unknowns, and its product with their mean (n_p,), from what was learned."""
-    before, after = np.linalg.inv(start.Pz), np.linalg.inv(now.Pz)
-    B_before, B_after = start.B / known.sigma, now.B / known.sigma
-    gained, axes = np.linalg.eigh(after - before)
+def learned_information(live: LiveFilter) -> tuple[Array, Array]:
+    """Information (n_z, n_z) on the estimated unknowns since the start, and its product with their mean (n_z,)."""
+    n = len(live.setup.estimated_unknowns)
+    (z0, P0), (z1, P1) = ((z[:n], np.linalg.inv(P[:n, :n])) for z, P in (live.joint(live.began), live.joint()))
+    gained, axes = np.linalg.eigh(P1 - P0)
     axes, gained = axes[:, gained > GAINED], gained[gained > GAINED]
-    cross = axes.T @ (before @ B_before - after @ B_after)
-    vector = axes.T @ (after @ (now.z - B_after @ known.mean) - before @ (start.z - B_before @ known.mean))
-    rows = np.hstack([gained[:, None] * axes.T, cross])  # of the information, in the directions that gained
-    return rows.T @ (rows / gained[:, None]), rows.T @ (vector / gained)
+    return axes * gained @ axes.T, axes @ (axes.T @ (P1 @ z1 - P0 @ z0))
 
 
 def learned_knowledge(live: LiveFilter) -> SharedInformation | None:
     """What a filter learned since its start; None if nothing."""
-    known, now, setup = live.considered, live.filter.estimate(), live.setup
-    information, vector = learned_information(live.began, now, known)
+    now, setup = live.filter.estimate(), replace(live.setup, unknowns=live.setup.estimated_unknowns)
+    information, vector = learned_information(live)
     if not information.any():
         return None
-    z, Q = np.append(now.z, known.mean), np.diag(_variation(setup))
-    T = np.linalg.inv(np.eye(len(z)) + information @ Q)
-    scores = max(1.0, *live.innovations.autocorrelation) * information + information @ Q @ information
+    T = np.linalg.inv(np.eye(len(now.z)) + information * _variation(setup))
     log = LogLinearisation(
-        indices=np.arange(len(z)),
+        indices=np.arange(len(now.z)),
         information=T @ information,
-        gradient=T @ (information @ z - vector),
-        score_covariance=T @ scores @ T.T,
+        gradient=T @ (information @ now.z - vector),
+        score_covariance=max(1.0, *live.innovations.autocorrelation) * (T @ information),
     )
-    return marginal_information(setup, [u.name for u in setup.unknowns], z, log)
+    return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log)
 
 
 def _variation(setup: Setup) -> Array:
-    """Variance (n_p,) of the unknowns from log to log, in units of their priors."""
+    """Variance (n_z,) of the unknowns from log to log, in units of their priors."""
     sigma = setup.settings.consider.get("stiffness_variation", 0.0)
     varies = [ParameterPath.of(u.name).quantity == "cornering_stiffness" for u in setup.unknowns]
     return np.array([(sigma / u.scale) ** 2 if v else 0.0 for u, v in zip(setup.unknowns, varies, strict=True)])

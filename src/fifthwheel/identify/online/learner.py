@@ -241,8 +241,7 @@ class Learner:
         """The information of the logs that it began with, and of what it learned: a log for each time that a trailer
         was coupled.
 
-        It begins a later `identify`, or another learner. Of the considered unknowns it contains only what follows from
-        their effect on the estimates.
+        A later `identify` or another learner begins with it. It contains nothing on the considered unknowns.
         """
         logs = self._log.finished(self._live, self._trailer, self._time).logs
         return (self._knowledge or Knowledge()).with_logs(logs)
