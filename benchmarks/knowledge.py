@@ -181,7 +181,7 @@ def after_another(logs: Sequence[Record], truth: Truth) -> Identification:
 def combined(logs: Sequence[LogKnowledge]) -> Numbers:
     """The estimates of logs that were identified alone."""
     together = Knowledge(logs=tuple(logs)).combined
-    last = len(logs) - 1
+    last = len(together.logs) - 1
     return {unknown.name: together.estimate(last, unknown) for unknown in together.parameters(last)}
 
 

@@ -18,8 +18,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.settings import MODEL_ERRORS
-from fifthwheel.identify.suspension import with_suspension
 from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Sensor, measure
@@ -29,6 +29,7 @@ from fifthwheel.vehicle import Measured, RollTest, Vehicle
 from fifthwheel.vehicle.roll_test import stiffness_of_rest
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 from fifthwheel.workflow import roll_tested_vehicle
+from knowledge import retyred
 from trust_coverage import GYROS, INTERVAL, SPEED, STEER
 from trust_runs import TRUCK, table
 
@@ -64,7 +65,7 @@ class Draw(NamedTuple):
 def loaded(load: Load) -> Vehicle:
     p = TRUCK.parameters()
     mass = p["semitrailer.mass"] + load.mass - p["semitrailer.payload.mass"]
-    return TRUCK.replace(
+    truck = TRUCK.replace(
         {
             "semitrailer.mass": mass,
             "semitrailer.payload.mass": load.mass,
@@ -72,6 +73,7 @@ def loaded(load: Load) -> Vehicle:
             "semitrailer.yaw_inertia": p["semitrailer.yaw_inertia"] * mass / p["semitrailer.mass"],
         }
     )
+    return retyred(truck)
 
 
 @cache
@@ -151,8 +153,9 @@ def results(seed: int) -> dict[str, Identification]:
     file, record = file_of(draw, LADEN), logged(draw, LADEN)
     found = {"alone": identify([record], file, SETTINGS)}
     for name, load in KNOWN_LOADS.items():
-        reference = identify([logged(draw, load)], file_of(draw, load), KNOWN)
-        found[name] = identify([record], *with_suspension(file, SETTINGS, reference))
+        reference = identify([logged(draw, load)], file_of(draw, load), KNOWN, occasion=Occasion(load="known"))
+        knowledge = reference.knowledge
+        found[name] = identify([record], file, SETTINGS, knowledge=knowledge, occasion=Occasion(load="unknown"))
     found["with a static roll test"] = identify([record], tested(draw, file), SETTINGS)
     return found
 

@@ -119,8 +119,8 @@ class IdentifyOptions(Settings):
     suspension_from: Annotated[
         Path | None,
         Option(
-            help="An identification.json of the same truck with a known payload: roll stiffness, roll axis and "
-            "unladen bodies with their joint uncertainty."
+            help="Old form of --knowledge RESULT with another --load than that of the result.",
+            replaced_by="--knowledge",
         ),
     ] = None
     form: Annotated[
@@ -160,6 +160,11 @@ class IdentifyOptions(Settings):
             label="Refuse implausible signals",
         ),
     ] = True
+
+    @property
+    def earlier_result(self) -> Path | None:
+        """With the information of earlier logs; None if there is none."""
+        return self.knowledge or self.suspension_from
 
 
 @dataclass(frozen=True, kw_only=True)

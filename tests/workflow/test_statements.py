@@ -258,14 +258,6 @@ def test_the_factor_of_the_vehicle_file_does_not_change_a_stated_sigma() -> None
     stated("vehicle_file=+- 50 %", "roll_stiffness=+- 5 %", "tractor.mass=exact")
 
 
-def test_numbers_of_a_calibrated_suspension_are_not_stated_again() -> None:
-    path, chosen = "semitrailer.roll_stiffness", OneStage()
-    with pytest.raises(FifthwheelError, match="identification of the suspension; remove --suspension-from"):
-        apply_statements(TRUCK, chosen, [parse_statement(f"{path}=+- 5 %")], given=[path])
-    _, settings = apply_statements(TRUCK, chosen, [parse_statement(f"{path}=exact")], given=[path])
-    assert settings.fixed == (path,)
-
-
 def test_a_sensor_that_no_log_has_is_refused() -> None:
     record = Record(time=[0.0, 1.0], signals={"speed": [20.0, 20.0], "yaw_rate.tractor": [0.0, 0.1]})
     _, settings = stated(f"{DELAY}=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")

@@ -37,6 +37,8 @@ from fifthwheel.workflow.inputs import Progress
 
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""
+KNOWN = ("knowledge", "suspension_from")
+"""Options whose value is an earlier result."""
 
 
 def results(workspace: Workspace) -> list[str]:
@@ -59,10 +61,9 @@ def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
     """The choices for the identification; unknown ones, of another version, are left out."""
     known = options_of(IdentifyOptions)
     given: dict[str, Any] = {key: value for key, value in choices.identify.items() if key in known}
-    if given.get("suspension_from"):
-        given["suspension_from"] = workspace.run(str(given["suspension_from"])) / RESULT
-    if given.get("knowledge"):
-        given["knowledge"] = workspace.run(str(given["knowledge"]))
+    for key in KNOWN:
+        if given.get(key):
+            given[key] = workspace.run(str(given[key]))
     return IdentifyOptions(**given)
 
 
@@ -125,12 +126,11 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
         used = dict(zip(paths, records, strict=True))
         runs = run_loads(starts, used, validate=records[len(chosen) :], progress=progress)
         progress("writing the report", 0, 0)
-        kept = None if stated.knowledge is None else knowledge_file(stated.knowledge)
+        kept = None if stated.earlier_result is None else knowledge_file(stated.earlier_result)
         provenance = provenance_of_run(
             paths,
             str(workspace.folder / VEHICLE),
             signals_file,
-            stated.suspension_from,
             kept,
             command=command(workspace, choices, name),
         )
@@ -147,7 +147,7 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     for log in (*chosen, *validate):
         words += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
     stated = options(workspace, choices)
-    for key in ("suspension_from", "knowledge"):
+    for key in KNOWN:
         if path := getattr(stated, key):
             stated = replace(stated, **{key: path.relative_to(workspace.folder)})
     return words + arguments(stated)

@@ -24,7 +24,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify later.csv --vehicle result -o result",
     "fifthwheel identify empty.csv laden.csv -v truck.toml --load empty.csv=0t",
     "fifthwheel identify run.csv -v truck.toml --knowledge merged.json",
-    "fifthwheel identify run.csv -v truck.toml --suspension-from known_load/identification.json",
+    "fifthwheel identify run.csv -v truck.toml --knowledge known_load --load timber",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
     "fifthwheel identify run.csv -v truck.toml --figures svg",
 )
@@ -55,7 +55,7 @@ def identify(
     vehicle), knowledge.json (the information of the logs, for later ones), states.parquet, report.html and run.json
     (digests of these files). With several loads (--load) these are of the last log's, and each other load has a
     folder of its own. With a result folder as --vehicle the estimates begin with the information of its logs.
-    --any-load, --suspension-from, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage
+    --any-load, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage
     method; two stages take values and "exact" of parameters by --set.
     """
     from fifthwheel.logs import start_reader
@@ -80,8 +80,8 @@ def identify(
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = str(result.with_name("vehicle.toml")) if result else vehicle
-    results = [path for path in (result, chosen.knowledge and knowledge_file(chosen.knowledge)) if path]
-    before = [path for path in (signals, chosen.suspension_from) if path]
+    results = [path for path in (result, chosen.earlier_result and knowledge_file(chosen.earlier_result)) if path]
+    before = [signals] if signals else []
     # what a result keeps may grow in place
     read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
@@ -93,7 +93,7 @@ def identify(
             terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
-        provenance = provenance_of_run(inputs, file, signals, chosen.suspension_from, *results, command=sys.argv[1:])
+        provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:])
         text = vehicle_text(file)
         written = write_loads(starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text)
         files = terminal.in_folder(out, written)

@@ -42,14 +42,18 @@ def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
 
 
 def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:
-    """Print the statements that say the same as the options that --set replaces."""
+    """Print what says the same as the options that others replace."""
     from fifthwheel.settings import options_of
     from fifthwheel.workflow import replaced_statements
 
-    old = [o.flags_of(n)[0] for n, o in options_of(type(chosen)).items() if o.replaced_by and getattr(chosen, n)]
-    statements = " ".join(f"--set {shlex.quote(str(statement))}" for statement in replaced_statements(chosen))
-    if old:
-        typer.echo(f"warning: {', '.join(old)}: replaced by --set, give {statements}", err=True)
+    if chosen.suspension_from:
+        path = shlex.quote(str(chosen.suspension_from))
+        typer.echo(f"warning: --suspension-from: replaced, give --knowledge {path} and a name of the --load", err=True)
+    used = {n: o for n, o in options_of(type(chosen)).items() if o.replaced_by == "--set" and getattr(chosen, n)}
+    if used:
+        old = ", ".join(option.flags_of(name)[0] for name, option in used.items())
+        statements = " ".join(f"--set {shlex.quote(str(statement))}" for statement in replaced_statements(chosen))
+        typer.echo(f"warning: {old}: replaced by --set, give {statements}", err=True)
 
 
 def print_json(contents: Any) -> None:

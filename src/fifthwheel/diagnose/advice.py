@@ -13,8 +13,7 @@ from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
-from fifthwheel.identify.suspension import independent_of_load
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle.parameters import FRICTION
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
@@ -25,8 +24,13 @@ EXCITATION = {
     "height": f"add lane changes with more roll ({LANE_CHANGE}).",
 }
 """Quantity of a parameter -> the excitation that it needs."""
-CALIBRATION = "Or calibrate it with a log with a known payload (--suspension-from), or by a static test (roll-test)."
+CALIBRATION = "Or calibrate it with a log with a known payload (--knowledge), or by a static test (roll-test)."
 """Of a suspension, for the payload height."""
+OF_SUSPENSION = (
+    *("roll_stiffness", "tyre_roll_stiffness", "roll_damping", "roll_axis_height"),
+    *("sprung.cog_height", "sprung.roll_inertia"),
+)
+"""Ends of paths, of numbers that act on the roll rate as the payload height does, and stay with another payload."""
 VERDICTS = {
     Verdict.AT_BOUND: "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, "
     "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
@@ -161,7 +165,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if source:
             known = f" ({_known_to(source)})"
             cure = f"Measure it, or give its real uncertainty: --set {term.source}='+- 5 %'."
-            if ParameterPath.of(term.parameter).is_payload_height and independent_of_load(term.source):
+            of_suspension = any(ends_with(term.source, end) for end in OF_SUSPENSION)
+            if ParameterPath.of(term.parameter).is_payload_height and of_suspension:
                 cure += f" {CALIBRATION}"
         elif term.source.endswith(".softening"):
             cure = "Tyres soften with the slip angle: drive with less lateral acceleration, or use --tyres saturating."

@@ -12,7 +12,6 @@ from fifthwheel.names import ends_with
 from fifthwheel.options import Friction, TyreChoice, TyreLaw
 from fifthwheel.settings import Count, Cure, Finite, FiniteNonNegative, FinitePositive, NonNegative, Positive, Settings
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
-from fifthwheel.vehicle.uncertainty import Change
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
@@ -180,9 +179,6 @@ class OneStage(CommonSettings):
     """Prior mean and standard deviation, SI, of single sensor errors, such as steer.tractor.front.gain, by name. A
     standard deviation of 0: the error is exactly its mean. Also of estimated parameters whose prior is not a fraction
     of the value, by path: payload heights and positions."""
-    changes: tuple[Change, ...] = ()
-    """Uncertain numbers whose errors are correlated, as independent changes of the vehicle. They replace the
-    uncertainty of the parameters that they alter, by `consider` and by the vehicle file (`identify.suspension`)."""
     uniform_payload: bool = True
     """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
     False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""

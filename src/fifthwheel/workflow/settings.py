@@ -6,9 +6,8 @@ from typing import Any
 
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import CommonSettings, Identification, OneStage
+from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.settings import MODEL_ERROR_UNITS, MODEL_ERRORS
-from fifthwheel.identify.suspension import independent_of_load, with_suspension
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.settings import options_of
 from fifthwheel.units import quantity
@@ -21,7 +20,6 @@ from fifthwheel.workflow.statements import SENSOR_PRIORS, apply
 def identification_settings(
     vehicle: Vehicle,
     chosen: IdentifyOptions,
-    suspension: Identification | None = None,
     *,
     base: OneStage | None = None,
 ) -> tuple[Vehicle, CommonSettings]:
@@ -29,13 +27,11 @@ def identification_settings(
 
     Args:
         chosen: what a user chooses.
-        suspension: identification of the same truck whose suspension the vehicle gets; default: that of the options.
         base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
 
     Raises:
         FifthwheelError: a statement that cannot be used (`statements.apply`), or an option of another method.
-        SignalError: `suspension` is not an identification in one stage.
-        VehicleError: a parameter that does not exist, or `suspension` is of another vehicle.
+        VehicleError: a parameter that does not exist.
     """
     one_stage = chosen.method == "one-stage"
     for name in ("passes",) if one_stage else _ONE_STAGE:
@@ -44,7 +40,7 @@ def identification_settings(
             other = "two-stage" if one_stage else "one-stage"
             raise FifthwheelError(f"{option}: needs --method {other}; remove {option}, or choose that method")
     if one_stage:
-        return chosen_one_stage(vehicle, chosen, suspension, base=base)
+        return chosen_one_stage(vehicle, chosen, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
     settings = replace(preset, check=chosen.check, passes=chosen.passes or preset.passes)
     return apply(vehicle, settings, chosen_statements(chosen))
@@ -53,19 +49,13 @@ def identification_settings(
 def chosen_one_stage(
     vehicle: Vehicle,
     chosen: IdentifyOptions,
-    suspension: Identification | None = None,
     *,
     base: OneStage | None = None,
 ) -> tuple[Vehicle, OneStage]:
     """The same for one stage, whatever the method."""
     form: Any = chosen.form.replace("-", "_")
     of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
-    base = replace(base or OneStage(), **of_options)
-    if suspension is None and chosen.suspension_from is not None:
-        suspension = Identification.load(chosen.suspension_from)
-    given = [path for path in vehicle.parameters() if independent_of_load(path)] if suspension else []
-    vehicle, settings = apply(vehicle, base, chosen_statements(chosen), given=given)
-    return with_suspension(vehicle, settings, suspension) if suspension else (vehicle, settings)
+    return apply(vehicle, replace(base or OneStage(), **of_options), chosen_statements(chosen))
 
 
 _ONE_STAGE = (

@@ -67,8 +67,10 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     """
     loads = _loads(chosen.load, logs)
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
-    if chosen.knowledge is not None:
-        knowledge: Knowledge | None = read_knowledge(chosen.knowledge)
+    if chosen.knowledge and chosen.suspension_from:
+        raise FifthwheelError("--suspension-from: is --knowledge with another load; give only --knowledge, with --load")
+    if chosen.earlier_result is not None:
+        knowledge: Knowledge | None = read_knowledge(chosen.earlier_result)
     else:
         knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
     last = knowledge and knowledge.last
@@ -85,7 +87,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         if knowledge and last:
             knowledge.require_same_truck(vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
-            name = load or last.load
+            name = load or (f"not that of {last.name}" if chosen.suspension_from else last.load)
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
     return starts

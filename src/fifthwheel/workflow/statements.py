@@ -3,7 +3,7 @@
 A statement is used or refused, never dropped.
 """
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -49,16 +49,13 @@ WIDE_POSITION = 0.5
 """Prior standard deviation of a position that is free, m."""
 
 
-def apply(
-    vehicle: Vehicle, settings: S, statements: Iterable[Statement], *, given: Collection[str] = ()
-) -> tuple[Vehicle, S]:
+def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tuple[Vehicle, S]:
     """The vehicle and the settings of an identification that contain the statements.
 
     Args:
         vehicle: the vehicle to identify.
         settings: of either method; two stages take values and "exact" of parameters.
         statements: in any order.
-        given: paths whose value and uncertainty come from elsewhere, such as an identification of the suspension.
 
     Raises:
         FifthwheelError: a name fits nothing, or more than one number that gets a value; a unit does not fit; two
@@ -68,12 +65,12 @@ def apply(
     if not listed:
         return vehicle, settings
     apply_to: Any = _apply_to_one_stage if isinstance(settings, OneStage) else _apply_to_two_stages
-    changed: tuple[Vehicle, S] = apply_to(vehicle, settings, listed, given)
+    changed: tuple[Vehicle, S] = apply_to(vehicle, settings, listed)
     return changed
 
 
 def _apply_to_one_stage(
-    vehicle: Vehicle, settings: OneStage, statements: Sequence[Statement], given: Collection[str]
+    vehicle: Vehicle, settings: OneStage, statements: Sequence[Statement]
 ) -> tuple[Vehicle, OneStage]:
     if not settings.uniform_payload:
         vehicle = vehicle.lumped()  # a statement is on the laden body
@@ -91,8 +88,6 @@ def _apply_to_one_stage(
             result.set_sensor(resolved(name, _unit_of_error(name), mean, together), sigma)
         else:
             stated = resolved(name, unit_of(name), result.known[name], together)
-            if name in given and not (stated.sigma == 0 and not stated.has_value):
-                raise refused(stated, "is in the identification of the suspension; remove --suspension-from, or this")
             result.set_parameter(stated)
     return result.finished()
 
@@ -223,7 +218,7 @@ class _Result:
 
 
 def _apply_to_two_stages(
-    vehicle: Vehicle, settings: CommonSettings, statements: Sequence[Statement], _: Collection[str]
+    vehicle: Vehicle, settings: CommonSettings, statements: Sequence[Statement]
 ) -> tuple[Vehicle, CommonSettings]:
     """Values, and parameters that are exact."""
     known = vehicle.parameters()

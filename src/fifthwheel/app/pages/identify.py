@@ -17,11 +17,8 @@ from fifthwheel.workflow import IdentifyOptions, starts_of
 
 KEY = "identify"
 """Of the job."""
-_RESULTS = {
-    "knowledge": "A result of the same truck: begin with the information of its logs.",
-    "suspension_from": "A result of the same truck with a known payload.",
-}
-"""Options whose value is an earlier result, and their help."""
+_KNOWLEDGE = "A result of the same truck: begin with the information of its logs."
+"""Help of the choice of an earlier result."""
 
 
 def build(workspace: Workspace) -> None:
@@ -52,10 +49,9 @@ class _Settings:
             help = option.help.removesuffix(".") + "."
             if option.replaced_by and not self._value(key, None):
                 continue
-            if key in _RESULTS:
-                found = runs.known_results if key == "knowledge" else runs.results
-                results = {"": "the vehicle file"} | {name: name for name in found(self.workspace)}
-                self._choice(key, label, results, _RESULTS[key])
+            if key in runs.KNOWN:
+                results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
+                self._choice(key, label, results, _KNOWLEDGE)
             elif option.choices:
                 self._choice(key, label, option.choices, help)
             elif kind is bool:

@@ -32,7 +32,7 @@ class AssessmentSettings:
 
     enough: float = 0.05
     """A parameter with at most this sigma, relative to its value, needs no remedy."""
-    min_reduction: float = 0.2
+    min_reduction: float = 0.15
     """A remedy must reduce sigma by at least this fraction."""
     max_remedies: int = 2
     """Maximum number of remedies for each parameter, of different kinds."""

@@ -233,22 +233,16 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
-    """The changes of the vehicle: those of the masses and lengths of its file, and those of the settings.
+    """The changes of the masses and lengths of the vehicle file.
 
     Parameters in `done` have an unknown of their own; parameters that the settings fix are exact.
     """
-    factor, replaced = settings.consider.get("vehicle_file", 0.0), _changed_paths(settings)
-    of_file = {
-        change.name: {path: s * factor for path, s in change.slopes.items() if path not in replaced}
-        for change in (changes(vehicle) if factor else ())
-    }
-    given = {change.name: change.slopes for change in settings.changes}
-    exact = expand_names(vehicle, settings.fixed, settings)
+    factor, exact = settings.consider.get("vehicle_file", 0.0), expand_names(vehicle, settings.fixed, settings)
     unknowns = []
-    for name, slopes in {**of_file, **given}.items():
-        moves = {path: slope for path, slope in slopes.items() if path not in done and path not in exact}
+    for change in changes(vehicle) if factor else ():
+        moves = {path: factor * s for path, s in change.slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(change_unknown(name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings)))
+            unknowns.append(change_unknown(change.name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings)))
     return unknowns
 
 
@@ -289,11 +283,6 @@ def _fixed_last_axles(vehicle: Vehicle) -> list[str]:
         if len(axles) > 1 and not (axles[-1].steerable or axles[-1].self_steering or axles[-1].command_steering):
             paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
     return paths
-
-
-def _changed_paths(settings: OneStage) -> set[str]:
-    """Parameters whose uncertainty is in the changes of the settings."""
-    return {path for change in settings.changes for path in change.slopes}
 
 
 def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
@@ -359,18 +348,17 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`.
 
-    A key that is the end of a path does not apply to values of 0, nor to the sprung body below a payload whose height
-    is estimated: its CoG height would be the same unknown again. What the vehicle file states replaces a default.
+    A key that is the end of a path does not apply to values of 0, nor to the roll inertia of the sprung body below a
+    payload whose height is estimated: it acts like this height. What the vehicle file states replaces a default.
     """
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
     done = {*estimated, *expand_names(vehicle, settings.fixed, settings)}
-    changed = _changed_paths(settings)
     unknowns = []
     for table, has_defaults in ((settings.priors, False), (settings.consider, True)):
         for name, value in given_parameters(vehicle, settings).items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
-            excluded = value <= 0 or (path.unit in loaded and path.component == "sprung")
-            if key is None or name in done or (has_defaults and name in changed) or (excluded and key != name):
+            excluded = value <= 0 or (path.unit in loaded and ends_with(name, "sprung.roll_inertia"))
+            if key is None or name in done or (excluded and key != name):
                 continue
             if has_defaults and value == 0:  # a fraction of it is 0
                 continue
