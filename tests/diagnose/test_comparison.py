@@ -16,7 +16,7 @@ from tests.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 def run(result, log, *estimates, **others):
     """A result on a log of this name."""
     logs = tuple(replace(summary, name=log) for summary in result.identification.logs[:1])
-    return of(result, *estimates, logs=logs, **others)
+    return of(result, *estimates, **{"logs": logs, "knowledge": None, **others})
 
 
 def difference(a, b, parameter=0):
@@ -54,6 +54,14 @@ def test_errors_of_different_vehicle_files_do_not_cancel(result):
     other = replace(b, initial_vehicle=truck.replace({path: 0.9 * truck.parameters()[path]}))
     assert difference(a, b).sigma == pytest.approx(np.sqrt(2) * 0.04)
     assert difference(a, other).sigma == pytest.approx(np.sqrt(2) * 0.05)
+
+
+def test_logs_that_a_run_began_with_are_shared_too(result):
+    knowledge = result.identification.knowledge
+    first = run(result, "1", estimate(FRONT, sigma=0.03), knowledge=knowledge)
+    assert difference(first, run(result, "2", estimate(FRONT, sigma=0.03), knowledge=knowledge)).at_least
+    aside = replace(knowledge, logs=tuple(replace(log, set_aside="late") for log in knowledge.logs))
+    assert not difference(first, run(result, "2", estimate(FRONT, sigma=0.03), knowledge=aside)).at_least
 
 
 def test_shared_logs_make_the_difference_a_lower_bound(result):

@@ -170,9 +170,12 @@ def _common_sources(a: Identification, b: Identification) -> set[str]:
 
 
 def _shared_logs(a: Identification, b: Identification) -> list[str]:
-    """Names of the logs that both were identified on."""
+    """Names of the logs that both were identified on, or began with."""
     logs = [{(log.name, log.samples, log.span) for log in run.logs} for run in (a, b)]
-    return sorted(name for name, _, _ in logs[0] & logs[1])
+    known = [{log.digest: log.name for log in run.knowledge.used} if run.knowledge else {} for run in (a, b)]
+    return sorted(
+        {name for name, _, _ in logs[0] & logs[1]} | {known[0][digest] for digest in known[0].keys() & known[1]}
+    )
 
 
 def _notes(runs: Mapping[str, Identification]) -> list[str]:
