@@ -82,7 +82,9 @@ def test_the_same_load_after_a_standstill_continues(state):
 
 def test_a_restart_continues_with_the_estimates(state, learned):
     learning = make_learning(TRUCK, SIGNALS, path=state)
-    assert learning.learner[STIFF] == learned[0].learner[STIFF]
+    restored, before = learning.learner[STIFF], learned[0].learner[STIFF]
+    assert (restored.value, restored.verdict) == (before.value, before.verdict)
+    assert restored.sigma == pytest.approx(before.sigma, rel=1e-12)
     assert learning.learner.trailer == "depot 1"
 
 

@@ -23,7 +23,8 @@ def with_verdict(identification, verdict, **changes):
 def test_all_identified(result):
     conclusion = conclude_identification(result.identification, result.records[:1])
     assert conclusion.good
-    assert conclusion.headline == "All 5 parameters are identified from 1 log."
+    wide = "One parameter has a sigma above 15 % of its value."  # the payload height
+    assert conclusion.headline == f"All 5 parameters are identified from 1 log. {wide}"
     assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
     assert any("CoG height, derived" in line for line in conclusion.results)
     (line,) = conclusion.not_identified  # the tyres of this truck are linear
@@ -32,7 +33,7 @@ def test_all_identified(result):
 
 def test_a_wide_sigma_calls_for_more_excitation(result):
     conclusion = conclude_identification(with_verdict(result.identification, Verdict.CONVERGED, sigma=2e5))
-    assert "One parameter has a sigma above 15 % of its value" in conclusion.headline
+    assert "2 parameters have a sigma above 15 % of their value" in conclusion.headline
     assert any("To improve tractor.front.cornering_stiffness" in line for line in conclusion.next_steps)
 
 

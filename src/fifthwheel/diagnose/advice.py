@@ -24,7 +24,9 @@ EXCITATION = {
     "height": f"add lane changes with more roll ({LANE_CHANGE}).",
 }
 """Quantity of a parameter -> the excitation that it needs."""
-CALIBRATION = "Or calibrate it with a log with a known payload (--knowledge), or by a static test (roll-test)."
+CALIBRATION = (
+    "Or calibrate the suspension with a log with a known payload (--knowledge), or by a static test (roll-test)."
+)
 """Of a suspension, for the payload height."""
 OF_SUSPENSION = (
     *("roll_stiffness", "tyre_roll_stiffness", "roll_damping", "roll_axis_height"),
@@ -158,7 +160,7 @@ def _separation(identification: Identification) -> Iterator[Advice]:
 
 
 def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
-    uncertain = {e.name: e for e in identification.uncertain}
+    uncertain, calibrated = {e.name: e for e in identification.uncertain}, set[str]()
     for term in dominant_terms(identification):
         source, known = uncertain.get(term.source), ""
         cure = "Measure it, and state its uncertainty in the vehicle file."
@@ -166,8 +168,13 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
             known = f" ({_known_to(source)})"
             cure = f"Measure it, or give its real uncertainty: --set {term.source}='+- 5 %'."
             of_suspension = any(ends_with(term.source, end) for end in OF_SUSPENSION)
-            if ParameterPath.of(term.parameter).is_payload_height and of_suspension:
+            if (
+                ParameterPath.of(term.parameter).is_payload_height
+                and of_suspension
+                and term.parameter not in calibrated
+            ):
                 cure += f" {CALIBRATION}"
+                calibrated.add(term.parameter)
         elif term.source.endswith(".softening"):
             cure = "Tyres soften with the slip angle: drive with less lateral acceleration, or use --tyres saturating."
         yield Advice(

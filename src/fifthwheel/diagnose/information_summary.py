@@ -32,7 +32,8 @@ def variance_budget(identification: Identification, name: str) -> list[VarianceT
 
 
 def dominant_terms(identification: Identification) -> list[VarianceTerm]:
-    """Of each converged parameter with a notable sigma, the one or two uncertain numbers that limit it, if any do."""
+    """Of each converged parameter with a notable sigma, the fewest uncertain numbers, up to three, that
+    limit it, if any do."""
     terms = []
     for estimate in identification.parameters:
         if estimate.verdict is not Verdict.CONVERGED or not estimate.sigma:
@@ -40,7 +41,7 @@ def dominant_terms(identification: Identification) -> list[VarianceTerm]:
         if estimate.sigma >= thresholds.NOTABLE_SIGMA * abs(estimate.value):
             largest = variance_budget(identification, estimate.name)
             largest = [term for term in largest if term.fraction > thresholds.LARGE_FRACTION]
-            for count in (1, 2):
+            for count in (1, 2, 3):
                 if sum(term.fraction for term in largest[:count]) > thresholds.DOMINANT_FRACTION:
                     terms += largest[:count]
                     break

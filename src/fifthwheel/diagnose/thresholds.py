@@ -8,7 +8,7 @@ NOTABLE_SIGMA = 0.05
 """From this relative sigma on, the largest term of a parameter's variance is worth a measurement."""
 DOMINANT_FRACTION = 0.5
 """A term with a larger fraction of a variance dominates it; so do the two largest terms together."""
-LARGE_FRACTION = 0.2
+LARGE_FRACTION = 0.1
 """Each of them has a larger fraction."""
 LISTED_FRACTION = 0.1
 """A term with a larger fraction of a variance is listed in the variance budget."""

@@ -56,7 +56,7 @@ def test_start_and_what_was_learned_give_the_estimates(
     parameters = np.array([not u.is_sensor_error for u in live.setup.estimated_unknowns])
     unit = np.sqrt(np.diag(P1))
     np.testing.assert_allclose(((z - z1) / unit)[parameters], 0.0, atol=0.25)
-    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(total)))[parameters], unit[parameters], rtol=0.02)
+    np.testing.assert_allclose(np.sqrt(np.diag(np.linalg.inv(total)))[parameters], unit[parameters], rtol=0.1)
     assert np.linalg.eigvalsh(information)[0] > -1e-9 * np.abs(information).max()
     assert np.linalg.eigvalsh(information)[-1] > 1
 

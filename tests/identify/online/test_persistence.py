@@ -15,7 +15,6 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.uncertainty import Change
 from tests.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
 
@@ -35,14 +34,6 @@ def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, l
     loaded.learn(lanes)  # a new run: its time may start again
     assert loaded[HEIGHT].sigma < saved[HEIGHT].sigma
     assert not list(tmp_path.glob(".*"))
-
-
-def test_a_learner_with_correlated_uncertainty_is_loaded(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
-    """As of a suspension that another identification gives."""
-    settings = OneStage(changes=(Change(name="suspension", slopes={"semitrailer.roll_stiffness": 1e4}),))
-    saved = Learner(guess, lanes.signals, settings)
-    saved.save(tmp_path / "learner.json")
-    assert estimates(Learner.load(tmp_path / "learner.json"))[0] == pytest.approx(estimates(saved)[0])
 
 
 def of_version(number: int) -> Callable[[str], str]:

@@ -94,17 +94,19 @@ def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
     assert "tractor.yaw_inertia" not in names
 
 
-def test_body_below_an_estimated_payload_is_no_unknown(truck: Vehicle) -> None:
-    """Its CoG height would be the payload height again; named by its full path it is uncertain."""
+def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
+    """Its CoG height is uncertain. Its roll inertia acts like the payload height; by its full path it is uncertain."""
 
     def uncertain(settings: OneStage) -> set[str]:
         unknowns = one_stage_unknowns(truck, RATES, settings)
         return {u.name for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
 
     assert "tractor.sprung.cog_height" in uncertain(OneStage())
-    assert "semitrailer.sprung.cog_height" not in uncertain(OneStage())
-    assert "semitrailer.sprung.cog_height" in uncertain(OneStage(fixed=(HEIGHT,)))
-    assert uncertain(OneStage(consider={"semitrailer.sprung.cog_height": 0.1})) == {"semitrailer.sprung.cog_height"}
+    assert "semitrailer.sprung.cog_height" in uncertain(OneStage())
+    inertia = "semitrailer.sprung.roll_inertia"
+    assert inertia not in uncertain(OneStage())
+    assert inertia in uncertain(OneStage(fixed=(HEIGHT,)))
+    assert uncertain(OneStage(consider={inertia: 0.1})) == {inertia}
 
 
 def test_priors(truck: Vehicle) -> None:
