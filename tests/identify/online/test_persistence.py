@@ -11,11 +11,11 @@ import pytest
 from fifthwheel import vehicle
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.online import Learner, LearnerSettings
+from fifthwheel.identify.online.persistence import LEARNER_FILE
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.uncertainty import Change
 from tests.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
 
@@ -37,12 +37,16 @@ def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, l
     assert not list(tmp_path.glob(".*"))
 
 
-def test_a_learner_with_correlated_uncertainty_is_loaded(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
-    """As of a suspension that another identification gives."""
-    settings = OneStage(changes=(Change(name="suspension", slopes={"semitrailer.roll_stiffness": 1e4}),))
-    saved = Learner(guess, lanes.signals, settings)
-    saved.save(tmp_path / "learner.json")
-    assert estimates(Learner.load(tmp_path / "learner.json"))[0] == pytest.approx(estimates(saved)[0])
+def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
+    """An empty one is ignored, and any other refused."""
+    saved, path = Learner(guess, lanes.signals), tmp_path / "learner.json"
+    saved.save(path)
+    content = LEARNER_FILE.read(path)
+    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
+    assert estimates(Learner.load(path))[0] == pytest.approx(estimates(saved)[0])
+    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": [{"name": "roll_stiffness"}]}})
+    with pytest.raises(SignalError, match="this version has --knowledge.*start with a new Learner"):
+        Learner.load(path)
 
 
 def of_version(number: int) -> Callable[[str], str]:
