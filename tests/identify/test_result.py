@@ -127,7 +127,7 @@ def test_the_suspension_of_another_result_in_an_older_file(result, tmp_path):
     path.write_text(json.dumps(contents | {"settings": contents["settings"] | {"changes": []}}))
     assert Identification.load(tmp_path).settings == result.settings
     path.write_text(json.dumps(contents | {"settings": contents["settings"] | {"changes": [{"name": "suspension"}]}}))
-    with pytest.raises(SignalError, match="for which this version has --knowledge.*identify again"):
+    with pytest.raises(SignalError, match=r"for which this version has --knowledge.*identify again"):
         Identification.load(tmp_path)
 
 

@@ -71,11 +71,10 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     if chosen.knowledge and chosen.suspension_from:
         raise FifthwheelError("--suspension-from: is --knowledge with another load; give only --knowledge, with --load")
+    knowledge = _knowledge(truck) if isinstance(truck, Identification) and chosen.earlier_result is None else None
     if chosen.earlier_result is not None:
-        knowledge: Knowledge | None = read_knowledge(chosen.earlier_result)
+        knowledge = read_knowledge(chosen.earlier_result)
         knowledge.require_used()
-    else:
-        knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
     last = knowledge and knowledge.last
     starts = []
     final = loads[logs[-1]] if logs else _common(chosen.load)

@@ -45,7 +45,7 @@ def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes
     LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
     assert estimates(Learner.load(path))[0] == pytest.approx(estimates(saved)[0])
     LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": [{"name": "roll_stiffness"}]}})
-    with pytest.raises(SignalError, match="this version has --knowledge.*start with a new Learner"):
+    with pytest.raises(SignalError, match=r"this version has --knowledge.*start with a new Learner"):
         Learner.load(path)
 
 
