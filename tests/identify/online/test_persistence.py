@@ -37,18 +37,6 @@ def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, l
     assert not list(tmp_path.glob(".*"))
 
 
-def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
-    """An empty one is ignored, and any other refused."""
-    saved, path = Learner(guess, lanes.signals), tmp_path / "learner.json"
-    saved.save(path)
-    content = LEARNER_FILE.read(path)
-    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
-    assert estimates(Learner.load(path))[0] == pytest.approx(estimates(saved)[0])
-    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": [{"name": "roll_stiffness"}]}})
-    with pytest.raises(SignalError, match=r"this version has --knowledge.*start with a new Learner"):
-        Learner.load(path)
-
-
 def of_version(number: int) -> Callable[[str], str]:
     def change(text: str) -> str:
         document = json.loads(text)
@@ -139,3 +127,15 @@ def test_a_known_trailer_name_with_another_vehicle_file_is_refused(guess: Vehicl
 def test_another_tractor_is_refused(learned: Learner) -> None:
     with pytest.raises(VehicleError, match="a new tractor needs a new Learner"):
         learned.couple("any", vehicle.get("auburn_6x4"))
+
+
+def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
+    """An empty one is ignored, and any other refused."""
+    saved, path = Learner(guess, lanes.signals), tmp_path / "learner.json"
+    saved.save(path)
+    content = LEARNER_FILE.read(path)
+    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
+    assert estimates(Learner.load(path))[0] == pytest.approx(estimates(saved)[0])
+    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": [{"name": "roll_stiffness"}]}})
+    with pytest.raises(SignalError, match=r"this version has --knowledge.*start with a new Learner"):
+        Learner.load(path)
