@@ -1,11 +1,12 @@
 """What reduces the error and the sigma of the payload height on the nonlinear truck: a log with a known payload, or a
 static roll test of the empty trailer, whose readings are those of the linear equilibrium.
 
-    python benchmarks/payload_height.py [--seeds 20]
+    python benchmarks/payload_height.py [--seeds 20] [--one-scale]
 
 Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the uncertain
 numbers, and the errors of the sensors from the priors of `OneStage`. Suspension, lengths, unladen bodies, gains,
 delays and misalignments are those of the truck, the same in all its logs; masses, CoG and offsets are drawn for each.
+Each load is weighed on another scale, or all on one, as the knowledge of a truck assumes.
 """
 
 import argparse
@@ -60,6 +61,7 @@ class Draw(NamedTuple):
     steer_delay: float
     gyros: Mapping[str, tuple[float, float, float]]  # misalignment, rad; latency, s; gain
     rng: np.random.Generator
+    scale: float | None  # error of the one scale of all loads, in standard deviations
 
 
 def loaded(load: Load) -> Vehicle:
@@ -82,7 +84,7 @@ def driven(load: Load) -> tuple[Array, Mapping[str, Array]]:
     return run.time, run.truth
 
 
-def drawn(seed: int) -> Draw:
+def drawn(seed: int, one_scale: bool) -> Draw:
     rng, s = np.random.default_rng([seed, 5]), SETTINGS
     factors = {}
     for path, value in TRUCK.parameters().items():
@@ -98,6 +100,7 @@ def drawn(seed: int) -> Draw:
         steer_delay=s.steer_delay_prior * rng.normal() / 2,
         gyros={name: tuple(sigmas * rng.normal(size=3)) for name in GYROS},
         rng=rng,
+        scale=np.random.default_rng([seed, 77]).normal() if one_scale else None,
     )
 
 
@@ -110,6 +113,7 @@ def file_of(draw: Draw, load: Load) -> Vehicle:
     values = truck.parameters()
     for change in changes(truck):
         z = draw.changes.get(change.name) or draw.rng.normal()
+        z = draw.scale if draw.scale is not None and change.name == MASS_SCALE else z
         for path, slope in change.slopes.items():
             values[path] += z * slope
     for path, factor in draw.factors.items():
@@ -148,8 +152,8 @@ def tested(draw: Draw, file: Vehicle) -> Vehicle:
     return file.replace({path: result.parameters()[path] for path in result.stated}).with_stated(result.stated)
 
 
-def results(seed: int) -> dict[str, Identification]:
-    draw = drawn(seed)
+def results(seed: int, one_scale: bool) -> dict[str, Identification]:
+    draw = drawn(seed, one_scale)
     file, record = file_of(draw, LADEN), logged(draw, LADEN)
     found = {"alone": identify([record], file, SETTINGS)}
     for name, load in KNOWN_LOADS.items():
@@ -163,9 +167,10 @@ def results(seed: int) -> dict[str, Identification]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=20)
-    of_seeds = []
-    for seed in range(parser.parse_args().seeds):
-        of_seeds.append({name: found[HEIGHT] for name, found in results(seed).items()})
+    parser.add_argument("--one-scale", action="store_true", help="weigh all loads on one scale")
+    arguments, of_seeds = parser.parse_args(), []
+    for seed in range(arguments.seeds):
+        of_seeds.append({name: found[HEIGHT] for name, found in results(seed, arguments.one_scale).items()})
         print(f"seed {seed}", flush=True)
     rows = []
     for name in of_seeds[0]:

@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
@@ -93,6 +93,12 @@ def settings_class(method: str) -> type[CommonSettings]:
     module, _, name = METHODS[method].partition(":")
     found: type[CommonSettings] = getattr(import_module(module), name)
     return found
+
+
+def refuse_suspension(contents: Mapping[str, Any]) -> None:
+    """A ValueError for settings in an older file that contain the suspension of another result."""
+    if contents.get("changes"):
+        raise ValueError("changes: the suspension of another result, for which this version has --knowledge")
 
 
 MODEL_ERRORS: Mapping[str, float] = {

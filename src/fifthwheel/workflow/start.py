@@ -5,6 +5,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import count
 from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
@@ -62,17 +63,18 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         logs: none before a run is driven.
 
     Raises:
-        FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, or
-            belongs to another truck; a load is of no log, or cannot be read, or is another one without a name.
+        FifthwheelError, SignalError, VehicleError: as `identification_settings`; the knowledge cannot be read, has no
+            log that is used, or belongs to another truck; a load is of no log, or cannot be read, or is another one
+            without a name.
     """
     loads = _loads(chosen.load, logs)
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
     if chosen.knowledge and chosen.suspension_from:
         raise FifthwheelError("--suspension-from: is --knowledge with another load; give only --knowledge, with --load")
+    knowledge = _knowledge(truck) if isinstance(truck, Identification) and chosen.earlier_result is None else None
     if chosen.earlier_result is not None:
-        knowledge: Knowledge | None = read_knowledge(chosen.earlier_result)
-    else:
-        knowledge = _knowledge(truck) if isinstance(truck, Identification) else None
+        knowledge = read_knowledge(chosen.earlier_result)
+        knowledge.require_used()
     last = knowledge and knowledge.last
     starts = []
     final = loads[logs[-1]] if logs else _common(chosen.load)
@@ -87,7 +89,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         if knowledge and last:
             knowledge.require_same_truck(vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
-            name = load or (f"not that of {last.name}" if chosen.suspension_from else last.load)
+            name = load or (_another_load(knowledge) if chosen.suspension_from else last.load)
         occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
     return starts
@@ -116,6 +118,12 @@ def _common(texts: Sequence[str]) -> str:
     if len(common) > 1:
         raise SignalError(f"--load {common[1]}: {common[0]} is the load of all logs already; write LOG=LOAD")
     return "".join(common)
+
+
+def _another_load(knowledge: Knowledge) -> str:
+    """A name that is no load of the logs."""
+    known = {log.load for log in knowledge.logs}
+    return next(name for k in count(1) if (name := f"another load {k}") not in known)
 
 
 def _with_load(vehicle: Vehicle, load: str) -> Vehicle:

@@ -88,11 +88,7 @@ class Knowledge:
     @functools.cached_property
     def combined(self) -> Combined:
         """The logs together, with the changes between them."""
-        if not self.used:
-            reasons = "".join(dict.fromkeys(f" ({log.name} {log.set_aside})" for log in self.logs[:1]))
-            raise SignalError(
-                f"knowledge: no log that is used{reasons}; identify one, or give the result folder of another run"
-            )
+        self.require_used()
         tests = len(self.used) * len(WINDOWS)
         combined = None
         with suppress(np.linalg.LinAlgError):
@@ -135,6 +131,14 @@ class Knowledge:
         }
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
+
+    def require_used(self) -> None:
+        """A SignalError if there is no log, or all are set aside."""
+        if not self.used:
+            reasons = "".join(dict.fromkeys(f" ({log.name} {log.set_aside})" for log in self.logs[:1]))
+            raise SignalError(
+                f"knowledge: no log that is used{reasons}; identify one, or give the result folder of another run"
+            )
 
     def require_same_truck(self, vehicle: Vehicle) -> None:
         """A VehicleError if the first unit of a vehicle has another name."""
