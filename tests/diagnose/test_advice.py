@@ -134,7 +134,7 @@ def test_dominant_uncertainties(result):
         (
             AXIS,
             (axis,),
-            "Or calibrate the suspension with a log with a known payload (--knowledge), or by a static test (roll-test).",
+            "Or calibrate the suspension with a log with a known payload (--knowledge), or by a static test",
         ),
         (SOFTENING, (), f"if {SOFTENING} were exact. Tyres soften with the slip angle"),
         ("mass_scale", (), "if mass_scale were exact. Measure it, and state its uncertainty in the vehicle file."),
