@@ -116,6 +116,12 @@ class IdentifyOptions(Settings):
             "What depends on the load is estimated for each.",
         ),
     ] = ()
+    road: Annotated[
+        str | None,
+        Option(
+            help="Name of the road of the logs, whose friction all logs on it share; by default each log has its own."
+        ),
+    ] = None
     suspension_from: Annotated[
         Path | None,
         Option(

@@ -55,7 +55,7 @@ def identify(
     vehicle), knowledge.json (the information of the logs, for later ones), states.parquet, report.html and run.json
     (digests of these files). With several loads (--load) these are of the last log's, and each other load has a
     folder of its own. With a result folder as --vehicle the estimates begin with the information of its logs.
-    --any-load, --form, --tyres, --knowledge, --trailer and --load belong to the one-stage
+    --any-load, --form, --tyres, --knowledge, --trailer, --load and --road belong to the one-stage
     method; two stages take values and "exact" of parameters by --set.
     """
     from fifthwheel.logs import start_reader

@@ -20,7 +20,7 @@ from fifthwheel.options import IdentifyOptions
 _OF_A_DESIGN = Only(
     (
         *("statements", "fix", "free", "prior", "consider", "any_load", "suspension_from"),
-        *("knowledge", "trailer", "load"),
+        *("knowledge", "trailer", "load", "road"),
     )
 )
 _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))

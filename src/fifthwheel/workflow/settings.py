@@ -59,8 +59,8 @@ def chosen_one_stage(
 
 
 _ONE_STAGE = (
-    *("knowledge", "trailer", "load", "free", "prior", "consider", "sensor", "any_load", "suspension_from", "form"),
-    *("tyres", "friction"),
+    *("knowledge", "trailer", "load", "road", "free", "prior", "consider", "sensor", "any_load", "suspension_from"),
+    *("form", "tyres", "friction"),
 )
 """Options that belong to one stage."""
 

@@ -90,7 +90,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             knowledge.require_same_truck(vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or (_another_load(knowledge) if chosen.suspension_from else last.load)
-        occasion = Occasion(trailer=trailer, load=name, date=_date(own[0]) if own else None)
+        occasion = Occasion(trailer=trailer, load=name, road=chosen.road or "", date=_date(own[0]) if own else None)
         starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
     return starts
 

@@ -40,6 +40,8 @@ class SharedEstimate:
     """None for an unknown of the truck."""
     load: str | None
     """None for an unknown of the truck, or of the trailer with every load."""
+    road: str | None
+    """The road that a friction belongs to; else None."""
     estimated: bool
     """Whether it is an estimated parameter; else an uncertain number or a sensor error."""
     log: str
@@ -49,7 +51,9 @@ class SharedEstimate:
 
     @property
     def belongs_to(self) -> str:
-        """The truck, a trailer or a load, in words."""
+        """The truck, a trailer, a load or a road, in words."""
+        if self.road is not None:
+            return f"road {self.road}"
         if self.trailer is None:
             return "truck"
         trailer = f"trailer {self.trailer}".rstrip()
@@ -145,6 +149,7 @@ def _shared_estimate(combined: Combined, unknown: Owned, k: int) -> SharedEstima
         unit=unit_of_shared(unknown),
         trailer=unknown.trailer,
         load=unknown.load,
+        road=unknown.road,
         estimated=unknown in combined.layout.estimated,
         log=combined.logs[k].name,
         date=combined.logs[k].date.isoformat(),

@@ -15,6 +15,7 @@ from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 EARLIEST_DATE = 315_532_800.0
@@ -41,6 +42,8 @@ class Occasion:
     """Name of the trailer."""
     load: str = ""
     """Name of its load."""
+    road: str = ""
+    """Name of the road, whose friction all logs on it share; empty: that of each log is its own."""
     date: datetime.datetime | None = None
     """UTC; None takes that of the log, or today if it has none."""
 
@@ -57,13 +60,15 @@ class Occasion:
 
 @dataclass(frozen=True)
 class Owned:
-    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load."""
+    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load. The
+    friction belongs to a road."""
 
     name: str
     trailer: str | None = None
     load: str | None = None
     origin: str = ""
     """Of a change of the vehicle file: the numbers that it changes. A number that is stated anew has a new error."""
+    road: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -102,6 +107,7 @@ class LogKnowledge:
     """Name of the first unit."""
     trailer: str
     load: str
+    road: str = ""
     information: SharedInformation
     estimated: tuple[str, ...]
     """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
@@ -124,6 +130,8 @@ class LogKnowledge:
 
     def owned(self, name: str, origin: str = "") -> Owned:
         """An unknown of this log with its owner."""
+        if name == FRICTION:
+            return Owned(name, road=self.road)
         return owner(name, self.tractor, self.trailer, self.load, origin=origin, lumped=name in self.estimated)
 
 

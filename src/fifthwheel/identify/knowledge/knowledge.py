@@ -16,6 +16,7 @@ from fifthwheel.identify.knowledge.combination import Combined, combine
 from fifthwheel.identify.knowledge.information import (
     LogKnowledge,
     Occasion,
+    Owned,
     masses_of_load,
     origin,
     owner,
@@ -27,6 +28,7 @@ from fifthwheel.identify.setup import Setup
 from fifthwheel.options import FleetSettings
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
 
 SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
@@ -127,8 +129,10 @@ class Knowledge:
         owners = {
             owner(u.name, tractor, occasion.trailer, occasion.load, origin=origin(u, stated), lumped=lumped): u
             for u in setup.unknowns
-            if not u.per_log
+            if not u.per_log and u.name != FRICTION
         }
+        friction = [u for u in setup.unknowns if u.name == FRICTION and occasion.road]
+        owners |= {Owned(u.name, road=occasion.road): u for u in friction}
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
 

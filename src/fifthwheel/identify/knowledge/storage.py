@@ -95,7 +95,7 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
         for name, centre, scale, logarithmic, non_negative, of, v in zip(*columns, strict=True)
     ]
     return {
-        **{name: getattr(log, name) for name in _LOG},
+        **{name: getattr(log, name) for name in (*_LOG, "road")},
         "date": log.date.isoformat(),
         "estimated": list(log.estimated),
         "masses": dict(log.masses),
@@ -110,7 +110,8 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
 
 def log_of(contents: Any) -> LogKnowledge:
     """The log of `log_contents`; a KeyError, TypeError, ValueError, AttributeError or OverflowError for others."""
-    unknowns, texts = _list(contents["unknowns"]), {name: _text(contents[name]) for name in _LOG}
+    unknowns, texts = _list(contents["unknowns"]), {name: _text(contents.get(name, "")) for name in ("road",)}
+    texts |= {name: _text(contents[name]) for name in _LOG}
     if len(unknowns) > MAX_UNKNOWNS:
         raise ValueError(f"{len(unknowns)} unknowns of a log; at most {MAX_UNKNOWNS} expected")
     names = tuple(_text(u["name"]) for u in unknowns)

@@ -14,7 +14,7 @@ closer to its quadratic model in the logarithm of the gain: with gain = 1 + s z 
 by dz/du = gain.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import numpy as np
 
@@ -48,7 +48,8 @@ def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
             tractor=solution.dataset.vehicle.units[0].name,
             trailer=occasion.trailer,
             load=occasion.load,
-            information=shared_information(solution, i),
+            road=occasion.road,
+            information=shared_information(solution, i, of_road=bool(occasion.road)),
             estimated=solution.estimated,
             digest=record_digest(record),
             doubts=tuple(describe_doubt(doubt) for doubt in doubts if _concerns(doubt, i, record.name)),
@@ -64,37 +65,40 @@ def _concerns(doubt: Doubt, log: int, name: str) -> bool:
     return doubt.log in (None, name) and not logs.isdisjoint({None, str(log)})
 
 
-def shared_information(solution: Solution, log: int = 0) -> SharedInformation:
-    """The information of one log of a solution."""
+def shared_information(solution: Solution, log: int = 0, *, of_road: bool = False) -> SharedInformation:
+    """The information of one log of a solution; with `of_road` on the friction too."""
     of_log, names = solution.linearisation.logs[log], solution.problem.names
     z = solution.minimum.z[of_log.indices]
-    return marginal_information(solution.problem.setup, [names[i] for i in of_log.indices], z, of_log)
+    own = () if of_road else (FRICTION,)
+    return marginal_information(solution.problem.setup, [names[i] for i in of_log.indices], z, of_log, own=own)
 
 
-def marginal_information(setup: Setup, names: Sequence[str], z: Array, log: LogLinearisation) -> SharedInformation:
+def marginal_information(
+    setup: Setup, names: Sequence[str], z: Array, log: LogLinearisation, *, own: Collection[str] = (FRICTION,)
+) -> SharedInformation:
     """The information of a log on what logs share.
 
-    The friction of its road is the log's own. So is a parameter that is not identifiable because the roll rate is not
-    measured.
+    A parameter that is not identifiable because the roll rate is not measured is the log's own.
 
     Args:
         setup: of the log.
         names: (k,) of the unknowns of the log.
         z: (k,) their estimates.
         log: what it contributes at these estimates.
+        own: unknowns that are the log's own besides.
     """
     index = {name: i for i, name in enumerate(names)}
-    own_unknowns = {*setup.without_roll_rate, FRICTION}
+    own_unknowns = {*setup.without_roll_rate, *own}
     unknowns = [u for u in setup.unknowns if not u.per_log and u.name not in own_unknowns]
     shared = [index[u.name] for u in unknowns]
-    own = [i for i in range(len(z)) if i not in shared]
+    left = [i for i in range(len(z)) if i not in shared]
     H, M = log.information, log.score_covariance
-    K = H[np.ix_(shared, own)] @ np.linalg.inv(np.eye(len(own)) + H[np.ix_(own, own)])
-    gradient = log.gradient[shared] - K @ (log.gradient[own] + z[own])
-    joint = H[shared] - K @ H[own]
+    K = H[np.ix_(shared, left)] @ np.linalg.inv(np.eye(len(left)) + H[np.ix_(left, left)])
+    gradient = log.gradient[shared] - K @ (log.gradient[left] + z[left])
+    joint = H[shared] - K @ H[left]
     information = (joint[:, shared] + joint[:, shared].T) / 2
-    rows = M[shared] - K @ M[own]
-    scores = rows[:, shared] - rows[:, own] @ K.T + K @ K.T
+    rows = M[shared] - K @ M[left]
+    scores = rows[:, shared] - rows[:, left] @ K.T + K @ K.T
     gains = np.array([is_sensor_error(u.name, "gain") for u in unknowns])
     gain = np.where(gains, scaling(unknowns).to_p(z[shared]), 1.0)
     centre, scale, given = _column(unknowns, "centre"), _column(unknowns, "scale"), setup.vehicle.parameters()
