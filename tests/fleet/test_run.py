@@ -1,12 +1,13 @@
 """A run over a small fleet in this process: results, what is done again, damaged trips, the page."""
 
+import shutil
+
 import pyarrow.parquet as pq
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import FleetSettings, report, run
-from fifthwheel.fleet.dataset import TripDataset
 from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
 
 
@@ -37,10 +38,10 @@ def test_estimates_and_the_change_of_tyres(fleet) -> None:
 
 def test_a_trip_that_is_done_is_not_done_again(fleet, tmp_path) -> None:
     folder, manifest, _ = fleet
-    before = TripDataset(str(folder / "out")).index()
+    before = rows(folder / "out", "trips")
     again = run(manifest, folder / "out", settings=FAST, jobs=1)
     assert (again.new, again.unchanged) == (0, 6)
-    assert TripDataset(str(folder / "out")).index().equals(before)
+    assert rows(folder / "out", "trips") == before
 
 
 def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> None:
@@ -49,7 +50,7 @@ def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> Non
     first = rows(out, "trucks")
     other = run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
     assert other.new == 2
-    assert len(TripDataset(str(out)).index()) == 2
+    assert len(rows(out, "trips")) == 2
     assert rows(out, "trucks")[0]["trips"] == 2
     assert rows(out, "trucks")[0]["sigma"] == pytest.approx(first[0]["sigma"], rel=0.02)
 
@@ -73,12 +74,101 @@ def test_damaged_trips_are_recorded_and_stop_nothing(tmp_path) -> None:
         assert sum(message.count(name) for message in messages) == 1, "a log is named once"
     findings = [item.text for item in report(out, tmp_path / "fleet.html") if item.kind == "not processed"]
     assert [text.partition(";")[0] for text in findings] == ["1 trip was not processed"] * 3, "each kind is named"
-    errors = [row["error"] for row in TripDataset(str(out)).index().to_pylist() if row["error"]]
+    errors = [row["error"] for row in rows(out, "trips") if row["error"]]
     assert len(errors) == 3
     (tmp_path / "none.csv").write_bytes((tmp_path / given[0]["log"]).read_bytes())
     again = run(manifest, out, settings=FAST, jobs=1)
-    assert again.unchanged + again.new == 4 - again.failed
-    assert again.failed == 0, "a missing log is tried again, a damaged one is not"
+    assert (again.new, again.unchanged, again.failed) == (0, 2, 2), "the log that was missing has known samples"
+
+
+def test_failed_trips_are_tried_again_when_they_may_succeed(tmp_path, monkeypatch) -> None:
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
+    log = tmp_path / "logs/truck0_0.parquet"
+    good = log.read_bytes()
+    log.write_bytes(good[:1000])
+    read = []
+    monkeypatch.setattr("fifthwheel.fleet.trips.read_log", lambda *a, **k: read.append(1) or fw.read_log(*a, **k))
+
+    def result(**arguments):
+        read.clear()
+        found = run(manifest, out, settings=FAST, jobs=1, **arguments)
+        assert len(found.errors) == found.failed, "a trip that is not tried again is reported again"
+        return found.failed, len(read)
+
+    assert result() == (1, 1)
+    assert result() == (1, 0)
+    assert result(retry=True) == (1, 1)
+    monkeypatch.setenv("FIFTHWHEEL_READER_SECONDS", "61")
+    assert result() == (1, 1), "limits of the readers have changed"
+    monkeypatch.setattr("fifthwheel.fleet.trips._packages", lambda: [("asammdf", "8.0")])
+    assert result() == (1, 1), "a package was installed"
+    assert result() == (1, 0)
+    log.write_bytes(good)
+    assert result() == (0, 1)
+
+    def full(*_, **__):
+        read.append(1)
+        raise OSError("No space left on device")
+
+    monkeypatch.setattr("fifthwheel.fleet.trips.identify", full)
+    other = {"settings": fw.OneStage(**{**vars(FAST), "prior": 0.31}), "jobs": 1}
+    assert [run(manifest, out, **other).failed for _ in range(2)] == [1, 1]
+    assert len(read) == 5, "the disk may have space again"
+
+
+def test_trips_of_several_manifests(tmp_path) -> None:
+    """Trips of earlier manifests stay; they do not count with other settings, and each loss is reported."""
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
+    header, first, second = manifest.read_text().splitlines()
+
+    def findings(*lines, prior=0.3):
+        manifest.write_text("\n".join([header, *lines]))
+        run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": prior}), jobs=1)
+        return [item.text for item in report(out, tmp_path / "fleet.html")]
+
+    missing = first.replace("truck0_0", "wrong name")
+    assert len(findings(missing)) == 1
+    assert findings(first) == []
+    assert findings(second) == []
+    assert rows(out, "trucks")[0]["trips"] == 2
+    (text,) = findings(second, prior=0.31)
+    assert "truck0_0.parquet: processed with other settings" in text
+    assert rows(out, "trucks")[0]["trips"] == 1
+    assert findings(second) == []
+    assert rows(out, "trucks")[0]["trips"] == 2
+
+
+def test_a_log_that_was_moved_has_its_new_name(tmp_path) -> None:
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
+    run(manifest, out, settings=FAST, jobs=1)
+    shutil.move(tmp_path / "logs/truck0_0.parquet", tmp_path / "logs/moved.parquet")
+    manifest.write_text(manifest.read_text().replace("truck0_0", "moved"))
+    assert run(manifest, out, settings=FAST, jobs=1).unchanged == 1
+    for table in ("trips", "history"):
+        assert {row["log"].rpartition("/")[2] for row in rows(out, table)} == {"moved.parquet"}
+
+
+def test_tables_of_two_runs_are_refused(tmp_path) -> None:
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
+    run(manifest, out, settings=FAST, jobs=1)
+    earlier = (out / "fleet.json").read_bytes()
+    run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
+    (out / "fleet.json").write_bytes(earlier)
+    with pytest.raises(FifthwheelError, match=r"parquet: not of the run of fleet.json.*run the fleet again"):
+        report(out, tmp_path / "fleet.html")
+
+
+def test_a_truck_that_cannot_be_combined_needs_attention(tmp_path, monkeypatch) -> None:
+    manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
+
+    def refuse(*_, **__):
+        raise FifthwheelError("two names of one unit")
+
+    monkeypatch.setattr("fifthwheel.fleet.tables.combine", refuse)
+    assert run(manifest, out, settings=FAST, jobs=1).errors == [("truck 0", "two names of one unit")]
+    (finding,) = report(out, tmp_path / "fleet.html")
+    assert (finding.truck, finding.kind) == ("truck 0", "not combined")
+    assert "two names of one unit" in finding.text
 
 
 def test_logs_that_are_read_in_part_need_attention(tmp_path) -> None:
@@ -135,5 +225,5 @@ def test_settings_are_checked(wrong) -> None:
 
 def test_a_fleet_without_trips(tmp_path):
     assert run([], tmp_path, jobs=1).changes == 0
-    assert TripDataset(str(tmp_path)).index().num_rows == 0
+    assert rows(tmp_path, "trips") == []
     assert report(tmp_path, tmp_path / "fleet.html") == []

@@ -41,6 +41,9 @@ def run(
         int | None,
         typer.Option(min=1, help="Processes of the local cluster. Default: one per core. 1: this process only."),
     ] = None,
+    retry: Annotated[
+        bool, typer.Option("--retry", help="Try failed trips again, also if nothing that they depend on has changed.")
+    ] = False,
     *,
     chosen: FleetSettings,
     identification: Annotated[IdentifyOptions, Only(("statements", "tyres", "fix", "consider", "sensor", "check"))],
@@ -68,6 +71,7 @@ def run(
             fleet=chosen,
             scheduler=scheduler,
             jobs=jobs,
+            retry=retry,
             progress=progress,
         )
     if as_json:

@@ -32,15 +32,18 @@ class Attention:
 
     truck: str
     kind: str
-    """"tyres changed", "load changed", "sensor", "outlier", "tyre wear", "load height", "damaged log" or
-    "not processed"."""
+    """"tyres changed", "load changed", "sensor", "outlier", "tyre wear", "load height", "damaged log",
+    "not processed" or "not combined"."""
     date: datetime.datetime | None
     text: str
     """What was found, and what to do."""
 
 
-def find_attention(tables: Mapping[str, Sequence[Row]], settings: FleetSettings) -> list[Attention]:
-    """What needs attention, by truck, from the rows of "trips", "trucks", "trailers" and "changes"."""
+def find_attention(
+    tables: Mapping[str, Sequence[Row]], settings: FleetSettings, uncombined: Mapping[str, str]
+) -> list[Attention]:
+    """What needs attention, by truck, from the rows of "trips", "trucks", "trailers" and "changes", and from the errors
+    of trucks whose trips are not combined."""
     found = [
         *map(_change, tables["changes"]),
         *_wear([*tables["trucks"], *tables["trailers"]], settings.wear),
@@ -48,6 +51,7 @@ def find_attention(tables: Mapping[str, Sequence[Row]], settings: FleetSettings)
         *_sensors(tables["trips"]),
         *_damaged(tables["trips"]),
         *_failed(tables["trips"]),
+        *(Attention(truck, "not combined", None, f"None of its trips count: {e}") for truck, e in uncombined.items()),
     ]
     return sorted(found, key=lambda item: (item.truck, item.kind))
 

@@ -10,6 +10,7 @@ import fifthwheel
 from fifthwheel import pages
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.dataset import TripDataset
+from fifthwheel.fleet.tables import SCHEMAS
 from fifthwheel.formatting import percent, shown, with_sigma
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.options import FleetSettings
@@ -37,18 +38,14 @@ def report(dataset: str | Path, out: str | Path) -> list[Attention]:
         FifthwheelError: the data set is missing or damaged.
         OSError: the file cannot be written.
     """
-    source = TripDataset(str(dataset))
-    settings = FleetSettings(**source.settings()["fleet"])
-    rows: dict[str, Sequence[Row]] = {
-        name: source.table(name).to_pylist() for name in ("trucks", "trailers", "changes")
-    }
-    rows["trips"] = source.index().to_pylist()
-    attention = find_attention(rows, settings)
+    stated, rows = TripDataset(str(dataset)).read(("trips", *SCHEMAS))
+    settings = FleetSettings(**stated["fleet"])
+    attention = find_attention(rows, settings, stated["not combined"])
     blocks = (
         _headline(rows["trips"], attention, settings),
         *_attention(attention),
         *_tables(rows),
-        *_histories(source.table("history").to_pylist(), rows["changes"], attention),
+        *_histories(rows["history"], rows["changes"], attention),
         *_failed(rows["trips"]),
     )
     page.write(Path(out), pages.Document("Fleet", blocks, f"{dataset}, fifthwheel {fifthwheel.__version__}"))

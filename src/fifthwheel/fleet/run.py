@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -11,10 +11,10 @@ from fifthwheel import __version__
 from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import Lost, connected, run_here, run_on
 from fifthwheel.fleet import storage
-from fifthwheel.fleet.dataset import TripDataset, batches
+from fifthwheel.fleet.dataset import TripDataset, TruckTrips, batches
 from fifthwheel.fleet.manifest import Trip, read_manifest
-from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks
-from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip
+from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks, table_of
+from fifthwheel.fleet.trips import TripJob, TripOutcome, process_trip, write_failure
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.settings import Progress
@@ -38,6 +38,7 @@ class FleetRun:
     new: int = 0
     unchanged: int = 0
     failed: int = 0
+    """Trips without a result, also those that failed in an earlier run and were not tried again."""
     lost: int = 0
     """Trips that ended their worker again and again; the next run tries them once more."""
     hours: float = 0.0
@@ -52,22 +53,14 @@ class FleetRun:
         """All fields by name."""
         return {**vars(self), "errors": [list(pair) for pair in self.errors]}
 
-    def count(self, trip: Trip, outcome: TripOutcome | Lost) -> None:
+    def count(self, trip: Trip, outcome: TripOutcome) -> None:
         """Add the outcome of a trip."""
-        if isinstance(outcome, Lost):
-            self.lost += 1
-            self._note(trip.log, outcome.reason)
-            return
         setattr(self, outcome.state, getattr(self, outcome.state) + 1)
         if outcome.state == "new":
             self.hours += outcome.duration / 3600
             self.seconds += outcome.seconds
-        elif outcome.state == "failed":
-            self._note(trip.log, outcome.error)
-
-    def _note(self, subject: str, message: str) -> None:
-        if len(self.errors) < SHOWN_ERRORS:
-            self.errors.append((subject, message))
+        elif outcome.error and len(self.errors) < SHOWN_ERRORS:
+            self.errors.append((trip.log, outcome.error))
 
 
 def run(
@@ -79,13 +72,15 @@ def run(
     fleet: FleetSettings | None = None,
     scheduler: str | None = None,
     jobs: int | None = None,
+    retry: bool = False,
     progress: Progress = lambda *_: None,
 ) -> FleetRun:
     """Identify every trip of a manifest that the data set does not have, and combine all trips of each truck.
 
-    A trip is done if the content of its log, signal map and vehicle file, its labels in the manifest, the settings and
-    the version of this package are the same. Finished trips are kept when the run is interrupted or killed. An error
-    of a trip is recorded in the table of trips and does not stop the run.
+    A result in the data set is used if the content of the log, signal map, databases and vehicle file, the labels in
+    the manifest, the settings and the version of this package are the same. The tables do not depend on earlier runs
+    with these trips. Finished trips are kept when the run is interrupted or killed. An error of a trip is recorded in
+    the table of trips and does not stop the run.
 
     Args:
         manifest: path of a CSV or Parquet file (`read_manifest`), or its trips.
@@ -95,6 +90,8 @@ def run(
         fleet: of the combination.
         scheduler: address of a Dask scheduler, as of `fifthwheel.cluster.connected`; None starts a local cluster.
         jobs: processes of the local cluster, by default one per core; 1 computes in this process, without Dask.
+        retry: whether a failed trip is tried again although it, the limits of the readers and the installed packages
+            are the same.
         progress: called while trips end.
 
     Raises:
@@ -113,24 +110,40 @@ def run(
         else:
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
-        described = {"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()}
-        dataset.write_settings(described | {"statements": list(map(str, statements))})
-        job = TripJob(folder=dataset.folder, settings=settings, statements=tuple(statements), done=dataset.digests())
+        done, failures = dataset.known()
+        job = TripJob(
+            folder=dataset.folder,
+            settings=settings,
+            statements=tuple(statements),
+            done=done,
+            failures={} if retry else failures,
+        )
+        digests = dict[Trip, str]()
         for k, (trip, outcome) in enumerate(execute(process_trip, job, trips), start=1):
+            if isinstance(outcome, Lost):
+                outcome = replace(write_failure(job, trip, outcome.reason), state="lost")
             result.count(trip, outcome)
+            digests[trip] = outcome.digest
             progress("trips", k, len(trips))
             if not k % JOIN_AFTER:
                 dataset.join()
         dataset.join()
-        _combine(dataset, fleet, execute, result, progress)
+        counting = dataset.counting({trip.log: digests[trip] for trip in trips}, job.settings_digest)
+        rows = _combined(dataset, list(batches(counting)), fleet, execute, progress)
+        tables = {name: table_of(rows.tables[name], schema) for name, schema in SCHEMAS.items()}
+        described = {"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()}
+        described |= {"statements": list(map(str, statements)), "not combined": rows.failed}
+        dataset.write(tables | {"trips": counting}, described)
+    result.changes = len(rows.tables["changes"])
+    result.errors += rows.failed.items()
     return result
 
 
-def _combine(dataset: TripDataset, fleet: FleetSettings, execute: Any, result: FleetRun, progress: Progress) -> None:
-    """Combine all trips, and replace the tables of trucks, trailers, histories and changes."""
-    index = dataset.index()
-    groups = list(batches(index))
-    count = sum(len(digests) for group in groups for _, digests in group)
+def _combined(
+    dataset: TripDataset, groups: Sequence[TruckTrips], fleet: FleetSettings, execute: Any, progress: Progress
+) -> Rows:
+    """The rows of trucks, trailers, histories and changes from the trips that count."""
+    count = sum(len(logs) for group in groups for _, logs in group)
     false_alarm = fleet.false_alarms / max(count * len(WINDOWS), 1)
     job = CombinationJob(path=dataset.path, settings=fleet, false_alarm=false_alarm)
     every = Rows()
@@ -141,7 +154,4 @@ def _combine(dataset: TripDataset, fleet: FleetSettings, execute: Any, result: F
         for name, table in rows.tables.items():
             every.tables[name] += table
         every.failed.update(rows.failed)
-    for name, schema in SCHEMAS.items():
-        dataset.write(name, every.tables[name], schema)
-    result.changes = len(every.tables["changes"])
-    result.errors += every.failed.items()
+    return every

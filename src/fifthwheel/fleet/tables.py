@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.fleet.dataset import TripDataset
+from fifthwheel.fleet.dataset import TripDataset, TruckTrips
 from fifthwheel.fleet.trips import DATE, log_knowledge, numbers, texts
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.combination import Combined, combine, date_of
@@ -53,6 +53,12 @@ SCHEMAS: Mapping[str, pa.Schema] = {
 history is the estimate at this date from all trips, `trip_value` that of the trip alone."""
 
 
+def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
+    """A table of rows in the order of the labels."""
+    order = [(c, "ascending") for c in ("truck", "trailer", "load", "parameter", "date") if c in schema.names]
+    return pa.Table.from_pylist(list(rows), schema=schema).sort_by(order)
+
+
 @dataclass(frozen=True, kw_only=True)
 class CombinationJob:
     """What all combinations share; sent once to each worker."""
@@ -70,13 +76,13 @@ class Rows:
     failed: dict[str, str] = field(default_factory=dict)
 
 
-def combine_trucks(job: CombinationJob, batch: list[tuple[str, list[str]]]) -> Rows:
-    """The rows of the trucks of a batch, each with the digests of its trips in the data set."""
-    trips = {row["digest"]: row for row in TripDataset(job.path).trips(d for _, digests in batch for d in digests)}
+def combine_trucks(job: CombinationJob, batch: TruckTrips) -> Rows:
+    """The rows of the trucks of a batch."""
+    trips = {row["digest"]: row for row in TripDataset(job.path).trips(d for _, logs in batch for d in logs)}
     result = Rows()
-    for truck, digests in batch:
-        rows = [trips[digest] for digest in digests if digest in trips]
+    for truck, logs in batch:
         try:
+            rows = [trips[digest] | {"log": log} for digest, log in logs.items()]
             combined = combine(
                 [log_knowledge(row) for row in rows], tyre_walk=job.settings.tyre_walk, false_alarm=job.false_alarm
             )

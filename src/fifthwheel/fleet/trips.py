@@ -6,11 +6,14 @@ scheduler carries no numbers.
 
 import datetime
 import hashlib
+import importlib.metadata
 import io
 import json
+import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +29,7 @@ from fifthwheel.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.identify.knowledge.information import EARLIEST_DATE, LogKnowledge, SharedInformation
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
+from fifthwheel.logs.readers.limits import DEFAULTS
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue
 from fifthwheel.workflow.statement import Statement
@@ -59,7 +63,7 @@ SCHEMA = pa.schema(
         ("date", DATE),
         *texts("vehicle", "signals", "error"),
         ("notes", pa.list_(pa.string())),
-        *texts("digest", "log_digest", "version"),
+        *texts("digest", "log_digest", "version", "settings"),
         ("finished", DATE),
         *numbers("seconds", "duration"),
         *texts("tractor"),
@@ -75,14 +79,16 @@ SCHEMA = pa.schema(
     ]
 )
 """Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
-length of the log; `error` and `notes` are about this log, without its name."""
+length of the log; `error` and `notes` are about this log, without its name. `digest` is that of all that determines the
+row, `settings` that of the settings and statements of the run."""
 
 
 @dataclass(frozen=True)
 class TripOutcome:
-    """What became of a trip: "new", "unchanged" or "failed", with its error."""
+    """What became of a trip: "new", "unchanged" or "failed", with the digest of its row and its error."""
 
     state: str
+    digest: str
     error: str = ""
     duration: float = 0.0
     seconds: float = 0.0
@@ -95,14 +101,23 @@ class TripJob:
     folder: str  # of the rows
     settings: OneStage
     done: Any  # sorted digests of the trips that are done, an array of bytes
+    failures: Mapping[str, str] = field(default_factory=dict)  # errors by digest of trips that are not tried again
     statements: tuple[Statement, ...] = ()  # on every trip
+
+    @property
+    def settings_digest(self) -> str:
+        """Digest of what the run states of every trip."""
+        return _hash(self.settings.as_dict(), list(map(str, self.statements)))
 
 
 def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
-    """Process a trip and write its row; an error becomes part of the row."""
+    """Process a trip and write its row, unless all that determines it is the same as in an earlier run.
+
+    An error becomes part of the row. It is kept as long as the trip is the same and the process could read it no
+    better: with the same limits of the readers and the same packages.
+    """
     start, date = time.process_time(), trip.date
-    digest = log_digest = error = ""
-    content: dict[str, Any] = {}
+    digest = log_digest = ""
     try:
         with storage.local_file(trip.log) as path:
             log_digest = storage.digest(path)
@@ -110,31 +125,24 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
             map_text = _text(trip.signals) if trip.signals else ""
             digest = _digest(trip, job, log_digest, vehicle_text, map_text)
             if _contains(job.done, digest):
-                return TripOutcome("unchanged", seconds=time.process_time() - start)
+                return TripOutcome("unchanged", digest)
+            if (failure := _hash(digest, environment())) in job.failures:
+                return TripOutcome("failed", failure, job.failures[failure])
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
-        content = {"notes": list(record.notes)}
         vehicle, settings = apply(Vehicle.loads(vehicle_text), job.settings, job.statements)
-        content["notes"] += missing_sensors(settings, record)
+        notes = [*record.notes, *missing_sensors(settings, record)]
         identification = identify([record], vehicle, settings)
-        date = date or _date(record, trip.log)
-        content |= trip_content(identification, record)
+        content: dict[str, Any] = {"notes": notes, "date": date or _date(record, trip.log)} | trip_content(
+            identification, record
+        )
     except Exception as problem:  # whatever a log causes, it must not stop the others
         kind = "" if isinstance(problem, FifthwheelError) else f"{type(problem).__name__}: "
         error = f"{kind}{_without_name(printable(str(problem)), trip.log)}"[:MAX_ERROR]
+        lasting = not isinstance(problem, OSError | MemoryError)  # others may be gone at the next run
+        return write_failure(job, trip, error, digest=digest if lasting else "", log_digest=log_digest)
     seconds = time.process_time() - start
-    row = {
-        **{name: getattr(trip, name) for name in ("log", "truck", "trailer", "load", "vehicle", "signals")},
-        "date": date,
-        "error": error,
-        "digest": digest,
-        "log_digest": log_digest,
-        "version": __version__,
-        "finished": datetime.datetime.now(datetime.UTC),
-        "seconds": seconds,
-        **content,
-    }
-    write_row(job.folder, row)
-    return TripOutcome("failed" if error else "new", error, content.get("duration", 0.0), seconds)
+    write_row(job, trip, content | {"error": "", "digest": digest, "log_digest": log_digest, "seconds": seconds})
+    return TripOutcome("new", digest, "", content["duration"], seconds)
 
 
 def _without_name(message: str, log: str) -> str:
@@ -144,17 +152,42 @@ def _without_name(message: str, log: str) -> str:
     return message
 
 
-def write_row(folder: str, row: Mapping[str, Any]) -> None:
-    """Write the row of a trip; a trip without a digest replaces its former row."""
-    name = row["digest"] or hashlib.sha256(row["log"].encode()).hexdigest()
-    write_table(storage.joined(folder, f"trip-{name[:40]}.parquet"), pa.Table.from_pylist([dict(row)], schema=SCHEMA))
+def write_failure(job: TripJob, trip: Trip, error: str, *, digest: str = "", log_digest: str = "") -> TripOutcome:
+    """Write the row of a trip without a result; without a `digest` of the trip it is tried again by every run."""
+    failure = _hash(digest, environment()) if digest else _hash(trip.log, _labels(trip), log_digest, error)
+    if failure not in job.failures:
+        write_row(job, trip, {"date": trip.date, "error": error, "digest": failure, "log_digest": log_digest})
+    return TripOutcome("failed", failure, error)
 
 
-def write_table(path: str, table: pa.Table) -> None:
-    """Write a table as Parquet, complete or not at all."""
+def write_row(job: TripJob, trip: Trip, content: Mapping[str, Any]) -> None:
+    """Write the row of a trip as a file of its own."""
+    row = {
+        **{name: getattr(trip, name) for name in ("log", "truck", "trailer", "load", "vehicle", "signals")},
+        "version": __version__,
+        "settings": job.settings_digest,
+        "finished": datetime.datetime.now(datetime.UTC),
+        **content,
+    }
+    name = f"trip-{row['digest'][:40]}.parquet"
+    storage.write_bytes(storage.joined(job.folder, name), parquet(pa.Table.from_pylist([row], schema=SCHEMA)))
+
+
+def parquet(table: pa.Table) -> bytes:
+    """A table as a file of Parquet."""
     sink = io.BytesIO()
     pq.write_table(table, sink, compression="zstd", write_page_checksum=True, row_group_size=100)
-    storage.write_bytes(path, sink.getvalue())
+    return sink.getvalue()
+
+
+def environment() -> list[Any]:
+    """What else may let a trip fail: limits of the readers and installed packages."""
+    return [{name: os.environ.get(name) for name in DEFAULTS}, _packages()]
+
+
+@cache
+def _packages() -> list[tuple[str, str]]:
+    return sorted((package.name, package.version) for package in importlib.metadata.distributions())
 
 
 def _contains(digests: Any, digest: str) -> bool:
@@ -164,13 +197,20 @@ def _contains(digests: Any, digest: str) -> bool:
 
 def _digest(trip: Trip, job: TripJob, log_digest: str, vehicle_text: str, map_text: str) -> str:
     """Digest of everything that determines the row of a trip."""
-    labels = [trip.truck, trip.trailer, trip.load, trip.date and trip.date.isoformat()]
     databases = []
     if trip.signals and not storage.is_remote(trip.signals):
         databases = [storage.digest(path) for path in map(Path, SignalMap.load(trip.signals).databases)]
-    parts = [log_digest, vehicle_text, map_text, databases, job.settings.as_dict(), __version__, labels]
-    parts += [list(map(str, job.statements))] if job.statements else []
-    return hashlib.sha256(json.dumps(parts, sort_keys=True, default=str).encode()).hexdigest()
+    date = trip.date or storage.modified(trip.log)  # of a log without a date of its own
+    texts = [log_digest, vehicle_text, map_text, databases, str(date)]
+    return _hash(texts, job.settings_digest, __version__, _labels(trip))
+
+
+def _labels(trip: Trip) -> list[str]:
+    return [trip.truck, trip.trailer, trip.load, str(trip.date)]
+
+
+def _hash(*parts: Any) -> str:
+    return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 
 def _text(path: str) -> str:
