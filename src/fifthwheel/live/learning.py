@@ -32,7 +32,7 @@ INFORMED = 0.5
 REPORTED = 60.0
 """A change is reported as a fault for this time, s."""
 
-_VALID = (Status.OK, Status.COASTING, Status.INCONSISTENT)
+_VALID = (Status.OK, Status.COASTING, Status.INCONSISTENT, Status.SETTLING)
 _KNOWN = (Verdict.CONVERGED, Verdict.DOUBTFUL)
 
 

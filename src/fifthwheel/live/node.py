@@ -146,7 +146,7 @@ class Node:
             faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
-        if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT):
+        if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT, NodeStatus.SETTLING):
             if not all(map(math.isfinite, states.values())):
                 status, states = NodeStatus.FAILED, dict.fromkeys(states, math.nan)
                 self.estimator.reset()

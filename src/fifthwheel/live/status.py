@@ -22,6 +22,7 @@ class NodeStatus(IntEnum):
     TOO_SLOW = Status.TOO_SLOW
     INPUT_MISSING = Status.INPUT_MISSING
     INCONSISTENT = Status.INCONSISTENT
+    SETTLING = Status.SETTLING
     DEGRADED = 8
     """The states are valid, and a fault limits their quality; see `LiveFault`."""
     FAILED = 9

@@ -8,6 +8,9 @@ A filter that has diverged restarts at once: near a jackknife, a model with satu
 
 The measurements disagree with the state if the gate rejects at least half of them, and at least two if there are two:
 of two that contradict each other, one is right.
+
+The first sample after a start passes any gate, because the covariance is wide. The state settles when `SETTLED` samples
+after it agree with it; one that does not starts the filter again, since either may be wrong.
 """
 
 from typing import Any
@@ -18,9 +21,14 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters.kalman import ChannelUpdate
 
-START: Array = np.array([1.0, 0.0, -1.0])
+START: Array = np.array([1.0, 0.0, -1.0, 0.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
-disagreement, s, -1 for none]."""
+disagreement, s, -1 for none, number of samples that agree with the first one, at most `SETTLED`]."""
+SETTLED = 10
+"""Samples after a start that must agree with it."""
+CONTRADICTION = 4.5
+"""Sigmas of an innovation from which on a sample contradicts a start: an error of the first sample that remains below
+it is less than 3 sigma of the state when that has settled."""
 MIN_SAMPLES = 10
 """The average extends over at least so many samples, also where they are further apart than its time constant."""
 CHANCE = 1.5
@@ -34,7 +42,8 @@ DIVERGED = 1e3
 def monitor(
     carry: ca.SX, channels: list[ChannelUpdate], weight: ca.SX, dt: ca.SX, limit: ca.SX, settings: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """One step of the monitor: its carry, see `START`, and [NIS, 1 if the filter must restart, else 0].
+    """One step of the monitor: its carry, see `START`, and [1 until the state has settled, NIS, 1 if the filter must
+    restart; else 0].
 
     The weights (m,) of the channels are 1 if measured, else 0; dt is the time since the last row, s; the limit is the
     squared gate. settings = [time constant of the average, s; duration of a disagreement, 0 or more, before a restart,
@@ -51,8 +60,13 @@ def monitor(
     disagree = measured * (2 * rejected >= count) * (rejected >= ca.fmin(count, 2))
     running = ca.if_else(duration < 0, duration, duration + dt)
     duration = ca.if_else(disagree, ca.fmax(running, 0), ca.if_else(measured, -1, running))
-    restart = disagree * (running >= restart_after)
-    return ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration), ca.vertcat(nis, restart)
+    normalised = [channel.innovation**2 / channel.variance for channel in channels]
+    contradicts = sum(weight[i] * (square > CONTRADICTION**2) for i, square in enumerate(normalised)) > 0
+    later, settling = measured * (dt > 0), carry[3] < SETTLED
+    agreed = ca.fmin(carry[3] + later, SETTLED)
+    restart = ca.fmax(disagree * (running >= restart_after), later * settling * contradicts)
+    carried = ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration, agreed)
+    return carried, ca.vertcat(agreed < SETTLED, nis, restart)
 
 
 def excess(nis: Any) -> Any:

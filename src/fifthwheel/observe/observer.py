@@ -136,6 +136,8 @@ class Observer:
             answer["nis"] = nis = out[-2]
             if nis > self.settings.max_nis:
                 answer["status"] = Status.INCONSISTENT
+            elif out[-3] and status == Status.OK:
+                answer["status"] = Status.SETTLING
             for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
                 answer[name] = value
                 answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)
@@ -235,4 +237,4 @@ class _ObserverFilter:
             for i, value in enumerate((0.0, *stream.inputs)):  # no step leads to the sample
                 self.row[i] = value
             self.step()
-        return any(out[-2 - m : -2])
+        return any(out[-3 - m : -3])

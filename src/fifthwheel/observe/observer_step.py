@@ -133,8 +133,8 @@ def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: Fil
     """A filter of `model` with the outputs of `report`, their variances, and the monitor.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
-    considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted, NIS,
-    restart].
+    considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted,
+    settling, NIS, restart].
     """
     layout = ObserverLayout.of(model, report)
     carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START))
@@ -144,11 +144,11 @@ def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: Fil
     step = filter_step(model, layout, filtered, sample, numbers)
     reported, variances = kalman.report_outputs(report, step.after, step.covariance, step.considered, d, c_report)
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, limit, monitor_settings)
-    nis, disagrees = ca.vertsplit(findings)
+    settling, nis, disagrees = ca.vertsplit(findings)
     restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
     carried = ca.vertcat(step.carry, monitored)
     channels = kalman.channel_columns(step.channels)
-    output = ca.vertcat(reported, monitor.excess(nis) * variances, channels, nis, restart)
+    output = ca.vertcat(reported, monitor.excess(nis) * variances, channels, settling, nis, restart)
     return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})
 
 

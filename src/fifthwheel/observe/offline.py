@@ -45,7 +45,8 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
-        status[segment.samples] = np.select([inconsistent, coasting], [Status.INCONSISTENT, Status.COASTING], Status.OK)
+        found = {Status.INCONSISTENT: inconsistent, Status.COASTING: coasting, Status.SETTLING: within[:, -3] > 0}
+        status[segment.samples] = np.select(list(found.values()), list(found), Status.OK)
     return _states(record, observer, output, status)
 
 
@@ -140,7 +141,7 @@ def _states(record: Record, observer: ObserverModel, output: Array, status: NDAr
         values={name: values[:, i] for i, name in enumerate(names)},
         sigma={name: sigma[:, i] for i, name in enumerate(names)},
         status=status,
-        nis=findings[:, 0],
+        nis=findings[:, 1],
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
         innovation_sigma={name: np.sqrt(innovation_variance[:, i]) for i, name in enumerate(measured)},
         accepted={name: accepted[:, i] > 0 for i, name in enumerate(measured)},

@@ -36,6 +36,7 @@ SHADES = {
     Status.TOO_SLOW: ("#000000", 0.10),
     Status.INPUT_MISSING: (PURPLE, 0.30),
     Status.INCONSISTENT: (VERMILLION, 0.25),
+    Status.SETTLING: (ORANGE, 0.12),
 }
 """Colour and opacity of intervals by their status."""
 

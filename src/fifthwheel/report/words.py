@@ -21,6 +21,7 @@ STATUSES = {
     "TOO_SLOW": "too slow for the model",
     "INPUT_MISSING": "speed or steer angle missing",
     "INCONSISTENT": "inconsistent (the measurements contradict the vehicle, the speed or the steer angle)",
+    "SETTLING": "settling (too few samples since the start of the filter)",
 }
 """Status of a sample of states -> words."""
 

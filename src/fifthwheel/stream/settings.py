@@ -29,6 +29,8 @@ class Status(IntEnum):
     INCONSISTENT = 4
     """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
+    SETTLING = 5
+    """Too few samples since a start of the filter agree with the first one. The states are wrong if that was wrong."""
 
 
 @dataclass(frozen=True, kw_only=True)

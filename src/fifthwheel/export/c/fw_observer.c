@@ -8,8 +8,9 @@
 #include "fw_algebra.h"
 #include "fw_stream.h"
 
-#define FW_OUTPUTS ((2 * FW_STATE_COUNT) + (3 * FW_MEASURED_COUNT) + 2)
+#define FW_OUTPUTS ((2 * FW_STATE_COUNT) + (3 * FW_MEASURED_COUNT) + 3)
 #define FW_ACCEPTED ((2 * FW_STATE_COUNT) + (2 * FW_MEASURED_COUNT))
+#define FW_SETTLES (FW_OUTPUTS - 3)
 #define FW_NIS (FW_OUTPUTS - 2)
 #define FW_RESTART (FW_OUTPUTS - 1)
 #define FW_U FW_UNKNOWN_COUNT /* the bank of the road, and the offsets of the steer angles and accelerometers */
@@ -85,6 +86,7 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
     carry[place] = nis;
     carry[place + 1] = FW_REAL(0.0);
     carry[place + 2] = -FW_REAL(1.0);
+    carry[place + 3] = FW_REAL(0.0);
 }
 
 /* Runs all steps from the last sample to this one; returns 0 if they are too many. */
@@ -151,6 +153,10 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     states->status = fw_stream_finish(&observer->stream, accepted);
     if (out[FW_NIS] > FW_MAX_NIS) {
         states->status = FW_INCONSISTENT;
+    } else if ((out[FW_SETTLES] != FW_REAL(0.0)) && (states->status == FW_OK)) {
+        states->status = FW_SETTLING;
+    } else {
+        /* as it is */
     }
     states->nis = out[FW_NIS];
     for (int i = 0; i < FW_STATE_COUNT; i++) {
