@@ -14,7 +14,7 @@ from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import LearnedValue, Learner
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.status import LiveFault
-from fifthwheel.observe import Status
+from fifthwheel.stream import VALID
 from fifthwheel.vehicle import Vehicle
 
 STANDSTILL = 60.0
@@ -32,7 +32,6 @@ INFORMED = 0.5
 REPORTED = 60.0
 """A change is reported as a fault for this time, s."""
 
-_VALID = (Status.OK, Status.COASTING, Status.INCONSISTENT, Status.SETTLING)
 _KNOWN = (Verdict.CONVERGED, Verdict.DOUBTFUL)
 
 
@@ -72,7 +71,7 @@ class Learning:
         time = answer["time"]
         if self._second is not None:
             self._second.push(sample)
-        if answer["status"] in _VALID:
+        if answer["status"] in VALID:
             if time - self._valid > STANDSTILL:
                 self._begin()
             self._valid = time

@@ -12,6 +12,7 @@ from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
 from fifthwheel.observe.states import wheel_lifts
+from fifthwheel.stream import VALID
 
 RATE = 100.0
 """Of the outputs, Hz."""
@@ -42,7 +43,7 @@ class Output:
     faults: LiveFault
     problems: Mapping[str, LiveFault]  # fault of a column
     states: Mapping[str, float]
-    """States, each with "<state>.sigma", SI; NaN unless the status is OK, DEGRADED, COASTING or INCONSISTENT. With an
+    """States, each with "<state>.sigma", SI; NaN if the status is TOO_SLOW, INPUT_MISSING or FAILED. With an
     observer also "nis", with a learner "learning"."""
     samples: tuple[Mapping[str, float], ...]  # samples of this cycle, as the estimator received them
 
@@ -146,7 +147,7 @@ class Node:
             faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}
-        if status in (NodeStatus.OK, NodeStatus.COASTING, NodeStatus.INCONSISTENT, NodeStatus.SETTLING):
+        if int(status) in VALID:
             if not all(map(math.isfinite, states.values())):
                 status, states = NodeStatus.FAILED, dict.fromkeys(states, math.nan)
                 self.estimator.reset()

@@ -10,22 +10,29 @@ The measurements disagree with the state if the gate rejects at least half of th
 of two that contradict each other, one is right.
 
 The first sample after a start passes any gate, because the covariance is wide. The state settles when `SETTLED` samples
-after it agree with it; one that does not starts the filter again, since either may be wrong.
+after it agree with it; one that does not starts the filter again, since either may be wrong. The same holds after a
+sudden change of an input: the state settles anew.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SPEED, STEER, SignalName
 from fifthwheel.filters.kalman import ChannelUpdate
 
 START: Array = np.array([1.0, 0.0, -1.0, 0.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
 disagreement, s, -1 for none, number of samples that agree with the first one, at most `SETTLED`]."""
 SETTLED = 10
-"""Samples after a start that must agree with it."""
+"""Samples after a start that must agree with it; twice as many after a sudden change, since the covariance is small
+then, and corrects the state slowly."""
+SUDDEN = {SPEED.quantity: (30.0, 1.0), STEER.quantity: (0.6, 0.005)}
+"""A change of an input is sudden above both, SI per second and SI. A driver turns the steering wheel at 600 deg/s in an
+emergency, and the road wheel at a twentieth of that; smaller changes may be steps of a sensor."""
 CONTRADICTION = 4.5
 """Sigmas of an innovation from which on a sample contradicts a start: an error of the first sample that remains below
 it is less than 3 sigma of the state when that has settled."""
@@ -40,14 +47,20 @@ DIVERGED = 1e3
 
 
 def monitor(
-    carry: ca.SX, channels: list[ChannelUpdate], weight: ca.SX, dt: ca.SX, limit: ca.SX, settings: ca.SX
+    carry: ca.SX,
+    channels: list[ChannelUpdate],
+    weight: ca.SX,
+    dt: ca.SX,
+    sudden: ca.SX,
+    limit: ca.SX,
+    settings: ca.SX,
 ) -> tuple[ca.SX, ca.SX]:
     """One step of the monitor: its carry, see `START`, and [1 until the state has settled, NIS, 1 if the filter must
     restart; else 0].
 
-    The weights (m,) of the channels are 1 if measured, else 0; dt is the time since the last row, s; the limit is the
-    squared gate. settings = [time constant of the average, s; duration of a disagreement, 0 or more, before a restart,
-    s].
+    The weights (m,) of the channels are 1 if measured, else 0; dt is the time since the last row, s; `sudden` is 1
+    if an input has changed suddenly in it, else 0; the limit is the squared gate. settings = [time constant of the
+    average, s; duration of a disagreement, 0 or more, before a restart, s].
     """
     nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
     window, restart_after = settings[0], settings[1]
@@ -63,10 +76,20 @@ def monitor(
     normalised = [channel.innovation**2 / channel.variance for channel in channels]
     contradicts = sum(weight[i] * (square > CONTRADICTION**2) for i, square in enumerate(normalised)) > 0
     later, settling = measured * (dt > 0), carry[3] < SETTLED
-    agreed = ca.fmin(carry[3] + later, SETTLED)
-    restart = ca.fmax(disagree * (running >= restart_after), later * settling * contradicts)
+    agreed = ca.if_else(sudden, -SETTLED, ca.fmin(carry[3] + later, SETTLED))
+    contradicts = ca.fmax(later * contradicts, sudden * (carry[3] >= 0))
+    restart = ca.fmax(disagree * (running >= restart_after), settling * contradicts)
     carried = ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration, agreed)
     return carried, ca.vertcat(agreed < SETTLED, nis, restart)
+
+
+def sudden_change(names: Sequence[str], before: ca.SX, after: ca.SX, dt: ca.SX) -> ca.SX:
+    """1 if one of the inputs (n,) with these names has changed suddenly within dt seconds, see `SUDDEN`; else 0."""
+    found = ca.SX(0)
+    for i, name in enumerate(names):
+        rate, least = SUDDEN.get(SignalName.of(name).quantity, (np.inf, np.inf))
+        found = ca.fmax(found, ca.fabs(after[i] - before[i]) > ca.fmax(rate * dt, least))
+    return (dt > 0) * found
 
 
 def excess(nis: Any) -> Any:

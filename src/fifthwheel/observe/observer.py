@@ -26,7 +26,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.stream.settings import Status
+from fifthwheel.stream.settings import VALID, Status
 from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
 
@@ -131,7 +131,7 @@ class Observer:
         get = sample.get
         status = self.stream.process_sample(self._filter, get("time"), map(get, self.inputs), map(get, self.outputs))
         answer: dict[str, float] = {"time": self.stream.time, "status": status}
-        if status in (Status.OK, Status.COASTING):
+        if status in VALID:
             out, n = self._filter.out.tolist(), len(self.reported)
             answer["nis"] = nis = out[-2]
             if nis > self.settings.max_nis:
@@ -164,7 +164,7 @@ class Observer:
         """States of a record given all samples of their segment; arguments and errors as in `batch`.
 
         A segment ends where the filter starts again. Status and innovations are those of `batch`, and so are the states
-        of a segment in which the smoother diverges.
+        of a segment in which the smoother diverges; samples before the filter has settled are OK if later ones agree.
         """
         return offline.states(record, self._model, uncertainty, smooth=True)
 

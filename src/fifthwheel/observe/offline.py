@@ -41,6 +41,10 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
                 output[samples, : 2 * n] = result
             elif smooth or points.steps.size:  # the states of the filter remain where the smoother diverges
                 output[samples, : 2 * n] = reported(smooth=False)
+            if smooth:  # later samples have agreed with the first ones
+                settling = output[samples, -3]
+                settled = np.flatnonzero(settling == 0)
+                settling[: settled[0] if settled.size else 0] = 0.0
             del part, filtered, rows, reported  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)

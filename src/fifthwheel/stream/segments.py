@@ -94,11 +94,13 @@ def plausible(rule: InputRule, hold: float, time: Array, values: Array) -> NDArr
     indices = np.flatnonzero(present)
     if rule.follows(np.abs(np.diff(values[indices])), np.diff(time[indices]), hold).all():
         return present
-    last, last_time = np.nan, -np.inf
+    last, last_time, confirmed = np.nan, -np.inf, False
     samples = zip(indices.tolist(), time[indices].tolist(), values[indices].tolist(), strict=True)
     for i, at, value in samples:
-        if rule.follows(abs(value - last), at - last_time, hold):
-            last, last_time = value, at
+        age = at - last_time
+        agrees = rule.agrees(abs(value - last), age)
+        if agrees or age > hold or not confirmed:
+            last, last_time, confirmed = value, at, agrees
         else:
             present[i] = False
     return present

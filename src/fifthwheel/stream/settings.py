@@ -30,7 +30,12 @@ class Status(IntEnum):
     """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
     SETTLING = 5
-    """Too few samples since a start of the filter agree with the first one. The states are wrong if that was wrong."""
+    """Too few samples agree with the first one after a start of the filter, or with a sudden steer angle. The states
+    are wrong if that was wrong."""
+
+
+VALID = frozenset(Status) - {Status.TOO_SLOW, Status.INPUT_MISSING}
+"""Statuses with which the states have values; otherwise they are NaN."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +49,11 @@ class InputRule:
 
     def follows(self, change: Any, age: Any, hold: float) -> Any:
         """Whether a value can follow the last plausible one, by its change and the age of that; numbers or arrays."""
-        return (change <= self.jump) | (change <= self.rate * age) | (age > hold)
+        return self.agrees(change, age) | (age > hold)
+
+    def agrees(self, change: Any, age: Any) -> Any:
+        """Whether a value agrees with the last plausible one."""
+        return (change <= self.jump) | (change <= self.rate * age)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -52,7 +61,7 @@ class StreamSettings:
     """How a filter treats faults of its signals.
 
     An input that is implausible for longer than `hold` takes any value up to its largest: the last plausible one is
-    outdated, or was the wrong one.
+    outdated, or was the wrong one. So does an input of which no second value has followed the first one of a start.
     """
 
     inputs: tuple[InputRule, ...]  # of the speed and the steer angles

@@ -53,6 +53,7 @@ class Stream:
         self.last: list[float] = []
         """The same at the last sample; at a start at this one."""
         self._held = [math.nan] * len(settings.inputs) + [0.0] * (len(settings.names) - len(settings.inputs))
+        self._confirmed = [False] * len(settings.inputs)  # whether a second value has followed the first one
         self._running = False  # whether there is a state
         self._rules = [(i, rule.largest, rule.jump, rule.rate) for i, rule in enumerate(settings.inputs)]
         self._largest = list(settings.measured.values())
@@ -103,7 +104,7 @@ class Stream:
             raise SignalError(
                 f"time: expected after {self.time:g} s, got {time:g} s; push samples in the order of time"
             )
-        settings, held, times, fresh = self.settings, self._held, self.times, True
+        settings, held, times, confirmed, fresh = self.settings, self._held, self.times, self._confirmed, True
         hold = settings.hold
         for (i, largest, jump, rate), value in zip(self._rules, values, strict=True):
             age = time - times[i]
@@ -111,9 +112,13 @@ class Stream:
             if (
                 value is not None
                 and abs(value) <= largest
-                and (age > hold or (change := abs(value - held[i])) <= jump or change <= rate * age)
+                and (
+                    (agrees := (change := abs(value - held[i])) <= jump or change <= rate * age)
+                    or age > hold
+                    or not confirmed[i]
+                )
             ):
-                held[i], times[i] = float(value), time
+                held[i], times[i], confirmed[i] = float(value), time, agrees
                 if self._speed_rate and not i:
                     held[-1] = self._speed_rate.update(age, held[0])
             elif age > hold:
@@ -162,6 +167,7 @@ class Stream:
             "time": finite([self.time])[0],
             "inputs": finite(self._held),
             "seen": finite(self.times),
+            "confirmed": list(self._confirmed),
             "speed_rate": self._speed_rate.carry.tolist() if self._speed_rate else None,
             "accepted": finite([self.accepted])[0],
             "running": self._running,
@@ -177,5 +183,6 @@ class Stream:
         self.time, self.accepted = numbers([saved["time"], saved["accepted"]], -math.inf)
         self._held, self.last = (numbers(saved[key], math.nan) for key in ("inputs", "last"))
         self.times, self._running = numbers(saved["seen"], -math.inf), saved["running"]
+        self._confirmed = list(saved["confirmed"])
         if self._speed_rate:
             self._speed_rate.carry = np.array(saved["speed_rate"])

@@ -17,12 +17,11 @@ static void fw_stream_init(fw_stream *stream)
     }
 }
 
-/* Whether an input is possible, and can follow its last value, measured `age` seconds ago. */
-static int fw_is_plausible(const fw_stream *stream, int i, fw_real value, double age)
+/* Whether a value of an input agrees with the last one, measured `age` seconds ago. */
+static int fw_agrees(const fw_stream *stream, int i, fw_real value, double age)
 {
     const fw_real change = FW_ABS(value - stream->held[i]);
-    const int follows = ((change <= fw_input_jump[i]) || (change <= (fw_input_rate[i] * (fw_real)age))) ? 1 : 0;
-    return ((FW_ABS(value) <= fw_input_magnitude[i]) && ((follows != 0) || (age > FW_HOLD))) ? 1 : 0;
+    return ((change <= fw_input_jump[i]) || (change <= (fw_input_rate[i] * (fw_real)age))) ? 1 : 0;
 }
 
 /* Takes time and plausible inputs of a sample; a missing input is held for FW_HOLD seconds. */
@@ -32,7 +31,10 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
     for (int i = 0; i < FW_INPUT_COUNT; i++) {
         const fw_real value = sample->input[i];
         const double age = sample->time - stream->seen[i];
-        if (fw_is_plausible(stream, i, value, age) != 0) {
+        const int agrees = fw_agrees(stream, i, value, age);
+        if ((FW_ABS(value) <= fw_input_magnitude[i]) &&
+            ((agrees != 0) || (age > FW_HOLD) || (stream->confirmed[i] == 0))) {
+            stream->confirmed[i] = agrees;
             stream->held[i] = value;
             stream->seen[i] = sample->time;
 #if FW_HELD_COUNT > FW_INPUT_COUNT
