@@ -100,7 +100,7 @@ def plausible(rule: InputRule, hold: float, time: Array, values: Array) -> NDArr
         age = at - last_time
         agrees = rule.agrees(abs(value - last), age)
         if agrees or age > hold or not confirmed:
-            last, last_time, confirmed = value, at, agrees
+            last, last_time, confirmed = value, at, agrees and age <= hold
         else:
             present[i] = False
     return present

@@ -118,7 +118,7 @@ class Stream:
                     or not confirmed[i]
                 )
             ):
-                held[i], times[i], confirmed[i] = float(value), time, agrees
+                held[i], times[i], confirmed[i] = float(value), time, agrees and age <= hold
                 if self._speed_rate and not i:
                     held[-1] = self._speed_rate.update(age, held[0])
             elif age > hold:

@@ -34,7 +34,7 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
         const int agrees = fw_agrees(stream, i, value, age);
         if ((FW_ABS(value) <= fw_input_magnitude[i]) &&
             ((agrees != 0) || (age > FW_HOLD) || (stream->confirmed[i] == 0))) {
-            stream->confirmed[i] = agrees;
+            stream->confirmed[i] = ((agrees != 0) && (age <= FW_HOLD)) ? 1 : 0;
             stream->held[i] = value;
             stream->seen[i] = sample->time;
 #if FW_HELD_COUNT > FW_INPUT_COUNT
