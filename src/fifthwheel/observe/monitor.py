@@ -23,6 +23,10 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SPEED, STEER, SignalName
 from fifthwheel.filters.kalman import ChannelUpdate
+from fifthwheel.filters.model import partitioned
+from fifthwheel.native import Scan, compiled
+from fifthwheel.observe.settings import ObserverSettings
+from fifthwheel.stream.settings import Status
 
 START: Array = np.array([1.0, 0.0, -1.0, 0.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
@@ -81,6 +85,90 @@ def monitor(
     restart = ca.fmax(disagree * (running >= restart_after), settling * contradicts)
     carried = ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration, agreed)
     return carried, ca.vertcat(agreed < SETTLED, nis, restart)
+
+
+def health(status: Status, settling: float, nis: float, max_nis: float) -> Status:
+    """The status of a sample with that of its stream, and what `monitor` found."""
+    if nis > max_nis:
+        return Status.INCONSISTENT
+    return Status.SETTLING if settling and status == Status.OK else status
+
+
+def normalised_monitor(inputs: tuple[str, ...], channels: int) -> ca.Function:
+    """The monitor of a filter that gives the innovations over their standard deviations, 0 where missing.
+
+    carry as `START`; sample = [dt, inputs at the last sample, inputs now, innovations, weights]; constant = [gate^2,
+    settings]; output as of `monitor`.
+    """
+    k = len(inputs)
+    carry, constant = ca.SX.sym("carry", len(START)), ca.SX.sym("constant", 3)
+    sample, dt, before, after, innovations, weight = partitioned("sample", 1, k, k, channels, channels)
+    limit, settings = constant[0], constant[1:]
+    accepted = weight * (innovations**2 <= limit)
+    columns = [ChannelUpdate(innovations[i], ca.SX(1), accepted[i]) for i in range(channels)]
+    sudden = sudden_change(inputs, before, after, dt)
+    results = monitor(carry, columns, weight, dt, sudden, limit, settings)
+    return ca.Function("monitor", [carry, sample, constant], list(results))
+
+
+@compiled(Scan)
+def monitor_step(inputs: tuple[str, ...], channels: int) -> ca.Function:
+    """The compiled step of `normalised_monitor`."""
+    return normalised_monitor(inputs, channels)
+
+
+class Monitor:
+    """The compiled monitor of a filter, sample by sample."""
+
+    def __init__(self, inputs: Sequence[str], channels: int, gate: float, settings: ObserverSettings) -> None:
+        scan = monitor_step(tuple(inputs), channels)
+        constant = np.array([gate**2, settings.nis_window, settings.restart_after])
+        self.carry = START.copy()
+        row, out = np.zeros(scan.n_sample), np.zeros(scan.n_output)
+        self._row: Any = row.data
+        self._out: Any = out.data
+        self._arrays = constant, row, out  # the addresses below are theirs
+        self._addresses = tuple(array.ctypes.data for array in (self.carry, row, constant, out))
+        self._step = scan.single
+        self.max_nis = settings.max_nis
+
+    def start(self, nis: float = START[0]) -> None:
+        """Before a first sample."""
+        self.carry[:] = after_restart(nis)
+        self._out[0], self._out[1] = 1.0, nis
+
+    def update(self, dt: float, *parts: Sequence[float]) -> bool:
+        """Take the inputs at the last sample and now, innovations and weights; whether the filter must restart."""
+        row = self._row
+        row[0], i = dt, 1
+        for values in parts:
+            for value in values:
+                row[i] = value
+                i += 1
+        self._step(1, 1, *self._addresses)
+        return bool(self._out[2])
+
+    def save(self) -> Array:
+        """All that changes, for `resume`."""
+        return np.concatenate([self.carry, self._arrays[-1]])
+
+    def resume(self, saved: Array) -> None:
+        """Continue from the result of `save`."""
+        self.carry[:], self._arrays[-1][:] = np.split(saved, [len(self.carry)])
+
+    @property
+    def nis(self) -> float:
+        """The NIS after the last sample."""
+        return float(self._out[1])
+
+    @property
+    def excess(self) -> float:
+        """Factor of the variances of the states, see `excess`."""
+        return max(self.nis / CHANCE, 1.0)
+
+    def status(self, status: Status) -> Status:
+        """See `health`."""
+        return health(status, self._out[0], self._out[1], self.max_nis)
 
 
 def sudden_change(names: Sequence[str], before: ca.SX, after: ca.SX, dt: ca.SX) -> ca.SX:

@@ -26,7 +26,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.stream.settings import VALID, Status
+from fifthwheel.stream.settings import VALID
 from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
 
@@ -134,10 +134,7 @@ class Observer:
         if status in VALID:
             out, n = self._filter.out.tolist(), len(self.reported)
             answer["nis"] = nis = out[-2]
-            if nis > self.settings.max_nis:
-                answer["status"] = Status.INCONSISTENT
-            elif out[-3] and status == Status.OK:
-                answer["status"] = Status.SETTLING
+            answer["status"] = monitor.health(status, out[-3], nis, self.settings.max_nis)
             for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
                 answer[name] = value
                 answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)

@@ -34,8 +34,8 @@ from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unk
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
-from fifthwheel.observe import Status
 from fifthwheel.record import Record
+from fifthwheel.stream import VALID
 from fifthwheel.vehicle import Vehicle
 
 
@@ -124,7 +124,7 @@ class Learner:
 
         Returns:
             "time"; sideslip, yaw rate, articulation, roll and roll rate of the units, each with "<name>.sigma", which
-            includes the uncertainty of the parameters; NaN unless the status is OK or COASTING. "status"
+            includes the uncertainty of the parameters; NaN if the status is TOO_SLOW or INPUT_MISSING. "status"
             (`observe.Status`), and "learning": 1 if it learned from this sample, else 0.
 
         Raises:
@@ -142,12 +142,12 @@ class Learner:
         status = live.push(time, [get(n) for n in setup.inputs], [get(n) for n in setup.outputs])
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
         names = live.view.names
-        if status in (Status.OK, Status.COASTING):
-            values = live.view.read()
+        if status in VALID:
+            values, excess = live.view.read(), live.monitor.excess
             variances = values[len(names) :]
             for (name, sigma), value, variance in zip(names, values, variances, strict=False):
                 answer[name] = value
-                answer[sigma] = math.sqrt(max(variance, 0.0))
+                answer[sigma] = math.sqrt(max(variance * excess, 0.0))
         else:
             for name, sigma in names:
                 answer[name] = answer[sigma] = math.nan

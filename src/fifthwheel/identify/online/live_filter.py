@@ -18,8 +18,10 @@ from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import Considered, block_diagonal, discrepancy_variances, start_state
 from fifthwheel.identify.online.steering import Excitation, Steering
 from fifthwheel.identify.setup import Setup
+from fifthwheel.observe.monitor import Monitor
 from fifthwheel.observe.observer_step import reported_signals
-from fifthwheel.stream import InputRule, Status, Stream, StreamSettings, magnitude
+from fifthwheel.observe.settings import ObserverSettings
+from fifthwheel.stream import VALID, InputRule, Status, Stream, StreamSettings, magnitude
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are
@@ -57,6 +59,7 @@ class LiveFilter:
         """Of the samples from which it learned."""
         inputs = setup.inputs
         self.stream = Stream(stream_settings(setup, learner), StepLimit(setup.vehicle, roll=True))
+        self.monitor = Monitor(inputs, len(setup.outputs), setup.settings.gate, ObserverSettings())
         self._steering = Steering(len(inputs) - 1)
         estimated = [u.name for u in setup.estimated_unknowns]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
@@ -67,13 +70,15 @@ class LiveFilter:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Compiled code is not copied: filters of one structure share it."""
-        state = {name: value for name, value in vars(self).items() if name not in ("model", "filter", "view", "row")}
-        return LiveFilter, (self.setup, self.learner, *self.joint()), (state, self.filter.memory())
+        built = ("model", "filter", "view", "row", "monitor")
+        state = {name: value for name, value in vars(self).items() if name not in built}
+        return LiveFilter, (self.setup, self.learner, *self.joint()), (state, self.filter.memory(), self.monitor.save())
 
-    def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any]]) -> None:
-        attributes, memory = state
+    def __setstate__(self, state: tuple[dict[str, Any], dict[str, Any], Array]) -> None:
+        attributes, memory, monitored = state
         vars(self).update(attributes)
         self.filter.restore(memory)
+        self.monitor.resume(monitored)
 
     def estimate(self) -> JointEstimate:
         """The estimate after all samples, with the information that autocorrelated innovations contain."""
@@ -115,7 +120,8 @@ class LiveFilter:
     def push(self, time: float, inputs: Sequence[float | None], measured: Sequence[float | None]) -> Status:
         """Process a sample of the problem's inputs and outputs, SI; None or NaN if missing."""
         self.learning = False
-        return self.stream.process_sample(self, time, inputs, measured)
+        status = self.stream.process_sample(self, time, inputs, measured)
+        return self.monitor.status(status) if status in VALID else status
 
     def start(self, stream: Stream) -> None:
         """Start the state at the steady state of the inputs; the estimates stay."""
@@ -125,6 +131,7 @@ class LiveFilter:
         before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
         self._excitation.restart()
+        self.monitor.start()
         self._start_time = stream.time
         self.learning = False
 
@@ -147,11 +154,21 @@ class LiveFilter:
         accepted, diverged = self.filter.advance(self._in_segment, self.learning)
         if self.learning:
             self.innovations.update(stream.gap, self.filter.innovations, self.filter.weights)
-        if diverged or (not accepted and stream.coasts and any(self.filter.weights)):
+        restart = diverged or self._monitor(stream) or (not accepted and stream.coasts and any(self.filter.weights))
+        if restart:
+            nis = self.monitor.nis
             stream.start(self)
+            self.monitor.start(nis)
             self.filter.advance(False, False)
-            return True
-        return accepted
+            self._monitor(stream)
+        return restart or accepted
+
+    def _monitor(self, stream: Stream) -> bool:
+        """Judge the innovations of a sample; whether the state must start again."""
+        joint_filter = self.filter
+        return self.monitor.update(
+            stream.gap, stream.last, stream.inputs, joint_filter.innovations, joint_filter.weights
+        )
 
     def _has_settled(self) -> bool:
         """Whether every steer angle is measured now, and the last long dropout is `settling_time` ago."""
