@@ -13,6 +13,7 @@ from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations
 from fifthwheel.native.c_code import by_rows
 from fifthwheel.native.c_code import step as symbolic
+from fifthwheel.observe.monitor import START, normalised_monitor
 
 LARGEST_GATE = 1e15
 """Limit of a squared gate, so that it fits into single precision."""
@@ -54,6 +55,16 @@ def channel_update(live: LiveFilter) -> ca.Function:
     carried = Carried.of(carry, layout)
     new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
     return symbolic("channel", [carry, channel], [new.vector(), ca.vertcat(accepted, innovation)])
+
+
+def health(live: LiveFilter) -> ca.Function:
+    """(carry, [dt, inputs at the last sample, inputs now, innovations, weights]) -> (carry, [settling, NIS, restart]);
+    see `monitor.normalised_monitor`."""
+    inputs, channels = live.setup.inputs, len(live.setup.outputs)
+    carry, sample = ca.SX.sym("carry", len(START)), ca.SX.sym("sample", 1 + 2 * len(inputs) + 2 * channels)
+    (constant,) = _numbers(np.minimum(live.monitor.constant, LARGEST_GATE))
+    results = normalised_monitor(inputs, channels).call([carry, sample, constant])
+    return symbolic("health", [carry, sample], results)
 
 
 def report(live: LiveFilter) -> ca.Function:

@@ -21,6 +21,7 @@ from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
+from fifthwheel.observe.monitor import CHANCE, START
 from fifthwheel.vehicle.parameters import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2
@@ -62,6 +63,7 @@ def _header(learner: Learner) -> str:
         "MAX_PASSES": (relinearisation.max_passes, "over a segment with excitation"),
         "SEGMENT_COUNT": (relinearisation.samples, "samples of a segment"),
         "SAVED_COUNT": (saved, "numbers in a saved state"),
+        "HEALTH_COUNT": (len(START), "numbers that its health remembers"),
     }
     return c_text.header(live.stream.settings, [name for name, _ in live.view.names], sizes, ESTIMATE=estimates)
 
@@ -103,6 +105,8 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "AUTOCORRELATION_WINDOW": WINDOWS * limits.innovation_window,
         "AVERAGING_TIME": AVERAGING_TIME,
         "MAX_INNOVATION": min(settings.gate, math.sqrt(functions.LARGEST_GATE)),
+        "MAX_NIS": live.monitor.max_nis,
+        "CHANCE": CHANCE,
         "MAX_INNOVATION_RATIO": limits.max_innovation_ratio,
         "MAX_AUTOCORRELATION": limits.max_autocorrelation,
         "EXCITED": settings.excited,
@@ -125,6 +129,7 @@ def _source(learner: Learner, linearisation: functions.Slopes) -> str:
     equations = {
         "linearise": (linearisation.function, ("state", "z", "row"), step_results),
         "correct": (functions.channel_update(live), ("carry", "channel"), ("next", "out")),
+        "health": (functions.health(live), ("carry", "sample"), ("next", "out")),
         "report": (functions.report(live), ("state", "z", "inputs"), ("value", "slope")),
         "start_matrices": (functions.start_matrices(live), ("inputs", "p"), ("a", "b", "steer", "bank")),
         "start_slopes": (functions.start_slopes(live), ("inputs", "p", "state"), ("f", "slope")),
@@ -144,7 +149,7 @@ def _memory(learner: Learner) -> int:
     live = learner.live
     relinearisation = live.learner.relinearisation
     inputs, outputs, size = len(live.setup.inputs), len(live.setup.outputs), live.filter.layout.size
-    numbers = 4 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + size
+    numbers = 4 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + len(START) + size
     if relinearisation.max_passes:
         row = live.filter.scan.n_sample - live.filter.layout.n_z
         numbers += 3 * size + live.filter.layout.n_z + relinearisation.samples * row

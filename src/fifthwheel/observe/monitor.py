@@ -122,13 +122,13 @@ class Monitor:
 
     def __init__(self, inputs: Sequence[str], channels: int, gate: float, settings: ObserverSettings) -> None:
         scan = monitor_step(tuple(inputs), channels)
-        constant = np.array([gate**2, settings.nis_window, settings.restart_after])
+        self.constant = np.array([gate**2, settings.nis_window, settings.restart_after])
         self.carry = START.copy()
         row, out = np.zeros(scan.n_sample), np.zeros(scan.n_output)
         self._row: Any = row.data
         self._out: Any = out.data
-        self._arrays = constant, row, out  # the addresses below are theirs
-        self._addresses = tuple(array.ctypes.data for array in (self.carry, row, constant, out))
+        self._arrays = row, out  # the addresses below are theirs
+        self._addresses = tuple(array.ctypes.data for array in (self.carry, row, self.constant, out))
         self._step = scan.single
         self.max_nis = settings.max_nis
 

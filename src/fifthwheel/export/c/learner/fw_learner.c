@@ -3,6 +3,8 @@
 #include "fw_private.h"
 #include "fw_stream.h"
 
+enum { FW_FOUND_SETTLES, FW_FOUND_NIS, FW_FOUND_RESTART, FW_FOUND_COUNT }; /* of fw_health() */
+
 /* Inputs of the model at both ends of a step: speed and steer angles, contacts of their plays, and their rates. */
 static void fw_steer(fw_learner *learner, fw_real gap, fw_real *ends)
 {
@@ -33,9 +35,13 @@ static void fw_steer(fw_learner *learner, fw_real gap, fw_real *ends)
     }
 }
 
-/* Starts the state at the steady state of the inputs. */
-static void fw_start(fw_learner *learner)
+/* Starts the state at the steady state of the inputs, and its health with a NIS. */
+static void fw_start(fw_learner *learner, fw_real nis)
 {
+    learner->health[0] = nis;
+    learner->health[1] = FW_REAL(0.0);
+    learner->health[2] = -FW_REAL(1.0);
+    learner->health[3] = FW_REAL(0.0);
     (void)fw_end_segment(learner);
     fw_start_state(learner->first, learner->stream.held);
     fw_stream_start(&learner->stream);
@@ -65,6 +71,23 @@ static void fw_watch_innovations(fw_learner *learner, fw_real dt, const fw_real 
     }
 }
 
+/* Settling, NIS and whether the state must start again, after a sample that is `gap` seconds after the last one. */
+static void fw_watch_health(fw_learner *learner, fw_real gap, const fw_real *row, const fw_update *update, fw_real *found)
+{
+    fw_real sample[1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT)];
+    fw_real *const innovations = &sample[1 + (2 * FW_INPUT_COUNT)];
+    sample[0] = gap;
+    for (int i = 0; i < FW_INPUT_COUNT; i++) {
+        sample[1 + i] = learner->stream.last[i];
+        sample[1 + FW_INPUT_COUNT + i] = learner->stream.held[i];
+    }
+    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
+        innovations[i] = update->innovation[i];
+        innovations[FW_MEASURED_COUNT + i] = row[FW_ROW_WEIGHTS + i];
+    }
+    fw_health(learner->health, sample, learner->health, found);
+}
+
 /* Whether the bank of the road is less certain than at a start: a lane change hardly separates it from the offset of the
    steering, so that the errors of both would grow from one lane change to the next. */
 static int fw_is_worse_than_a_start(const fw_learner *learner)
@@ -81,7 +104,7 @@ static int fw_is_worse_than_a_start(const fw_learner *learner)
 
 /* Processes a sample with valid inputs. */
 static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample, double previous, fw_real *row,
-                                   fw_status *status)
+                                   fw_status *status, fw_real *found)
 {
     const double time = sample->time;
     double gap = time - previous;
@@ -94,13 +117,13 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
     int any = 0;
     if (fw_stream_starts(&learner->stream, previous) != 0) {
         gap = 0.0;
-        fw_start(learner);
+        fw_start(learner, FW_REAL(1.0));
     }
     was_excited = learner->excited;
     in_segment = fw_is_excited(learner, (fw_real)gap, learner->stream.held);
     if ((was_excited != 0) && (in_segment == 0) && (fw_is_worse_than_a_start(learner) != 0)) {
         gap = 0.0;
-        fw_start(learner);
+        fw_start(learner, FW_REAL(1.0));
     }
     in_segment = ((in_segment != 0) && ((time - learner->start_time) >= FW_SETTLING_TIME)) ? 1 : 0;
     learner->learning = ((fw_has_settled(learner) != 0) && (in_segment != 0)) ? 1 : 0;
@@ -121,14 +144,26 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
     if (learner->learning != 0) {
         fw_watch_innovations(learner, (fw_real)gap, row, &update);
     }
+    if (restart == 0) {
+        fw_watch_health(learner, (fw_real)gap, row, &update, found);
+        restart = (found[FW_FOUND_RESTART] != FW_REAL(0.0)) ? 1 : 0;
+    }
     *status = fw_stream_finish(&learner->stream, update.accepted);
     if ((restart != 0) || ((*status == FW_COASTING) && (any != 0))) {
-        fw_start(learner);
+        fw_start(learner, learner->health[0]);
         fw_steer(learner, FW_REAL(0.0), ends);
         fw_write_step(row, ends, time, time, 1, 1);
         row[FW_ROW_LEARN] = FW_REAL(0.0);
         (void)fw_advance(learner, row, 0, &update);
+        fw_watch_health(learner, FW_REAL(0.0), row, &update, found);
         *status = FW_OK;
+    }
+    if (found[FW_FOUND_NIS] > FW_MAX_NIS) {
+        *status = FW_INCONSISTENT;
+    } else if ((found[FW_FOUND_SETTLES] != FW_REAL(0.0)) && (*status == FW_OK)) {
+        *status = FW_SETTLING;
+    } else {
+        /* as it is */
     }
     return FW_SUCCESS;
 }
@@ -169,6 +204,7 @@ fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_state
 {
     const double previous = learner->stream.time;
     fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
+    fw_real found[FW_FOUND_COUNT];
     fw_status status;
     if (!(sample->time > previous) || !(sample->time < INFINITY)) {
         return FW_ERROR_TIME;
@@ -180,10 +216,14 @@ fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_state
             states->value[i] = (fw_real)NAN;
             states->sigma[i] = (fw_real)NAN;
         }
-    } else if (fw_process_sample(learner, sample, previous, row, &status) != FW_SUCCESS) {
+    } else if (fw_process_sample(learner, sample, previous, row, &status, found) != FW_SUCCESS) {
         return FW_ERROR_GAP;
     } else {
+        const fw_real excess = found[FW_FOUND_NIS] / FW_CHANCE;
         fw_view(learner->first, row, states);
+        for (int i = 0; (i < FW_STATE_COUNT) && (excess > FW_REAL(1.0)); i++) {
+            states->sigma[i] *= FW_SQRT(excess);
+        }
     }
     states->time = sample->time;
     states->status = status;
