@@ -175,8 +175,9 @@ def sudden_change(names: Sequence[str], before: ca.SX, after: ca.SX, dt: ca.SX) 
     """1 if one of the inputs (n,) with these names has changed suddenly within dt seconds, see `SUDDEN`; else 0."""
     found = ca.SX(0)
     for i, name in enumerate(names):
-        rate, least = SUDDEN.get(SignalName.of(name).quantity, (np.inf, np.inf))
-        found = ca.fmax(found, ca.fabs(after[i] - before[i]) > ca.fmax(rate * dt, least))
+        if limits := SUDDEN.get(SignalName.of(name).quantity):
+            rate, least = limits
+            found = ca.fmax(found, ca.fabs(after[i] - before[i]) > ca.fmax(rate * dt, least))
     return (dt > 0) * found
 
 
