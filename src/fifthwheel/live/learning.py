@@ -14,7 +14,7 @@ from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import LearnedValue, Learner
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.status import LiveFault
-from fifthwheel.stream import VALID
+from fifthwheel.stream import VALID, Status
 from fifthwheel.vehicle import Vehicle
 
 STANDSTILL = 60.0
@@ -33,6 +33,7 @@ REPORTED = 60.0
 """A change is reported as a fault for this time, s."""
 
 _KNOWN = (Verdict.CONVERGED, Verdict.DOUBTFUL)
+_WRONG = (Verdict.DOUBTFUL, Verdict.AT_BOUND)
 
 
 class Learning:
@@ -66,7 +67,7 @@ class Learning:
         """A learner starts its states again by itself."""
 
     def push(self, sample: Mapping[str, float | None]) -> dict[str, float]:
-        """The states at a sample; see `Learner.push`."""
+        """The states at a sample; see `Learner.push`. They are INCONSISTENT also while an estimate is doubtful."""
         answer = self.learner.push(sample)
         time = answer["time"]
         if self._second is not None:
@@ -83,6 +84,8 @@ class Learning:
             self.parameters = self.learner.parameters
             if self._before is not None and self._second is not None:
                 self._compare(self._before, self._second)
+        if answer["status"] == Status.OK and any(e.verdict in _WRONG for e in self.parameters):
+            answer["status"] = Status.INCONSISTENT
         return answer
 
     def couple(self, trailer: str) -> None:
