@@ -40,7 +40,10 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
 
 def test_states_concludes_and_draws(log, tmp_path):
     told = ran("states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--figures", "svg")
-    assert told["conclusion"]["headline"] == "The states are reliable in all samples of 1 log."
+    assert (
+        told["conclusion"]["headline"]
+        == "The states are reliable in all samples of 1 log in which the filter has settled."
+    )
     assert told["files"]["figures"] == str(tmp_path / "figures")
     assert (tmp_path / "figures" / "first" / "states" / "sideslip.semitrailer.svg").is_file()
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text

@@ -18,7 +18,7 @@ static int resets(fw_learner *learner, fw_sample *sample)
     fw_learner_reset(learner);
     fw_learner_save(learner, &after);
     return !accepted && memcmp(&before, &after, sizeof before) == 0 &&
-           fw_learner_push(learner, sample, &states) == FW_SUCCESS && states.status == FW_OK;
+           fw_learner_push(learner, sample, &states) == FW_SUCCESS && states.status == FW_SETTLING;
 }
 
 int main(void)

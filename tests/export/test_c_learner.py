@@ -98,8 +98,8 @@ def assert_equal_with_faults(learner: Learner, program: Path, lane: Record) -> N
         judged |= verdicts
         seen |= set(expected[:, 1].tolist())
         learned += expected[:, 2].sum()
-    assert {Status.OK, Status.INPUT_MISSING, Status.TOO_SLOW, Status.COASTING} <= seen
-    assert judged >= {"converged", "doubtful", "not_excited"}
+    assert seen == set(Status)
+    assert judged >= {"converged", "doubtful"}
     assert learned > 1000
 
 

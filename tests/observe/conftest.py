@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fifthwheel.observe import Observer
+from fifthwheel.observe import Observer, Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
@@ -43,6 +43,11 @@ def rows(record: Record, keep: np.ndarray) -> Record:
         reference={n: v[keep] for n, v in record.reference.items()},
         name=record.name,
     )
+
+
+def but_settling(status: np.ndarray) -> np.ndarray:
+    """Statuses with OK in place of SETTLING."""
+    return np.where(status == Status.SETTLING, Status.OK, status)
 
 
 def samples(record: Record, *, omit_missing: bool = False) -> Iterator[dict[str, float]]:

@@ -14,7 +14,7 @@ from fifthwheel.observe import Observer, ObserverSettings, Status
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, batched, pushed
+from tests.observe.conftest import EXACT, ROLLS, STEER, YAWS, batched, but_settling, pushed
 
 DEGREE = np.pi / 180
 SEEDS = 50
@@ -150,7 +150,7 @@ def test_errors_agree_with_sigma(truck, process_noise):
         signals = {"speed": np.full(len(time), speed), STEER: steer}
         signals |= {name: y[:, i] for i, name in enumerate(o.outputs)}
         actual = o.batch(Record(time=time, signals=signals))
-        assert (actual.status == Status.OK).all()
+        assert (but_settling(actual.status) == Status.OK).all()
         truth = {name: x[:, i] for i, name in enumerate(names)}
         truth["sideslip.tractor"] = truth.pop("lateral_velocity.tractor") / speed
         for name, values in truth.items():
@@ -201,7 +201,7 @@ def test_three_units(b_double):
         ),
     )
     actual = o.batch(record)
-    assert (actual.status == Status.OK).all()
+    assert (but_settling(actual.status) == Status.OK).all()
     assert len(record.reference) == 8
     for name, truth in record.reference.items():
         assert rms(actual.values[name] - truth) < 0.1 * DEGREE, name

@@ -16,54 +16,84 @@ EDGE = 1e-6
 
 def test_numbers_of_the_status():
     """Files and live answers contain the number."""
-    numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4}
+    numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4, "SETTLING": 5}
     assert {status.name: int(status) for status in Status} == numbers
 
 
-def reference_monitor(carry, innovations, variances, accepted, weight, dt, limit, window, restart_after):
+def reference_monitor(carry, innovations, variances, accepted, weight, dt, sudden, limit, window, restart_after):
     """The monitor in plain Python."""
-    nis, elapsed, duration = carry[0], carry[1] + dt, carry[2]
-    if not any(weight):
-        return [nis, elapsed, duration + dt if duration >= 0 else duration], [nis, 0]
+    nis, elapsed, duration, agreed = carry[0], carry[1] + dt, carry[2], carry[3]
     used = [i for i, w in enumerate(weight) if w]
+    later, settles = bool(used) and dt > 0, agreed < 10
+    contradicts = later and any(innovations[i] ** 2 / variances[i] > 4.5**2 for i in used)
+    again = settles and (contradicts or (sudden and agreed >= 0))
+    agreed = -10 if sudden else min(agreed + later, 10)
+    settling = int(agreed < 10)
+    if not used:
+        return [nis, elapsed, duration + dt if duration >= 0 else duration, agreed], [settling, nis, int(again)]
     mean = np.mean([min(innovations[i] ** 2 / variances[i], limit) for i in used])
     nis += min(elapsed / (window + elapsed), 0.1) * (mean - nis)
     rejected = len(used) - sum(accepted[i] for i in used)
     if 2 * rejected < len(used) or rejected < min(len(used), 2):
-        return [nis, 0, -1], [nis, 0]
+        return [nis, 0, -1, agreed], [settling, nis, int(again)]
     lasted = duration + dt if duration >= 0 else -1
-    return [nis, 0, max(lasted, 0)], [nis, int(lasted >= restart_after)]
+    return [nis, 0, max(lasted, 0), agreed], [settling, nis, int(again or lasted >= restart_after)]
 
 
 def test_the_monitor_equals_plain_python():
     """Of three channels, rejected and missing at random; at a long step the average has at least ten samples."""
-    symbols = {name: ca.SX.sym(name, 3) for name in ("innovation", "variance", "accepted", "weight", "carry")}
-    dt, settings = ca.SX.sym("dt"), ca.SX.sym("settings", 2)
+    symbols = {name: ca.SX.sym(name, 3) for name in ("innovation", "variance", "accepted", "weight")}
+    carried = ca.SX.sym("carry", len(monitor_module.START))
+    dt, sudden, settings = ca.SX.sym("dt"), ca.SX.sym("sudden"), ca.SX.sym("settings", 2)
     columns = zip(*(ca.vertsplit(symbols[n]) for n in ("innovation", "variance", "accepted")), strict=True)
     fields = ("innovation", "variance", "accepted")
     channels = [ChannelUpdate(**dict(zip(fields, column, strict=True))) for column in columns]
-    results = monitor_module.monitor(symbols["carry"], channels, symbols["weight"], dt, ca.SX(36.0), settings)
-    step = ca.Function("monitor", [*symbols.values(), dt, settings], list(results))
-    random, restarts, rejections = np.random.default_rng(2), 0, set()
+    results = monitor_module.monitor(carried, channels, symbols["weight"], dt, sudden, ca.SX(36.0), settings)
+    step = ca.Function("monitor", [*symbols.values(), carried, dt, sudden, settings], list(results))
+    random, restarts, rejections, settled = np.random.default_rng(2), 0, set(), 0
     carry = expected = monitor_module.START
     for k in range(3000):
         innovation, variance = random.normal(size=3) * random.choice([1, 20], size=3), random.uniform(0.5, 2, 3)
         weight = (random.random(3) < 0.7).astype(float)
         if k % 300 > 250:
             innovation[:] = 50.0  # a disagreement that lasts
+        if k % 300 < 100:
+            innovation /= 20.0  # the state settles
         innovation *= weight
         accepted = weight * (innovation**2 / variance <= 36)
-        gap = random.choice([0.01, 0.05, 2.0])
-        carry, found = step(innovation, variance, accepted, weight, carry, gap, [1.0, 0.1])
-        expected, answer = reference_monitor(expected, innovation, variance, accepted, weight, gap, 36.0, 1.0, 0.1)
+        gap, jump = random.choice([0.0, 0.01, 0.05, 2.0]), random.random() < 0.02
+        carry, found = step(innovation, variance, accepted, weight, carry, gap, jump, [1.0, 0.1])
+        arguments = (innovation, variance, accepted, weight, gap, jump, 36.0, 1.0, 0.1)
+        expected, answer = reference_monitor(expected, *arguments)
         assert carry.full().ravel() == pytest.approx(expected)
         assert found.full().ravel() == pytest.approx(answer)
-        restarts += answer[1]
+        restarts += answer[2]
+        settled += not answer[0]
         rejections.add((int(weight.sum()), int(weight.sum() - accepted.sum())))
     assert restarts > 10
+    assert settled > 100
     assert len(rejections) == 10  # every number of measured and rejected channels
-    assert monitor_module.START.tolist() == [1.0, 0.0, -1.0]
-    assert monitor_module.after_restart(3.0).tolist() == [3.0, 0.0, -1.0]
+    assert monitor_module.START.tolist() == [1.0, 0.0, -1.0, 0.0]
+    assert monitor_module.after_restart(3.0).tolist() == [3.0, 0.0, -1.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "dt", "expected"),
+    [
+        ("steer.tractor.front", 0.0061, 0.01, 1),
+        ("steer.tractor.front", -0.0061, 0.01, 1),
+        ("steer.tractor.front", 0.0059, 0.01, 0),
+        ("steer.tractor.front", 0.0049, 0.001, 0),
+        ("steer.tractor.front", 0.0061, 0.0, 0),
+        ("speed", 1.01, 0.01, 1),
+        ("speed", 0.99, 0.01, 0),
+        ("speed", 2.9, 0.1, 0),
+        ("speed_rate", 100.0, 0.01, 0),
+    ],
+)
+def test_a_sudden_change_of_an_input(name, change, dt, expected):
+    zero = ca.SX(0)
+    assert float(ca.DM(monitor_module.sudden_change([name], zero, zero + change, ca.SX(dt)))) == expected
 
 
 @pytest.mark.parametrize("bank", [False, True])

@@ -68,7 +68,8 @@ def assert_taken(
     settings: StreamSettings, speed: float | None, steer: float | None, time: float, expected: tuple[bool, bool]
 ) -> None:
     """Which inputs are taken after a speed of 20 m/s and no steer angle at 0 s."""
-    stream, _, status = processed(settings, (-1.0, None, None), (0.0, 20.0, 0.0), (time, speed, steer))
+    start = ((-1.0, None, None), (-0.01, 20.0, 0.0), (0.0, 20.0, 0.0))
+    stream, _, status = processed(settings, *start, (time, speed, steer))
     assert stream.times == [time if ok else 0.0 for ok in expected]
     if time <= settings.hold or all(expected):
         assert status is Status.OK
@@ -128,6 +129,16 @@ def test_inputs_of_an_observer(speed, steer, time, expected):
 def test_inputs_of_a_learner(speed, steer, time, expected):
     """1.5 m/s at once, 2 rad/s of steering, for 0.4 s."""
     assert_taken(LEARNER, speed, steer, time, expected)
+
+
+def test_of_two_values_that_disagree_at_a_start_the_second_is_taken():
+    """Either may be wrong; two that agree are right."""
+    wrong, right, later = (0.0, 8.0, 0.4), (0.01, 20.0, 0.0), (0.02, 20.0, 0.0)
+    for settings in (observer(hold=0.3), LEARNER):
+        assert processed(settings, wrong, right)[0].inputs == [20.0, 0.0]
+        assert processed(settings, right, later, (0.03, 8.0, 0.4))[0].inputs == [20.0, 0.0]
+        after_a_gap = (*((t - 9.0, *rest) for t, *rest in (right, later)), wrong, right)
+        assert processed(settings, *after_a_gap)[0].inputs == [20.0, 0.0]
 
 
 def test_infinite_values_are_missing_whatever_the_limits():

@@ -165,8 +165,13 @@ def innovation_size(states: States, name: str) -> InnovationSize:
 
 
 def valid_fraction(states: Sequence[States]) -> float:
-    """Fraction of the samples of all records with all inputs and with recent measurements that agree with them."""
-    return float(np.mean(np.concatenate([np.asarray(s.status) == 0 for s in states]))) if states else 0.0
+    """Fraction of the samples of all records with all inputs and with recent measurements that agree with them; up to a
+    tenth of the samples, in which the filter settles, do not count."""
+    if not states:
+        return 0.0
+    status = np.concatenate([np.asarray(s.status) for s in states])
+    settling = float(np.mean(status == Status.SETTLING))
+    return float(np.mean(status == Status.OK)) / max(1.0 - settling, 0.9)
 
 
 def _median_band(sigma: Array) -> float | None:

@@ -17,7 +17,7 @@ from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
-from fifthwheel.observe import States
+from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
 from fifthwheel.vehicle.parameters import FRICTION
@@ -218,7 +218,7 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
     valid = valid_fraction(states)
     return Conclusion(
         good=valid > RELIABLE and not cautions,
-        headline=_states_headline(valid, len(states), doubtful, lifting),
+        headline=_states_headline(valid, summaries, doubtful, lifting),
         results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
         cautions=tuple(map(str, cautions)),
         next_steps=tuple(
@@ -230,15 +230,18 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
     )
 
 
-def _states_headline(valid: float, logs: int, doubtful: Sequence[str], lifting: Sequence[str]) -> str:
+def _states_headline(
+    valid: float, summaries: Sequence[StateSummary], doubtful: Sequence[str], lifting: Sequence[str]
+) -> str:
     def where(names: Sequence[str]) -> str:
-        return "" if logs == 1 else f" in {', '.join(names)}"
+        return "" if len(summaries) == 1 else f" in {', '.join(names)}"
 
     if doubtful:
         return f"The vehicle file does not fit the measurements{where(doubtful)}: do not rely on these states."
     if lifting:
         return f"A wheel lifts{where(lifting)}: do not rely on the states from there on."
-    return f"The states are reliable in {_of_samples(valid)} of {counted(logs, 'log')}."
+    settled = " in which the filter has settled" if any(Status.SETTLING.name in s.status for s in summaries) else ""
+    return f"The states are reliable in {_of_samples(valid)} of {counted(len(summaries), 'log')}{settled}."
 
 
 def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
