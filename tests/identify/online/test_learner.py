@@ -257,7 +257,7 @@ def test_an_impossible_steer_angle_is_missing(guess: Vehicle, lanes: Record, ste
         later = {**sample, "time": sample["time"] + (9.0 if k >= 300 else 0.0)}
         answer = learner.push({**later, "steer.tractor.front": steer} if k in (0, 300) else later)
         assert k not in (0, 300) or answer["status"] == Status.INPUT_MISSING
-        assert np.isfinite(answer["sideslip.tractor"]) == (answer["status"] == Status.OK)
+        assert np.isfinite(answer["sideslip.tractor"]) == (answer["status"] in (Status.OK, Status.SETTLING))
     assert np.isfinite([(e.value, e.sigma) for e in learner.parameters]).all()
     assert learner["tractor.front.cornering_stiffness"].verdict == Verdict.CONVERGED
 
