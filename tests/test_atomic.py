@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel._atomic import atomic_write, reserved
+from fifthwheel._atomic import atomic_write, locks, reserved
 from fifthwheel.errors import FifthwheelError
 
 
@@ -85,6 +85,20 @@ def test_the_next_writer_removes_what_a_killed_one_left(tmp_path: Path) -> None:
         other.write_text("other")
     assert list(tmp_path.iterdir()) == [path]
     assert path.read_text() == "live"
+
+
+def test_a_lock_that_ends_between_two_looks_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its owner removed the file before its name could be read: one of two writers failed."""
+    answers = [None, locks.try_lock]
+
+    def busy_once(path: Path) -> int | None:
+        answer = answers.pop(0)
+        return answer(path) if answer else None
+
+    monkeypatch.setattr(locks, "try_lock", busy_once)
+    with locks.held(tmp_path / "lock", subject=tmp_path):
+        assert (tmp_path / "lock").exists()
+    assert not answers
 
 
 def test_a_name_is_reserved_for_one_writer_and_not_for_a_file_that_exists(tmp_path: Path) -> None:

@@ -1,6 +1,9 @@
 """The files of a workbench: versions, tabs that do not overwrite each other, names that lead nowhere else."""
 
 import json
+import os
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import pytest
 
@@ -104,7 +107,8 @@ def test_choices_are_a_file_of_toml(tmp_path):
         ("Truck.DBC", "databases/Truck.DBC"),
         ("<b>x</b>.csv", "logs/b>.csv"),
         ("a\x1b[2Jb.csv", "logs/a\\u001b[2Jb.csv"),
-        ("x" * 500 + ".csv", "logs/" + "x" * 116 + ".csv"),
+        ("x" * 500 + ".csv", "logs/" + "x" * 176 + ".csv"),
+        ("\u8f66" * 90 + ".csv", "logs/" + "\u8f66" * 58 + ".csv"),
     ],
 )
 def test_dropped_files_stay_in_the_workspace(tmp_path, name, kept):
@@ -123,6 +127,31 @@ def test_a_dropped_file_replaces_none(tmp_path):
     for name in ("", "/", "...", "../.."):
         with pytest.raises(FifthwheelError, match="no name"):
             workspace.place_for(name)
+
+
+def test_dropped_files_of_one_name_at_once_are_all_kept(tmp_path):
+    """Of four at once, two were kept, one of them a mixture of two."""
+    workspace = Workspace(tmp_path)
+    contents = [bytes([65 + k]) * 100_000 for k in range(20)]
+
+    def drop(content: bytes) -> Path:
+        part = workspace.part()
+        part.write_bytes(content)
+        return workspace.keep(part, "run.csv")
+
+    with ThreadPoolExecutor(8) as pool:
+        paths = list(pool.map(drop, contents))
+    assert len(set(paths)) == 20
+    assert [path.read_bytes() for path in paths] == contents
+    assert not list(workspace.uploads.iterdir())
+
+
+def test_what_a_killed_process_left_of_a_dropped_file_is_removed(tmp_path):
+    workspace = Workspace(tmp_path)
+    old, new = workspace.part(), workspace.part()
+    os.utime(old, (0, 0))
+    workspace.discard_parts()
+    assert list(workspace.uploads.iterdir()) == [new]
 
 
 @pytest.mark.parametrize("name", ["../signals.toml", "/etc/passwd", "", "..", "no.csv"])

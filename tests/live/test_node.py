@@ -119,6 +119,7 @@ def test_the_states_return_after_a_jump_of_the_clock(node, jump):
     found = outputs(node, (f._replace(time=f.time + jump * (f.time > AT)) for f in stream()))
     assert found[-1].status is NodeStatus.OK
     assert found[-1].bus_time == pytest.approx(RECORD.time[-1] + jump, abs=0.05)
+    assert any(output.faults & LiveFault.TIME_JUMP for output in found)
     if jump < 0:
         after = next(output for output in found if output.bus_time < AT + jump / 2)
         assert after.faults & LiveFault.TIME_JUMP

@@ -76,10 +76,13 @@ def held(path: Path, *, subject: Path) -> Iterator[None]:
 
     The message names the `subject` that the lock protects.
     """
-    file = try_lock(path)
-    if file is None:
-        with suppress(OSError):
+    while (file := try_lock(path)) is None:
+        try:
             holder = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            continue  # its owner has ended since
+        except OSError:
+            holder = ""
         raise FifthwheelError(
             f"{subject}: in use by {holder or 'another process'}; wait until it ends, or write somewhere else"
         )

@@ -50,7 +50,7 @@ def serve(
     workspace = Workspace(folder)
     listening = _listening(host, port)
     port = listening.getsockname()[1]
-    _keep_inside(workspace.folder / HIDDEN)
+    _keep_inside(workspace)
     require("nicegui", "app")
     access = Access(local=local, token=token, port=port, max_file=max_file)
     named = f"[{host}]" if ":" in host else host
@@ -105,9 +105,8 @@ def _listening(host: str, port: int) -> socket.socket:
         ) from error
 
 
-def _keep_inside(folder: Path) -> None:
+def _keep_inside(workspace: Workspace) -> None:
     """Let the libraries write nowhere else; before they are imported."""
-    os.environ["NICEGUI_STORAGE_PATH"] = str(folder / "nicegui")
-    uploads = folder / "uploads"
-    uploads.mkdir(exist_ok=True)
-    tempfile.tempdir = str(uploads)
+    os.environ["NICEGUI_STORAGE_PATH"] = str(workspace.folder / HIDDEN / "nicegui")
+    workspace.discard_parts()
+    tempfile.tempdir = str(workspace.uploads)

@@ -2,9 +2,12 @@
 
 import hashlib
 import json
+import os
 import shutil
+import tempfile
+import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -27,8 +30,10 @@ HIDDEN = ".workbench"
 """Folder of what the workbench needs besides the user's files."""
 MAX_CHANGES = 100
 """Changes that can be undone."""
-MAX_NAME = 120
-"""Characters of the name of a dropped file."""
+MAX_NAME = 180
+"""Bytes of the name of a dropped file; file systems allow 255."""
+ABANDONED = 3600.0
+"""s"""
 
 
 class StaleError(FifthwheelError):
@@ -98,7 +103,8 @@ class Workspace:
 
         Of the name, as the browser gives it, only the last part is used.
         """
-        plain = printable(name.replace("\\", "/").rpartition("/")[2]).strip().lstrip(".")[-MAX_NAME:]
+        plain = printable(name.replace("\\", "/").rpartition("/")[2]).strip().lstrip(".")
+        plain = plain.encode()[-MAX_NAME:].decode(errors="ignore")
         if not plain:
             raise FifthwheelError("the file has no name; rename it, then drop it again")
         path = self.folder / ("databases" if Path(plain).suffix.lower() in DATABASES else "logs") / plain
@@ -107,6 +113,37 @@ class Workspace:
             count += 1
             path = path.with_name(f"{Path(plain).stem} ({count}){Path(plain).suffix}")
         return path
+
+    def part(self) -> Path:
+        """A new file for what has arrived of a dropped one; `discard_parts` removes those of a killed process."""
+        descriptor, path = tempfile.mkstemp(suffix=".part", dir=self.uploads)
+        os.close(descriptor)
+        return Path(path)
+
+    def keep(self, part: Path, name: str) -> Path:
+        """Move a dropped file that has arrived to its place; of several with one name each has a place of its own."""
+        while True:
+            path = self.place_for(name)
+            try:
+                path.open("xb").close()
+            except FileExistsError:
+                continue  # another one was faster
+            part.replace(path)
+            return path
+
+    @property
+    def uploads(self) -> Path:
+        """Folder of files that arrive."""
+        folder = self.folder / HIDDEN / "uploads"
+        folder.mkdir(parents=True, exist_ok=True)
+        return folder
+
+    def discard_parts(self) -> None:
+        """Remove what a killed process left of files that arrived: nothing has been written to it for an hour."""
+        for part in self.uploads.iterdir():
+            with suppress(OSError):
+                if time.time() - part.stat().st_mtime > ABANDONED:
+                    part.unlink()
 
     def require_space(self, size: int) -> None:
         """Refuse a file of this size, bytes, if the disk has less than three times of it; samples are stored too."""

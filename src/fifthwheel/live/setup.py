@@ -168,13 +168,13 @@ def _node(
 
 
 def _report(session: Session, say: Callable[[str], object]) -> None:
-    """Which files were written, or why not, and columns with several senders."""
+    """Which files were written, and columns with several senders; a FifthwheelError if one is not complete."""
     for column, others in session.node.decoder.other_sources.items():
         say(f"{column}: also sent by {', '.join(others)}, which is ignored; name the source in signals.toml")
-    for error in session.writer.errors.values():
-        say(error)
     if session.recorder is not None and session.recorder.path.exists():
         say(f"Written: {session.recorder.path}")
+    if session.writer.errors:
+        raise FifthwheelError("\n".join(session.writer.errors.values()))
 
 
 def make_node(signal_map: SignalMap, estimator: LiveEstimator, *, extra: tuple[str, ...] = ()) -> Node:

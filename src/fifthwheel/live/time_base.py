@@ -42,7 +42,8 @@ class TimeBase:
         self.newest = -math.inf
         """Latest time of the node, s."""
         self.jumps = 0
-        """How often a clock has jumped back, or a timestamp was wrong."""
+        """How often a clock has jumped, or a timestamp was wrong. While a bus is silent, `advance` moves the time, so
+        that its next frame is no jump."""
         self._clocks: dict[int, _Clock] = {}
 
     def start(self, time: float) -> None:
@@ -74,8 +75,8 @@ class TimeBase:
         if len(clock.astray) < CONFIRMED_BY:
             return
         waiting, clock.astray = clock.astray, []
+        self.jumps += 1
         if time < self.newest:
-            self.jumps += 1
             self._move(clock, waiting[0].time - (self.newest + RESTART_GAP))
         for each in waiting:
             yield self._accept(clock, each.time - clock.origin), each

@@ -45,12 +45,11 @@ class _Page:
             self._channels.refresh()
 
     async def _keep(self, event: events.UploadEventArguments) -> None:
-        path = self.workspace.place_for(event.file.name)
         self.workspace.require_space(event.file.size())
-        part = path.with_name(f".{path.name}.part")
+        part = self.workspace.part()
         try:
             await event.file.save(part)
-            part.rename(path)
+            path = self.workspace.keep(part, event.file.name)
         finally:
             part.unlink(missing_ok=True)
         if path.name != event.file.name:
