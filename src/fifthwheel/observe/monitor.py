@@ -10,8 +10,8 @@ The measurements disagree with the state if the gate rejects at least half of th
 of two that contradict each other, one is right.
 
 The first sample after a start passes any gate, because the covariance is wide. The state settles when `SETTLED` samples
-after it agree with it; one that does not starts the filter again, since either may be wrong. The same holds after a
-sudden change of an input: the state settles anew.
+after it agree with it; one that does not starts the filter again, since either may be wrong. After a sudden change of
+an input the state settles anew, without a start: the change may be wrong, or one that the model does not follow.
 """
 
 from collections.abc import Sequence
@@ -30,9 +30,10 @@ from fifthwheel.stream.settings import Status
 
 START: Array = np.array([1.0, 0.0, -1.0, 0.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present
-disagreement, s, -1 for none, number of samples that agree with the first one, at most `SETTLED`]."""
+disagreement, s, -1 for none, number of samples that agree with the first one, at most `SETTLED`; below 0, the number of
+samples until the state has settled after a sudden change]."""
 SETTLED = 10
-"""Samples after a start that must agree with it; twice as many after a sudden change, since the covariance is small
+"""Samples after a start that must agree with it; twice as many follow a sudden change, since the covariance is small
 then, and corrects the state slowly."""
 SUDDEN = {SPEED.quantity: (30.0, 1.0), STEER.quantity: (0.6, 0.005)}
 """A change of an input is sudden above both, SI per second and SI. A driver turns the steering wheel at 600 deg/s in an
@@ -79,10 +80,11 @@ def monitor(
     duration = ca.if_else(disagree, ca.fmax(running, 0), ca.if_else(measured, -1, running))
     normalised = [channel.innovation**2 / channel.variance for channel in channels]
     contradicts = sum(weight[i] * (square > CONTRADICTION**2) for i, square in enumerate(normalised)) > 0
-    later, settling = measured * (dt > 0), carry[3] < SETTLED
-    agreed = ca.if_else(sudden, -SETTLED, ca.fmin(carry[3] + later, SETTLED))
-    contradicts = ca.fmax(later * contradicts, sudden * (carry[3] >= 0))
-    restart = ca.fmax(disagree * (running >= restart_after), settling * contradicts)
+    later, started = measured * (dt > 0), (carry[3] >= 0) * (carry[3] < SETTLED)
+    agreed = carry[3] + later
+    agreed = ca.if_else((carry[3] < 0) * (agreed >= 0), SETTLED, ca.fmin(agreed, SETTLED))
+    agreed = ca.if_else(sudden, -2 * SETTLED, agreed)
+    restart = ca.fmax(disagree * (running >= restart_after), started * ca.fmax(later * contradicts, sudden))
     carried = ca.vertcat(nis, ca.if_else(measured, 0, elapsed), duration, agreed)
     return carried, ca.vertcat(agreed < SETTLED, nis, restart)
 

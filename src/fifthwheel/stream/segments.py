@@ -98,9 +98,9 @@ def plausible(rule: InputRule, hold: float, time: Array, values: Array) -> NDArr
     samples = zip(indices.tolist(), time[indices].tolist(), values[indices].tolist(), strict=True)
     for i, at, value in samples:
         age = at - last_time
-        agrees = rule.agrees(abs(value - last), age)
+        agrees = age <= hold and rule.agrees(abs(value - last), age)
         if agrees or age > hold or not confirmed:
-            last, last_time, confirmed = value, at, agrees and age <= hold
+            last, last_time, confirmed = value, at, agrees
         else:
             present[i] = False
     return present

@@ -113,12 +113,12 @@ class Stream:
                 value is not None
                 and abs(value) <= largest
                 and (
-                    (agrees := (change := abs(value - held[i])) <= jump or change <= rate * age)
+                    (agrees := age <= hold and ((change := abs(value - held[i])) <= jump or change <= rate * age))
                     or age > hold
                     or not confirmed[i]
                 )
             ):
-                held[i], times[i], confirmed[i] = float(value), time, agrees and age <= hold
+                held[i], times[i], confirmed[i] = float(value), time, agrees
                 if self._speed_rate and not i:
                     held[-1] = self._speed_rate.update(age, held[0])
             elif age > hold:

@@ -21,7 +21,7 @@ static void fw_stream_init(fw_stream *stream)
 static int fw_agrees(const fw_stream *stream, int i, fw_real value, double age)
 {
     const fw_real change = FW_ABS(value - stream->held[i]);
-    return ((change <= fw_input_jump[i]) || (change <= (fw_input_rate[i] * (fw_real)age))) ? 1 : 0;
+    return ((age <= FW_HOLD) && ((change <= fw_input_jump[i]) || (change <= (fw_input_rate[i] * (fw_real)age)))) ? 1 : 0;
 }
 
 /* Takes time and plausible inputs of a sample; a missing input is held for FW_HOLD seconds. */
@@ -34,7 +34,7 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
         const int agrees = fw_agrees(stream, i, value, age);
         if ((FW_ABS(value) <= fw_input_magnitude[i]) &&
             ((agrees != 0) || (age > FW_HOLD) || (stream->confirmed[i] == 0))) {
-            stream->confirmed[i] = ((agrees != 0) && (age <= FW_HOLD)) ? 1 : 0;
+            stream->confirmed[i] = agrees;
             stream->held[i] = value;
             stream->seen[i] = sample->time;
 #if FW_HELD_COUNT > FW_INPUT_COUNT
