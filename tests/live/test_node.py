@@ -85,6 +85,30 @@ def test_a_fault_is_reported_within_100_ms(node, name):
     assert all(output.status is NodeStatus.OK for output in found[len(settling) :] if output.time < AT)
 
 
+@pytest.mark.parametrize(
+    ("value", "fault", "within"),
+    [(1e3, LiveFault.IMPLAUSIBLE, 1.1), (0.0, LiveFault.FROZEN, 3.1)],
+)
+def test_values_that_no_sensor_gives_are_reported(node, value, fault, within):
+    """A wrong byte order, and a gyro that hangs."""
+    push = node._map.push
+
+    def changed(sample):
+        return [{**s, "yaw_rate.semitrailer": value} if s["time"] >= AT else s for s in push(sample)]
+
+    node._map.push = changed
+    found = outputs(node, stream())
+    seen = [output for output in found if output.faults & fault]
+    assert AT + within - 0.2 < seen[0].time < AT + within
+    assert {"yaw_rate.semitrailer"} == {name for output in seen for name, f in output.problems.items() if f is fault}
+    assert all(output.status is not NodeStatus.OK for output in seen)
+
+
+def test_clean_values_have_no_fault(node):
+    both = LiveFault.IMPLAUSIBLE | LiveFault.FROZEN
+    assert not any(output.faults & both for output in outputs(node, stream()))
+
+
 def test_a_signal_that_is_not_available_is_reported(tmp_path):
     (tmp_path / "signals.toml").write_text(
         '[signals]\nspeed = "CCVS.wheel_based_vehicle_speed"\n"yaw_rate.tractor" = "VDC2.yaw_rate"\n'

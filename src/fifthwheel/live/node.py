@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from fifthwheel.live.sampler import LATE, Cycle, Sampler
-from fifthwheel.live.status import HARMLESS, Health, LiveFault, NodeStatus
+from fifthwheel.live.status import HARMLESS, Health, LiveFault, NodeStatus, SignalHealth
 from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
@@ -72,6 +72,7 @@ class Node:
         """Frames with a mapped signal."""
         self._map, self._sampler, self._time_base = live_map, Sampler(RATE), TimeBase()
         self._health = Health(column for column in decoder.columns if column not in extra)
+        self._signals = SignalHealth()
         self.extra_columns = extra
         self._answer: Mapping[str, float] = _INPUT_MISSING
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
@@ -134,11 +135,14 @@ class Node:
         samples = tuple(self._map.push({"time": cycle.time, **cycle.values}))
         for sample in samples:
             self._answer = self.estimator.push(sample)
+            self._signals.update(sample)
         answer = self._answer
         if self._time_base.jumps > self._jumps:
             self._jumps, self._jumped = self._time_base.jumps, cycle.time
         problems = self._health.problems(cycle.time)
         faults = self.faults | self._health.faults(problems)
+        for name, fault in self._signals.problems().items():
+            problems[name], faults = fault, faults | fault
         if cycle.time - self._jumped < SHOWN:
             faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:

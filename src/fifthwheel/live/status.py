@@ -1,17 +1,23 @@
 """Status and faults of a live node, and whether its mapped signals arrive and are valid."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from enum import IntEnum, IntFlag
 
+from fifthwheel.channels import is_input
 from fifthwheel.live.sampler import Arrivals
 from fifthwheel.logs.can.decoder import Quality
 from fifthwheel.observe import Status
+from fifthwheel.stream import magnitude
 
 SHORTEST_TIMEOUT = 0.06
 """A signal is missing after this time, s, or after 1.5 of its periods if that is longer."""
 FIRST = 0.1
 """A signal that has never arrived is missing after this time since the first frame, s."""
+IMPLAUSIBLE_FOR = 1.0
+"""A signal is implausible when all of its values were, for this time, s."""
+FROZEN_FOR = 3.0
+"""A measurement is frozen when it has been the same for this time, s, and others have changed."""
 
 
 class NodeStatus(IntEnum):
@@ -55,6 +61,10 @@ class LiveFault(IntFlag):
     """Frames cannot be sent."""
     WHEEL_LIFT = 1024
     """A wheel is about to lift: see `observe.states.wheel_lifts`. A fault of the truck's motion."""
+    IMPLAUSIBLE = 2048
+    """All values of a mapped signal are beyond what a heavy vehicle can reach."""
+    FROZEN = 4096
+    """A measurement does not change, while another one does."""
 
 
 HARMLESS = LiveFault.NOT_RECORDED | LiveFault.NOT_SENT | LiveFault.WHEEL_LIFT
@@ -109,3 +119,49 @@ class Health:
         if problems and len(problems) == len(self._arrivals) and result == LiveFault.SIGNAL_MISSING:
             return LiveFault.SILENT
         return result
+
+
+class _Seen:
+    """What a signal has been."""
+
+    def __init__(self, largest: float) -> None:
+        self.largest = largest
+        self.value = math.nan
+        self.last = self.plausible = self.changed = math.nan
+        """Times of the last value, of the last plausible one and of the last change, s; nan before the first value."""
+
+
+class SignalHealth:
+    """Faults of the values of signals, by name: implausible, and frozen, if it is no input."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, _Seen] = {}
+        self._time = math.nan  # of the last sample, s
+
+    def update(self, sample: Mapping[str, float]) -> None:
+        """Take up a sample in SI; NaN is missing."""
+        self._time = now = sample["time"]
+        for name, value in sample.items():
+            if value != value or name == "time":
+                continue
+            seen = self._seen.get(name)
+            if seen is None:
+                seen = self._seen[name] = _Seen(magnitude(name))
+            if not now - seen.last < IMPLAUSIBLE_FOR:  # it begins
+                seen.plausible = seen.changed = now
+            seen.last = now
+            if -seen.largest <= value <= seen.largest:
+                seen.plausible = now
+            if value != seen.value:
+                seen.value, seen.changed = value, now
+
+    def problems(self) -> dict[str, LiveFault]:
+        """The fault of each signal that has one at the last sample."""
+        now = self._time
+        present = {name: seen for name, seen in self._seen.items() if now - seen.last < IMPLAUSIBLE_FOR}
+        found = {name: LiveFault.IMPLAUSIBLE for name, s in present.items() if now - s.plausible > IMPLAUSIBLE_FOR}
+        measured = {name: seen for name, seen in present.items() if not is_input(name)}
+        same = [name for name, seen in measured.items() if now - seen.changed > FROZEN_FOR]
+        if 0 < len(same) < len(measured):
+            found |= {name: LiveFault.FROZEN for name in same if name not in found}
+        return found
