@@ -1,12 +1,15 @@
 """The files of a workbench: versions, tabs that do not overwrite each other, names that lead nowhere else."""
 
+import itertools
 import json
 import os
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 
+from fifthwheel.app import workspace as module
 from fifthwheel.app.serve import serve
 from fifthwheel.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, LogChoice, StaleError, Workspace
 from fifthwheel.errors import FifthwheelError
@@ -127,6 +130,29 @@ def test_a_dropped_file_replaces_none(tmp_path):
     for name in ("", "/", "...", "../.."):
         with pytest.raises(FifthwheelError, match="no name"):
             workspace.place_for(name)
+
+
+@pytest.mark.parametrize("killed_at", [0, 1, 2])
+def test_a_change_of_two_documents_that_was_killed_is_completed(tmp_path, monkeypatch, killed_at):
+    """One of 25 kills left one new document and one old one."""
+    before, after = {SIGNALS: MAP, CHOICES: "a = 1"}, {SIGNALS: MAP + "# new", CHOICES: None}
+    workspace = Workspace(tmp_path)
+    workspace.write(before, "first")
+    write, count = module._write, itertools.count()
+
+    def killed(path, text):
+        if path.parent == tmp_path and next(count) == killed_at:
+            raise KeyboardInterrupt
+        write(path, text)
+
+    monkeypatch.setattr(module, "_write", killed)
+    with suppress(KeyboardInterrupt):
+        workspace.write(after, "second")
+    monkeypatch.undo()
+    new = Workspace(tmp_path)
+    assert {name: new.read(name) for name in after} == after
+    assert new.undo() == "second"
+    assert {name: new.read(name) for name in before} == before
 
 
 def test_dropped_files_of_one_name_at_once_are_all_kept(tmp_path):

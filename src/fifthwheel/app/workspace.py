@@ -83,6 +83,7 @@ class Workspace:
         self.folder = folder.resolve()
         for name in ("logs", "databases", "runs", HIDDEN):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
+        self._complete()
         self.seen = self._stamp()
         """Stamp of the state that this tab shows."""
 
@@ -257,15 +258,28 @@ class Workspace:
             return str(change["label"])
 
     def _apply(self, state: dict[str, Any], documents: Mapping[str, str | None]) -> None:
-        """Write the state, then the documents: a process that is killed between the two loses no document."""
+        """Write the state with the documents, then the documents themselves: if the process is killed in between, the
+        next one completes the change."""
         state["version"] += 1
-        _write(self._state_file, json.dumps(state))
-        for name, text in documents.items():
+        _write(self._state_file, json.dumps(state | {"pending": documents}))
+        self._finish(state | {"pending": documents})
+        self.seen = self._stamp()
+
+    def _finish(self, state: Mapping[str, Any]) -> None:
+        """Write the documents that are pending."""
+        for name, text in state["pending"].items():
             if text is None:
                 (self.folder / name).unlink(missing_ok=True)
             else:
                 _write(self.folder / name, text)
-        self.seen = self._stamp()
+        _write(self._state_file, json.dumps({**state, "pending": {}}))
+
+    def _complete(self) -> None:
+        """Complete a change of a process that was killed within it; one that is running does so itself."""
+        if self._state()["pending"]:
+            with suppress(FifthwheelError), held(self.folder / HIDDEN / "lock", subject=self.folder):
+                if (state := self._state())["pending"]:
+                    self._finish(state)
 
     @contextmanager
     def _changing(self) -> Iterator[dict[str, Any]]:
@@ -280,10 +294,10 @@ class Workspace:
         return self.folder / HIDDEN / "state.json"
 
     def _state(self) -> dict[str, Any]:
-        empty: dict[str, Any] = {"version": 0, "position": 0, "changes": []}
+        empty: dict[str, Any] = {"version": 0, "position": 0, "changes": [], "pending": {}}
         try:
             state = read_json(self._state_file) if self._state_file.exists() else empty
-            return {key: state[key] for key in empty}
+            return empty | {key: state[key] for key in empty if key != "pending" or key in state}
         except (FifthwheelError, KeyError, TypeError):
             return empty  # the documents are intact, only undo is lost
 
