@@ -54,6 +54,7 @@ ROOMS = (
     "assess",
     "report",
     "workflow",
+    "selfcheck",
     "live",
     "app",
     "fleet",

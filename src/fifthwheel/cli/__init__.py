@@ -18,6 +18,7 @@ from fifthwheel.cli import (  # importing a command registers it
     live,  # noqa: F401
     predict,  # noqa: F401
     results,  # noqa: F401
+    selfcheck,  # noqa: F401
     signals,  # noqa: F401
     simulate,  # noqa: F401
     states,  # noqa: F401
@@ -46,7 +47,8 @@ _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__na
 
 
 def main() -> None:
-    """Entry point. Exit code 0: the command ran; 2: wrong input or usage; 130: interrupted; 143: terminated."""
+    """Entry point. Exit code 0: the command ran; 1: a self-check failed; 2: wrong input or usage; 130: interrupted;
+    143: terminated."""
     from fifthwheel.errors import FifthwheelError
 
     gc.set_threshold(100_000)  # the objects of imported modules and of records make no cycles

@@ -26,6 +26,7 @@ from fifthwheel.logs.can.decoder import FrameDecoder, signal_columns
 from fifthwheel.logs.signal_map import TimeColumn
 from fifthwheel.observe import Observer
 from fifthwheel.options import LiveOptions, ObserverOptions
+from fifthwheel.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle
 
@@ -54,6 +55,7 @@ def opened(
         raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
     if not chosen.learn and signal_map.sensors:
         say(f"What is stated of the sensors of {', '.join(signal_map.sensors)} is used with --learn only.")
+    _require_working(chosen, say)
     recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
     with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
         session = _session(chosen, observer, truck, signal_map, recorded, say)
@@ -94,6 +96,15 @@ def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
     if chosen.learn and observer != ObserverOptions(min_speed=observer.min_speed):
         raise FifthwheelError("--friction and --half-track are for runs without --learn; omit them")
+
+
+def _require_working(chosen: LiveOptions, say: Callable[[str], object]) -> None:
+    """Say which self-checks fail; a FifthwheelError if the states would be wrong."""
+    for check in self_check(chosen.record.parent if chosen.record and chosen.record.parent.is_dir() else Path()):
+        if not check.passed and check.name == MACHINE_CODE:
+            raise FifthwheelError(f"selfcheck, {check.name}: {check.text}")
+        if not check.passed:
+            say(f"selfcheck, {check.name}: {check.text}")
 
 
 def _speed(rate: str) -> float:
