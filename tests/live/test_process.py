@@ -1,5 +1,6 @@
 """The command as a process: Ctrl-C, kill -9 at any time, and restart."""
 
+import json
 import os
 import resource
 import signal
@@ -49,6 +50,25 @@ def test_a_signal_ends_the_run_with_a_complete_record(folder, number):
     assert process.wait(60) == 0
     assert 20 < pq.read_table(folder / "run.parquet").num_rows < 4000
     assert not (folder / "run.parquet.parts").exists()
+
+
+def test_the_journal_says_what_happened(folder):
+    """Beside the record: the start, a change of status, what was learned, and the end; a later run appends."""
+    options = ("--replay", "run.log", "--rate", "max", "--record", "run.parquet", "--learn", "--force")
+    for _ in range(2):
+        assert run(folder, *options).returncode == 0
+    lines = [json.loads(line) for line in (folder / "run.parquet.events.jsonl").read_text().splitlines()]
+    first = lines[: len(lines) // 2]
+    assert [line["event"] for line in lines[len(first) :]] == [line["event"] for line in first]
+    assert [line["event"] for line in (first[0], first[-1])] == ["start", "end"]
+    assert first[0]["vehicle"] == "cheng_cebon_2011"
+    assert first[0]["signals"]["speed"]
+    statuses = [line["status"] for line in first if line["event"] == "status"]
+    assert statuses[-1] == "OK"
+    learned = [line for line in first if line["event"] == "learned"]
+    assert learned[-1]["samples"] > 100
+    assert len(learned[-1]["estimates"]["tractor.front.cornering_stiffness"]) == 3
+    assert [line["at"] for line in lines] == sorted(line["at"] for line in lines)
 
 
 def test_a_replay_as_fast_as_possible_records_everything(folder):

@@ -1,8 +1,7 @@
 """What happens with the outputs of a node: frames, record, estimates, page."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from fifthwheel.identify.verdict import Verdict
@@ -41,7 +40,7 @@ class Session:
     bus: LiveBus | None = None  # on which frames are sent
     send_period: float = 0.01  # time between two outputs that are sent, s
     trailer_column: str = ""  # column with the number of the trailer; empty for none
-    views: Sequence[View] = ()
+    views: list[View] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._sent = self._sent_parameter = -1e9

@@ -1,5 +1,6 @@
 """A live run from what a user requests: files, buses, outputs; a node from vehicle, signal map and estimator."""
 
+import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -16,6 +17,7 @@ from fifthwheel.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import LiveEstimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
+from fifthwheel.live.outputs.journal import Journal
 from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.session import Session
 from fifthwheel.live.sources.bus import LiveBus, frame_queue
@@ -61,11 +63,20 @@ def opened(
         session = _session(chosen, observer, truck, signal_map, recorded, say)
         stack.callback(_report, session, say)
         stack.callback(session.close)
+        if recorded:
+            about = {
+                "vehicle": truck.name,
+                "vehicle_sha256": hashlib.sha256(truck.to_toml().encode()).hexdigest(),
+                "signals": {name: list(source.columns) for name, source in signal_map.signals.items()},
+                "learns": chosen.learn,
+                "source": [str(chosen.replay)] if chosen.replay else list(chosen.bus),
+            }
+            session.views.append(Journal(recorded.with_name(f"{recorded.name}.events.jsonl"), session, about))
         if chosen.page is not None:
             from fifthwheel.live.page.server import Page
 
             page = Page(chosen.page, truck, session)
-            session.views = [page]
+            session.views.append(page)
             say(f"Page: {page.address}")
         if chosen.replay is not None:
             notes: list[str] = []
