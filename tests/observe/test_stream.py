@@ -395,3 +395,14 @@ def test_state_of_another_observer_is_refused(other):
     with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
         another.resume(json.loads(json.dumps(o.save())))
     assert another.save() == before
+
+
+def test_state_of_an_earlier_version_is_refused():
+    """Its monitor did not count the samples since a start."""
+    o = observer()
+    for sample in samples(LANE_CHANGES.cut(0, 1)):
+        o.push(sample)
+    saved = o.save()
+    del saved["made_for"]["carry"]
+    with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
+        observer().resume({**saved, "carry": saved["carry"][:-1]})

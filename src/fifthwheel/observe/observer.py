@@ -172,6 +172,7 @@ class Observer:
             "signals": [*self.inputs, *self.outputs],
             "settings": settings,
             "constant": self._filter.constant.tolist(),
+            "carry": len(self._filter.carry),  # other versions may have another state
         }
 
     def save(self) -> dict[str, Any]:
@@ -182,11 +183,11 @@ class Observer:
         """Continue from the result of `save`, also in another process.
 
         Raises:
-            SignalError: an observer of another vehicle, other signals or other settings saved it.
+            SignalError: an observer of another vehicle, other signals, other settings or another version saved it.
         """
         if saved["made_for"] != self._identity():
             raise SignalError(
-                "state: expected one of the same vehicle, signals and settings, got another one; start without it"
+                "state: expected one of the same vehicle, signals and settings, and of this version, got another one; start without it"
             )
         self.stream.resume(saved)
         self._filter.carry[:] = saved["carry"]
