@@ -187,7 +187,8 @@ class Observer:
         """
         if saved["made_for"] != self._identity():
             raise SignalError(
-                "state: expected one of the same vehicle, signals and settings, and of this version, got another one; start without it"
+                "state: expected one of the same vehicle, signals and settings, and of this version, got another one; "
+                "start without it"
             )
         self.stream.resume(saved)
         self._filter.carry[:] = saved["carry"]
