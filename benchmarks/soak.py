@@ -4,9 +4,9 @@
     python benchmarks/soak.py --observer 100000 --learner 10000
 
 The samples are lane changes of the linear truck, one after the other. Every 1000 samples one fault lasts for up to 200
-samples: missing, not a number, frozen, a spike, or a jump of the time. Printed are the memory in use after each tenth,
-the time of a push, and how often a result with status OK was not finite, or had a sigma that is
-not positive.
+samples: missing, not a number, frozen, a spike; or there is a gap in time. Printed are the memory in use after each
+tenth, the time of a push, how often a result with states was not finite, or had a sigma that is not positive, and how
+often a state with status OK was more than 5 sigma from the truth, or more than 8.
 """
 
 import argparse
@@ -21,10 +21,12 @@ from fifthwheel import vehicle
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer, Status
 from fifthwheel.simulate import simulate
+from fifthwheel.stream import VALID
 
 TRUCK = vehicle.get("cheng_cebon_2011")
 RECORD = simulate(TRUCK, count=2, seed=1)
-FAULTS = ("none", "missing", "not a number", "frozen", "spike", "jump of the time")
+STATES = ("sideslip.tractor", "sideslip.semitrailer", "articulation.semitrailer", "roll.semitrailer")
+FAULTS = ("none", "missing", "not a number", "frozen", "spike", "gap")
 
 
 def samples(count: int, rng: random.Random) -> Iterator[dict[str, float | None]]:
@@ -32,12 +34,15 @@ def samples(count: int, rng: random.Random) -> Iterator[dict[str, float | None]]
     names = list(RECORD.signals)
     rows = list(zip(*(values.tolist() for values in RECORD.signals.values()), strict=True))
     clock, fault, until, faulty, last = 0.0, "none", 0, names[0], rows[0]
+    skipped = 0  # samples within gaps
     for k in range(count):
         clock += 0.01
         if k % 1000 == 0:
             fault, until, faulty = rng.choice(FAULTS), k + rng.randrange(1, 200), rng.choice(names)
-            clock += rng.choice((0.5, 5.0, 100.0)) if fault == "jump of the time" else 0.0
-        row = rows[k % len(rows)]
+            gap = rng.choice((0.5, 5.0, 100.0)) if fault == "gap" else 0.0
+            clock, skipped = clock + gap, skipped + round(gap / 0.01)
+        place_in_record = (k + skipped) % len(rows)
+        row = rows[place_in_record]
         sample: dict[str, float | None] = dict(zip(names, row, strict=True))
         if k < until:
             place = names.index(faulty)
@@ -52,25 +57,33 @@ def samples(count: int, rng: random.Random) -> Iterator[dict[str, float | None]]
                     sample[faulty] = rng.choice((10.0, -1e3, 1e155, -1e300))
         else:
             last = row
-        yield sample | {"time": clock}
+        yield sample | {"time": clock, "row": place_in_record}
 
 
 def soak(name: str, estimator: Observer | Learner, count: int) -> None:
     """Push the samples and print what the docstring of this file says."""
     statuses, wrong, start = Counter[str](), 0, time.process_time()
+    truth = {state: values.tolist() for state, values in RECORD.reference.items() if state in STATES}
+    far, further = 0, 0
     print(f"{name}: {count} samples; memory, MB:", end=" ", flush=True)
     for k, sample in enumerate(samples(count, random.Random(1))):
+        row = int(sample.pop("row") or 0)
         result = estimator.push(sample)
         status = Status(result["status"])
         statuses[status.name] += 1
-        if status == Status.OK:
+        if status in VALID:
             wrong += not all(map(math.isfinite, result.values()))
             wrong += min(value for key, value in result.items() if key.endswith(".sigma")) <= 0
+        if status == Status.OK:
+            error = max(abs(result[state] - values[row]) / result[f"{state}.sigma"] for state, values in truth.items())
+            far, further = far + (error > 5.0), further + (error > 8.0)
         if (k + 1) % (count // 10) == 0:
             print(f"{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.0f}", end=" ", flush=True)
     used = (time.process_time() - start) / count * 1e6
     print(
-        f"\n  {used:.0f} us a sample with this script; wrong results: {wrong}; statuses: {dict(statuses)}", flush=True
+        f"\n  {used:.0f} us a sample with this script; wrong results: {wrong}; OK and more than 5 sigma off: {far}, "
+        f"8 sigma: {further}; statuses: {dict(statuses)}",
+        flush=True,
     )
 
 

@@ -163,12 +163,13 @@ class RelinearisedFilter:
         self._d[:] = d
         self._pause_second()
 
-    def estimate(self) -> JointEstimate:
+    def estimate(self, *, finished: bool = True) -> JointEstimate:
         """The estimate after all passes over all samples.
 
-        Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples.
+        Within a segment it finishes the passes on a copy, which takes time in proportion to the remaining samples; if
+        not `finished`, it is the present estimate of the first filter.
         """
-        vector, _ = self._finish_passes()
+        vector, _ = self._finish_passes() if finished else (self._estimate.copy(), None)
         return JointEstimate.of(vector, self.layout, self.correlation)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:

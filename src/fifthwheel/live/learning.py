@@ -81,7 +81,7 @@ class Learning:
         self.learned += answer["learning"] > 0
         if not time - self._looked < PERIOD:
             self._looked = time
-            self.parameters = self.learner.parameters
+            self.parameters = self.learner.present_parameters
             if self._before is not None and self._second is not None:
                 self._compare(self._before, self._second)
         if answer["status"] == Status.OK and any(e.verdict in _WRONG for e in self.parameters):

@@ -262,6 +262,19 @@ def test_an_impossible_steer_angle_is_missing(guess: Vehicle, lanes: Record, ste
     assert learner["tractor.front.cornering_stiffness"].verdict == Verdict.CONVERGED
 
 
+def test_present_parameters_are_those_of_all_samples_between_segments(guess: Vehicle, lanes: Record) -> None:
+    """Within a segment they are near: of the filter that has seen each sample once."""
+    learner, within = Learner(guess, lanes.signals, FIVE), 0.0
+    for k, sample in enumerate(samples(lanes.cut(0.0, 9.0))):
+        learner.push(sample)
+        if k % 100 == 99 and learner.live.learning:
+            pairs = zip(learner.parameters, learner.present_parameters, strict=True)
+            within = max(within, *(abs(a.value - b.value) / a.sigma for a, b in pairs))
+    assert learner.live.learning is False
+    assert 0.0 < within < 5.0
+    assert learner.present_parameters == learner.parameters
+
+
 def test_without_measurements_it_coasts(guess: Vehicle, lanes: Record) -> None:
     learner = Learner(guess, lanes.signals, FIVE)
     for sample in samples(lanes.cut(0.0, 1.0)):

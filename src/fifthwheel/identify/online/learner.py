@@ -200,10 +200,16 @@ class Learner:
     @property
     def parameters(self) -> tuple[LearnedValue, ...]:
         """The estimated and the uncertain parameters, without the considered ones."""
-        requested = self._live.setup.estimated
-        return tuple(
-            value for u, value in self._estimates() if not u.is_sensor_error and (u.is_estimated or u.name in requested)
-        )
+        return self._parameters(finished=True)
+
+    @property
+    def present_parameters(self) -> tuple[LearnedValue, ...]:
+        """The same within a fixed time: while the driver steers, the samples are not repeated to the end."""
+        return self._parameters(finished=False)
+
+    def _parameters(self, *, finished: bool) -> tuple[LearnedValue, ...]:
+        requested, estimates = self._live.setup.estimated, self._estimates(finished=finished)
+        return tuple(v for u, v in estimates if not u.is_sensor_error and (u.is_estimated or u.name in requested))
 
     @property
     def sensors(self) -> tuple[LearnedValue, ...]:
@@ -219,9 +225,9 @@ class Learner:
         """Evidence against an assumption, with the parameters that are doubtful therefore."""
         return find_doubts(self._live, self._live.estimate())
 
-    def _estimates(self) -> list[tuple[Unknown, LearnedValue]]:
+    def _estimates(self, *, finished: bool = True) -> list[tuple[Unknown, LearnedValue]]:
         live, setup = self._live, self._live.setup
-        estimate = live.estimate()
+        estimate = live.estimate(finished=finished)
         doubtful = {name for doubt in find_doubts(live, estimate) for name in doubt.parameters}
         z, known = np.append(estimate.z, live.considered.mean), live.considered.sigma
         p = np.clip(setup.scaling.to_p(z), setup.scaling.lower, setup.scaling.upper).tolist()

@@ -80,9 +80,11 @@ class LiveFilter:
         self.filter.restore(memory)
         self.monitor.resume(monitored)
 
-    def estimate(self) -> JointEstimate:
-        """The estimate after all samples, with the information that autocorrelated innovations contain."""
-        return self.filter.estimate().with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
+    def estimate(self, *, finished: bool = True) -> JointEstimate:
+        """The estimate after all samples, with the information that autocorrelated innovations contain; see
+        `RelinearisedFilter.estimate`."""
+        estimate = self.filter.estimate(finished=finished)
+        return estimate.with_variance_inflation(max(1.0, *self.innovations.autocorrelation))
 
     def joint(self, estimate: JointEstimate | None = None) -> tuple[Array, Array]:
         """All unknowns after all samples: z (n_p,) and its covariance (n_p, n_p), in units of their priors; or those of
