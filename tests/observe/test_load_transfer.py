@@ -70,6 +70,16 @@ def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: fl
         assert line == f"run: a wheel of semitrailer is about to lift at {first:.1f} s."
 
 
+@pytest.mark.parametrize("error", [0.03, -0.03])
+def test_a_single_wrong_steer_angle_is_no_warning(error: float) -> None:
+    observer = Observer(TRUCK, LANE_CHANGES.signals)
+    for k in range(50, len(LANE_CHANGES), 97):
+        steer = LANE_CHANGES.signals["steer.tractor.front"].copy()
+        steer[k] += error
+        states = observer.batch(LANE_CHANGES.with_signals({"steer.tractor.front": steer}))
+        assert not states.lift_warning.any(), k
+
+
 def test_load_transfer_in_a_turn() -> None:
     """With a sideslip of 3.5 deg the trailer pulls back, which takes 5 % of the load off the front axle.
 

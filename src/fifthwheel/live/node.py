@@ -11,7 +11,7 @@ from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
-from fifthwheel.observe.states import wheel_lifts
+from fifthwheel.observe.states import LIFT_SAMPLES, wheel_lifts
 from fifthwheel.stream import VALID
 
 RATE = 100.0
@@ -73,6 +73,7 @@ class Node:
         self._map, self._sampler, self._time_base = live_map, Sampler(RATE), TimeBase()
         self._health = Health(column for column in decoder.columns if column not in extra)
         self._signals = SignalHealth()
+        self._lifting = 0  # consecutive outputs at which a wheel is about to lift
         self.extra_columns = extra
         self._answer: Mapping[str, float] = _INPUT_MISSING
         self._jumps, self._jumped, self._delayed = 0, -math.inf, -math.inf
@@ -147,7 +148,8 @@ class Node:
             faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
             faults |= LiveFault.OVERLOAD
-        if wheel_lifts(answer):
+        self._lifting = self._lifting + 1 if wheel_lifts(answer) else 0
+        if self._lifting >= LIFT_SAMPLES:
             faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))
         states = {name: value for name, value in answer.items() if name not in ("time", "status")}

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
 """The first axle of a group lifts when the load transfer ratio of the group is about 0.95; errors are about 0.05."""
+LIFT_SAMPLES = 3
+"""Consecutive samples that must warn: a single wrong steer angle is no manoeuvre."""
 
 
 SHADES = {
@@ -78,8 +80,10 @@ class States:
 
     @property
     def lift_warning(self) -> NDArray[np.bool_]:
-        """Samples (N,) at which `wheel_lifts` warns."""
-        return np.asarray(wheel_lifts(self.values) | np.zeros(len(self.time), dtype=bool))
+        """Samples (N,) at which `wheel_lifts` warns, and has warned at the `LIFT_SAMPLES` - 1 samples before."""
+        warns = np.asarray(wheel_lifts(self.values) | np.zeros(len(self.time), dtype=bool))
+        before = np.concatenate([np.zeros(LIFT_SAMPLES - 1, dtype=bool), warns])
+        return np.asarray(np.lib.stride_tricks.sliding_window_view(before, LIFT_SAMPLES).all(axis=1))
 
     def to_pandas(self) -> "pd.DataFrame":
         """States in SI over the time in s, each with "<state>.sigma", "status" (`Status`) and "nis".
