@@ -155,6 +155,30 @@ def test_a_change_of_two_documents_that_was_killed_is_completed(tmp_path, monkey
     assert {name: new.read(name) for name in before} == before
 
 
+def test_the_state_of_an_earlier_version_keeps_its_changes(tmp_path):
+    Workspace(tmp_path).write({SIGNALS: MAP}, "first")
+    file = tmp_path / HIDDEN / "state.json"
+    state = json.loads(file.read_text())
+    del state["pending"]
+    file.write_text(json.dumps(state))
+    assert Workspace(tmp_path).undo() == "first"
+
+
+def test_the_state_of_a_stranger_names_no_other_file(tmp_path):
+    workspace = Workspace(tmp_path / "space")
+    workspace.write({SIGNALS: MAP}, "first")
+    file = tmp_path / "space" / HIDDEN / "state.json"
+    pending = {"../outside.toml": "x", "logs/run.csv": "x", SIGNALS: "# new"}
+    state = json.loads(file.read_text())
+    for wrong in ({SIGNALS: 3}, [], "text", None):
+        file.write_text(json.dumps(state | {"pending": wrong}))
+        assert Workspace(tmp_path / "space").read(SIGNALS) == MAP
+    file.write_text(json.dumps(state | {"pending": pending}))
+    assert Workspace(tmp_path / "space").read(SIGNALS) == "# new"
+    assert not (tmp_path / "outside.toml").exists()
+    assert not (tmp_path / "space" / "logs" / "run.csv").exists()
+
+
 def test_dropped_files_of_one_name_at_once_are_all_kept(tmp_path):
     """Of four at once, two were kept, one of them a mixture of two."""
     workspace = Workspace(tmp_path)

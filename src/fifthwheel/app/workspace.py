@@ -33,7 +33,7 @@ MAX_CHANGES = 100
 MAX_NAME = 180
 """Bytes of the name of a dropped file; file systems allow 255."""
 ABANDONED = 3600.0
-"""s"""
+"""After this time without a write, s, what has arrived of a file is left by a killed process."""
 
 
 class StaleError(FifthwheelError):
@@ -260,19 +260,20 @@ class Workspace:
     def _apply(self, state: dict[str, Any], documents: Mapping[str, str | None]) -> None:
         """Write the state with the documents, then the documents themselves: if the process is killed in between, the
         next one completes the change."""
-        state["version"] += 1
-        _write(self._state_file, json.dumps(state | {"pending": documents}))
-        self._finish(state | {"pending": documents})
+        state |= {"version": state["version"] + 1, "pending": dict(documents)}
+        _write(self._state_file, json.dumps(state))
+        self._finish(state)
         self.seen = self._stamp()
 
-    def _finish(self, state: Mapping[str, Any]) -> None:
+    def _finish(self, state: dict[str, Any]) -> None:
         """Write the documents that are pending."""
         for name, text in state["pending"].items():
             if text is None:
                 (self.folder / name).unlink(missing_ok=True)
             else:
                 _write(self.folder / name, text)
-        _write(self._state_file, json.dumps({**state, "pending": {}}))
+        state["pending"] = {}
+        _write(self._state_file, json.dumps(state))
 
     def _complete(self) -> None:
         """Complete a change of a process that was killed within it; one that is running does so itself."""
@@ -296,8 +297,11 @@ class Workspace:
     def _state(self) -> dict[str, Any]:
         empty: dict[str, Any] = {"version": 0, "position": 0, "changes": [], "pending": {}}
         try:
-            state = read_json(self._state_file) if self._state_file.exists() else empty
-            return empty | {key: state[key] for key in empty if key != "pending" or key in state}
+            state = {"pending": {}} | read_json(self._state_file) if self._state_file.exists() else empty
+            pending = {name: state["pending"][name] for name in DOCUMENTS if name in state["pending"]}  # no other file
+            if not all(isinstance(text, str | None) for text in pending.values()):
+                return empty
+            return {key: state[key] for key in empty} | {"pending": pending}
         except (FifthwheelError, KeyError, TypeError):
             return empty  # the documents are intact, only undo is lost
 

@@ -30,8 +30,7 @@ class Status(IntEnum):
     """The measurements contradict the vehicle, the speed or the steer angles: `States.nis` is above
     `ObserverSettings.max_nis`. The states may be wrong by many sigmas."""
     SETTLING = 5
-    """Too few samples agree with the first one after a start of the filter, or with a sudden steer angle. The states
-    are wrong if that was wrong."""
+    """Too few samples agree since a start of the filter or a sudden input. The states are wrong if that was wrong."""
 
 
 VALID = frozenset(Status) - {Status.TOO_SLOW, Status.INPUT_MISSING}
