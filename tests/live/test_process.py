@@ -7,11 +7,16 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import pyarrow.parquet as pq
 import pytest
 
 from fifthwheel.identify.online import Learner
+from fifthwheel.live.node import Output
+from fifthwheel.live.outputs.journal import Journal
+from fifthwheel.live.outputs.recorder import BackgroundWriter
+from fifthwheel.live.status import LiveFault, NodeStatus
 from tests.live.truck_bus import driven, frames, write_candump, write_files
 
 
@@ -69,6 +74,33 @@ def test_the_journal_says_what_happened(folder):
     assert learned[-1]["samples"] > 100
     assert len(learned[-1]["estimates"]["tractor.front.cornering_stiffness"]) == 3
     assert [line["at"] for line in lines] == sorted(line["at"] for line in lines)
+    counts = [line["outputs"] for line in (*learned, first[-1])]
+    assert sum(sum(count.values()) for count in counts) == 4000
+    assert not any(line["refused"] for line in (*learned, first[-1]))
+
+
+def test_the_journal_counts_what_was_refused(tmp_path):
+    """A gyro that freezes in the middle of a run is at fault at each output from 3 s later on."""
+    writer = BackgroundWriter()
+    journal = Journal(tmp_path / "events.jsonl", SimpleNamespace(writer=writer, learning=None), {})
+    problems = {"yaw_rate.tractor": LiveFault.FROZEN}
+    for k in range(10):
+        journal.show(
+            Output(
+                time=0.01 * k,
+                bus_time=0.01 * k,
+                status=NodeStatus.DEGRADED,
+                faults=LiveFault.FROZEN,
+                problems=problems if k >= 3 else {},
+                states={},
+                samples=(),
+            )
+        )
+    journal.close()
+    writer.close()
+    end = json.loads((tmp_path / "events.jsonl").read_text().splitlines()[-1])
+    assert end["outputs"] == {"DEGRADED": 10}
+    assert end["refused"] == {"yaw_rate.tractor: frozen": 7}
 
 
 def test_a_replay_as_fast_as_possible_records_everything(folder):

@@ -150,14 +150,7 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         accepted = ((accepted != 0) || (out[FW_ACCEPTED + i] != FW_REAL(0.0))) ? 1 : 0;
     }
-    states->status = fw_stream_finish(&observer->stream, accepted);
-    if (out[FW_NIS] > FW_MAX_NIS) {
-        states->status = FW_INCONSISTENT;
-    } else if ((out[FW_SETTLES] != FW_REAL(0.0)) && (states->status == FW_OK)) {
-        states->status = FW_SETTLING;
-    } else {
-        /* as it is */
-    }
+    states->status = fw_judged(fw_stream_finish(&observer->stream, accepted), out[FW_NIS], out[FW_SETTLES]);
     states->nis = out[FW_NIS];
     for (int i = 0; i < FW_STATE_COUNT; i++) {
         const fw_real variance = out[FW_STATE_COUNT + i];

@@ -134,4 +134,18 @@ static fw_status fw_stream_finish(fw_stream *stream, int accepted)
     return ((stream->time - stream->accepted) > FW_COAST) ? FW_COASTING : FW_OK;
 }
 
+/* The status of a sample with that of its stream, and what the monitor found. */
+static fw_status fw_judged(fw_status status, fw_real nis, fw_real settles)
+{
+    fw_status judged = status;
+    if (nis > FW_MAX_NIS) {
+        judged = FW_INCONSISTENT;
+    } else if ((settles != FW_REAL(0.0)) && (status == FW_OK)) {
+        judged = FW_SETTLING;
+    } else {
+        /* as it is */
+    }
+    return judged;
+}
+
 #endif

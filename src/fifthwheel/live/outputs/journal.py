@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections import Counter
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from functools import partial
@@ -25,8 +26,9 @@ LEARNED = 60.0
 class Journal:
     """A view that writes the events of a session to a file, to which it appends.
 
-    Each line has "at" (UTC), "bus_time" in s and "event": start, status, learned, changed, not recorded, end. A process
-    that is killed may leave a part of the last line.
+    Each line has "at" (UTC), "bus_time" in s and "event": start, status, learned, changed, not recorded, end. The lines
+    learned and end count what came since the last of them: "outputs" by status, and "refused", the outputs at which a
+    signal had a fault, such as "yaw_rate.tractor: frozen". A process that is killed may leave a part of the last line.
     """
 
     def __init__(self, path: Path, session: Session, about: Mapping[str, Any]) -> None:
@@ -36,11 +38,14 @@ class Journal:
         self._status_time = self._learned_time = -1e9
         self._learned, self._change = 0, ""
         self._errors: dict[str, str] = {}
+        self._outputs, self._refused = Counter[str](), Counter[str]()  # since the last counts
         self._lines: list[str] = []  # that are not yet written
         self._write("start", None, version=__version__, **about)
 
     def show(self, output: Output) -> None:
         """Write what has changed."""
+        self._outputs[output.status.name] += 1
+        self._refused.update(f"{name}: {str(fault.name).lower()}" for name, fault in output.problems.items())
         if (shown := (output.status, output.faults)) != self._shown and output.time - self._status_time >= LEAST:
             self._shown, self._status_time = shown, output.time
             names = [str(fault.name).lower() for fault in output.faults]
@@ -63,14 +68,22 @@ class Journal:
         learning = self._session.learning
         if learning is not None and learning.learned > self._learned:
             self._write_estimates(None)
-        self._write("end", None)
+        self._write("end", None, **self._counts())
+
+    def _counts(self) -> dict[str, Any]:
+        """What came since the last counts."""
+        counts = {"outputs": dict(self._outputs), "refused": dict(self._refused)}
+        self._outputs.clear()
+        self._refused.clear()
+        return counts
 
     def _write_estimates(self, output: Output | None) -> None:
         learning = self._session.learning
         assert learning is not None
         self._learned, self._learned_time = learning.learned, output.time if output else self._learned_time
         estimates = {e.name: [e.value, e.sigma, str(e.verdict)] for e in learning.parameters}
-        self._write("learned", output, samples=learning.learned, trailer=learning.learner.trailer, estimates=estimates)
+        about = {"samples": learning.learned, "trailer": learning.learner.trailer, "estimates": estimates}
+        self._write("learned", output, **about, **self._counts())
 
     def _write(self, event: str, output: Output | None, **details: Any) -> None:
         at = datetime.now(UTC).isoformat(timespec="milliseconds")

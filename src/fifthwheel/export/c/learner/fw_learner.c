@@ -158,13 +158,7 @@ static fw_result fw_process_sample(fw_learner *learner, const fw_sample *sample,
         fw_watch_health(learner, FW_REAL(0.0), row, &update, found);
         *status = FW_OK;
     }
-    if (found[FW_FOUND_NIS] > FW_MAX_NIS) {
-        *status = FW_INCONSISTENT;
-    } else if ((found[FW_FOUND_SETTLES] != FW_REAL(0.0)) && (*status == FW_OK)) {
-        *status = FW_SETTLING;
-    } else {
-        /* as it is */
-    }
+    *status = fw_judged(*status, found[FW_FOUND_NIS], found[FW_FOUND_SETTLES]);
     return FW_SUCCESS;
 }
 
