@@ -24,8 +24,8 @@ WORKER_MEMORY = "1GB"
 """Limit of each local worker; it is restarted beyond it, and its task is tried again."""
 TIMEOUT = 20.0
 """For a scheduler to answer, s."""
-LOCAL_TIMEOUT = "3s"
-"""For a worker of a local cluster to answer."""
+LOCAL = {"distributed.comm.timeouts.connect": "3s", "distributed.worker.profile.enabled": False}
+"""Configuration of a local cluster: the time for a worker to answer; no profiler, which takes a share of each worker."""
 AHEAD = 4
 """Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
 REFRESH = 64
@@ -58,7 +58,7 @@ def connected(scheduler: str | None = None, *, jobs: int | None = None) -> Itera
     """
     distributed = require("distributed", "fleet")
     dask = require("dask", "fleet")
-    cluster, local = None, {} if scheduler else {"distributed.comm.timeouts.connect": LOCAL_TIMEOUT}
+    cluster, local = None, {} if scheduler else LOCAL
     with dask.config.set(local):
         try:
             if scheduler is None:
