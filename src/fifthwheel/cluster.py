@@ -25,7 +25,7 @@ WORKER_MEMORY = "1GB"
 TIMEOUT = 20.0
 """For a scheduler to answer, s."""
 LOCAL = {"distributed.comm.timeouts.connect": "3s", "distributed.worker.profile.enabled": False}
-"""Configuration of a local cluster: the time for a worker to answer; no profiler, which takes a share of each worker."""
+"""Configuration of a local cluster: the time for a worker to answer; no profiler, which slows it down."""
 AHEAD = 4
 """Tasks that the scheduler holds for each worker thread; the others wait here, so that its memory is bounded."""
 REFRESH = 64
