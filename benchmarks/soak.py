@@ -2,20 +2,35 @@
 
     python benchmarks/soak.py                     # 10 million samples for the observer, 1 million for the learner
     python benchmarks/soak.py --observer 100000 --learner 10000
+    python benchmarks/soak.py --hours 24          # a live node that learns instead, at 50 times real time
 
 The samples are lane changes of the linear truck, one after the other. Every 1000 samples one fault lasts for up to 200
 samples: missing, not a number, frozen, a spike; or there is a gap in time. Printed are the memory in use after each
 tenth, the time of a push, how often a result with states was not finite, or had a sigma that is not positive, and how
 often a state with status OK was more than 5 sigma from the truth, or more than 8.
+
+The node replays the frames of a bus, with a record and the file of what it learned. Its memory is printed after each
+twelfth, at the end how many rows the record has, and what the journal has counted. Needs the live extra.
 """
 
 import argparse
+import json
 import math
 import random
 import resource
+import subprocess
+import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from tests.live.truck_bus import driven, frames, write_candump, write_files
 
 from fifthwheel import vehicle
 from fifthwheel.identify.online import Learner
@@ -87,11 +102,47 @@ def soak(name: str, estimator: Observer | Learner, count: int) -> None:
     )
 
 
+def node(hours: float, factor: float) -> None:
+    """Run `fifthwheel live --learn` on a trace of so many hours, and print its memory."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_files(folder)
+        once = list(frames(driven(400.0)))
+        with (folder / "run.log").open("w") as trace:
+            for k in range(round(hours * 9)):
+                write_candump(folder / "part.log", (f._replace(time=f.time + 400.0 * k) for f in once))
+                trace.write((folder / "part.log").read_text())
+        command = [sys.executable, "-m", "fifthwheel", "live", "--signals", "signals.toml", "--vehicle", TRUCK.name]
+        command += ["--replay", "run.log", "--rate", f"{factor:g}", "--learn", "--state", "learned.json"]
+        process = subprocess.Popen([*command, "--record", "run.parquet"], cwd=folder, stdout=subprocess.DEVNULL)
+        memory = Path(f"/proc/{process.pid}/status")
+        print(f"Node: {hours:g} h of bus time; memory, MB:", end=" ", flush=True)
+        while True:
+            try:
+                process.wait(hours * 300 / factor)
+                break
+            except subprocess.TimeoutExpired:
+                size = next(line for line in memory.read_text().splitlines() if line.startswith("VmRSS"))
+                print(f"{int(size.split()[1]) / 1000:.0f}", end=" ", flush=True)
+        print(f"\n  exit {process.returncode}; {pq.read_metadata(folder / 'run.parquet').num_rows} rows recorded")
+        events = [json.loads(line) for line in (folder / "run.parquet.events.jsonl").read_text().splitlines()]
+        counts, refused = Counter[str](), Counter[str]()
+        for event in events:
+            counts.update(event.get("outputs", {}))
+            refused.update(event.get("refused", {}))
+        print(f"  {len(events)} events; outputs: {dict(counts)}; refused: {dict(refused)}", flush=True)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--observer", type=int, default=10_000_000, help="samples")
     parser.add_argument("--learner", type=int, default=1_000_000, help="samples")
+    parser.add_argument("--hours", type=float, default=0.0, help="bus time of a live node, in place of the samples")
+    parser.add_argument("--rate", type=float, default=50.0, help="of the node, times real time")
     given = parser.parse_args()
+    if given.hours:
+        node(given.hours, given.rate)
+        return
     soak("Observer", Observer(TRUCK, RECORD.signals), given.observer)
     learner = Learner(TRUCK, RECORD.signals)
     soak("Learner", learner, given.learner)
