@@ -107,10 +107,10 @@ def node(hours: float, factor: float) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write_files(folder)
-        once = list(frames(driven(400.0)))
         with (folder / "run.log").open("w") as trace:
             for k in range(round(hours * 9)):
-                write_candump(folder / "part.log", (f._replace(time=f.time + 400.0 * k) for f in once))
+                drive = frames(driven(400.0, seed=k))  # a noise that repeats would contradict the sigma of the learner
+                write_candump(folder / "part.log", (f._replace(time=f.time + 400.0 * k) for f in drive))
                 trace.write((folder / "part.log").read_text())
         command = [sys.executable, "-m", "fifthwheel", "live", "--signals", "signals.toml", "--vehicle", TRUCK.name]
         command += ["--replay", "run.log", "--rate", f"{factor:g}", "--learn", "--state", "learned.json"]

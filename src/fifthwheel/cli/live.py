@@ -84,7 +84,7 @@ def _stopped_by_signals(stop: threading.Event) -> Iterator[None]:
 
 
 class _StatusLine:
-    """On a terminal one line that changes every second, otherwise a line for each new status."""
+    """On a terminal one line that changes every second, otherwise a line for each new status but settling."""
 
     def __init__(self, session: "Session") -> None:
         self._session = session
@@ -105,10 +105,10 @@ class _StatusLine:
             print(
                 f"\r\x1b[K{output.time:8.1f} s  {status}  {self._session.state_text(output)}", end="", file=sys.stderr
             )
-        elif status != self._last:
+        elif status != self._last and not (self._last and output.status.name == "SETTLING"):  # which lasts 0.1 s
             self._print(f"{output.time:.1f} s  {status}")
+            self._last = status
         sys.stderr.flush()
-        self._last = status
 
     def _print(self, text: str) -> None:
         print(f"\r\x1b[K{text}" if self._terminal else text, file=sys.stderr)
