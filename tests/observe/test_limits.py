@@ -25,7 +25,7 @@ def reference_monitor(carry, innovations, variances, accepted, weight, dt, sudde
     nis, elapsed, duration, agreed = carry[0], carry[1] + dt, carry[2], carry[3]
     used = [i for i, w in enumerate(weight) if w]
     later = bool(used) and dt > 0
-    contradicts = later and any(innovations[i] ** 2 / variances[i] > 4.5**2 for i in used)
+    contradicts = later and any(innovations[i] ** 2 / variances[i] > 4.0**2 for i in used)
     again = 0 <= agreed < 10 and (contradicts or sudden)
     agreed = -20 if sudden else 10 if agreed == -1 and later else min(agreed + later, 10)
     settling = int(agreed < 10)

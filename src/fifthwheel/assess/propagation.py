@@ -1,7 +1,7 @@
 """From the uncertainty of a truck to that of its measures, and the probability that a threshold is met.
 
 Linear: a family of measures f is evaluated at the truck and at pairs of trucks on either side of it, one pair for each
-principal axis of the covariance, at a distance of one standard deviation (`Uncertainty.pairs`). With f+ and f- of a
+column of a square root of the covariance (`Uncertainty.pairs`). With f+ and f- of a
 pair i
 
     slope_i = (f+ - f-) / 2,         curvature_i = f+ + f- - 2 f,

@@ -35,10 +35,10 @@ samples until the state has settled after a sudden change]."""
 SETTLED = 10
 """Samples after a start that must agree with it; twice as many follow a sudden change, since the covariance is small
 then, and corrects the state slowly."""
-SUDDEN = {SPEED.quantity: (30.0, 1.0), STEER.quantity: (0.6, 0.005)}
+SUDDEN = {SPEED.quantity: (30.0, 1.0), STEER.quantity: (0.52, 0.005)}
 """A change of an input is sudden above both, SI per second and SI. A driver turns the steering wheel at 600 deg/s in an
-emergency, and the road wheel at a twentieth of that; smaller changes may be steps of a sensor."""
-CONTRADICTION = 4.5
+emergency, and the road wheel at a twentieth of that, 0.52 rad/s; smaller changes may be steps of a sensor."""
+CONTRADICTION = 4.0
 """Sigmas of an innovation from which on a sample contradicts a start: an error of the first sample that remains below
 it is less than 3 sigma of the state when that has settled."""
 MIN_SAMPLES = 10

@@ -131,14 +131,19 @@ class Uncertainty:
         return Uncertainty(names=(*self.names, name), covariance=covariance)
 
     def columns(self) -> Array:
-        """A square root S (k, c) of the covariance, S S': the principal axes of the correlation matrix.
+        """A square root S (k, c) of the covariance, S S': its Cholesky factor in the order of the names.
 
-        Axes below `NEGLIGIBLE` are omitted, so c may be less than k.
+        A name whose variance follows from the names before it has no column, so c may be less than k. The factor
+        depends continuously on the covariance, as the principal axes of equal variances do not.
         """
         scale = np.sqrt(np.diag(self.covariance))
-        values, axes = np.linalg.eigh(self._correlation(scale))
-        kept = values > NEGLIGIBLE * values.sum()
-        return np.asarray(scale[:, None] * axes[:, kept] * np.sqrt(values[kept]))
+        rest, columns = self._correlation(scale), []
+        least = NEGLIGIBLE * float(np.trace(rest))
+        for i in range(len(scale)):
+            if rest[i, i] > least:
+                columns.append(rest[:, i] / np.sqrt(rest[i, i]))
+                rest = rest - np.outer(columns[-1], columns[-1])
+        return scale[:, None] * np.array(columns).reshape(len(columns), len(scale)).T
 
     def pairs(self, values: Mapping[str, float], positive: Container[str]) -> list[SigmaPointPair]:
         """Two sigma points for each column of the square root.
