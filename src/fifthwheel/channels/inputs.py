@@ -38,7 +38,7 @@ STEER = Channel(
         ),
     ),
     proposed="signal",
-    limit=SignalLimits(magnitude=1.2, jump=0.15, turn=0.01),
+    limit=SignalLimits(magnitude=1.2, jump=0.08, turn=0.01),
     turn=TurnRelation(
         expected=lambda turn: turn.yaw_rate * (turn.wheelbase + UNDERSTEER * turn.speed**2) / turn.speed,
         least_sigma=0.003,

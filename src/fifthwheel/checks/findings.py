@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
-from enum import Enum
+from enum import StrEnum
 from typing import Any, Literal
 
 from fifthwheel.errors import SignalError
@@ -10,7 +10,7 @@ from fifthwheel.errors import SignalError
 Severity = Literal["error", "warning"]
 
 
-class Fault(Enum):
+class Fault(StrEnum):
     """Faults of a record."""
 
     DROPOUT = "dropout"
@@ -66,6 +66,8 @@ class Finding:
     """Keys of signals.toml whose values remove the fault; empty where the user must decide."""
     others: tuple[str, ...] = ()
     """Further signals with the same fault and the same remedy."""
+    log: str | None = None
+    """Name of the log, where there are several."""
 
     def __str__(self) -> str:
         return f"{self.severity}: {self.message}"

@@ -47,8 +47,8 @@ def check(
     findings = [*_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
     findings += _duplicates(record)
     for name in record.signals:
-        findings += [*dropouts(record, name), *spikes(record, name), *stuck(record, name, MIN_SPEED)]
-        findings += [] if name in explained else _range(record, name)
+        findings += [*dropouts(record, name), *stuck(record, name, MIN_SPEED)]
+        findings += [] if name in explained else [*spikes(record, name), *_range(record, name)]
     findings += [*_time(record), *_unused(record)]
     distinct: dict[tuple[str, Fault], Finding] = {}
     for finding in findings:

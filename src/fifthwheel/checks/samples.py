@@ -1,6 +1,8 @@
 """Faults that a channel shows on its own: missing samples, spikes and constant values."""
 
+import math
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +15,14 @@ from fifthwheel.record.record import Record
 MAX_SPEED = SPEED.limit.magnitude if SPEED.limit else np.inf
 """m/s; a larger one is a fault."""
 _MAX_BINS = 100_000
+_ENDS = 1.0
+"""s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
 _ANY_LIMIT = 1e9
 """SI; no quantity of a truck is as large."""
 _MAP_OR_CUT = "map another column, or cut the record with start and stop in [time] of signals.toml"
+_MANOEUVRE = 5.0
+"""s; the time in which a lane change or the entry to a bend shows."""
+_MAX_PARTS = 1000
 _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
 
@@ -44,7 +51,8 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     """A gap above 0.5 s, or more than 5 % missing within `window` s; an error if more than half of all is missing.
 
     Missing samples are counted against the channel's own sampling period, the 30 % quantile of its steps: a channel of
-    a lower rate than the rows is complete. No sample is missing between two successive instants of the record.
+    a lower rate than the rows is complete. No sample is missing between two successive instants of the record, nor
+    within `_ENDS` of its first and last instant.
     """
     time, values = present_samples(record, name)
     rows = np.flatnonzero(np.isfinite(record.signals[name]))
@@ -60,6 +68,7 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     steps = np.diff(edges)
     apart = np.diff(np.concatenate([[-1], rows, [len(record)]])) > 1
     missing = np.where(apart & (steps > 1.5 * period), steps - period, 0.0)
+    missing[[0, -1]] = np.maximum(missing[[0, -1]] - _ENDS, 0.0)
     fraction = float(missing.sum() / (last - first))
     longest = int(missing.argmax())
     bins = min(max(1, round((last - first) / window)), _MAX_BINS)
@@ -161,7 +170,11 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
 
 
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
-    """Whether the vehicle moves from start to stop (s) and a signal other than `name` changes as in a turn."""
+    """Whether the vehicle moves from start to stop (s) and a signal other than `name` changes as in a turn; a longer
+    time is divided into parts of `_MANOEUVRE`."""
+    if stop - start > _MANOEUVRE:
+        times = np.linspace(start, stop, min(math.ceil((stop - start) / _MANOEUVRE), _MAX_PARTS) + 1)
+        return any(_turns(record, name, a, b, min_speed) for a, b in pairwise(times.tolist()))
     rows = slice(*np.searchsorted(record.time, [start, stop + 1e-9]))
     speed = record.signals["speed"][rows]
     if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:

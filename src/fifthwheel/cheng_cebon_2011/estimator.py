@@ -278,6 +278,7 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
         fits=evaluation.fits,
         settings=estimator.settings,
         rounds=state.rounds,
+        findings=estimator.dataset.findings,
         notes=tuple(dict.fromkeys((*estimator.notes, *evaluation.notes))),
         version=fifthwheel.__version__,
     )

@@ -1,7 +1,9 @@
 """Diagnosis of identifications and states: findings as data, with a message each, usable without a report."""
 
 from fifthwheel.diagnose.advice import Advice, next_steps
-from fifthwheel.diagnose.cautions import Caution, CautionKind, identification_cautions, state_cautions
+from fifthwheel.diagnose.causes import ranked
+from fifthwheel.diagnose.caution import Caution, CautionKind
+from fifthwheel.diagnose.cautions import identification_cautions, state_cautions
 from fifthwheel.diagnose.comparison import ComparedParameter, Comparison, Difference, compare
 from fifthwheel.diagnose.fit_quality import FitQuality, PredictedLog, fit_quality, predicted_logs
 from fifthwheel.diagnose.information_summary import (
@@ -33,6 +35,7 @@ __all__ = [
     "information_summary",
     "next_steps",
     "predicted_logs",
+    "ranked",
     "state_cautions",
     "summarise_records",
     "summarise_runs",

@@ -1,8 +1,6 @@
 """Cautions: what makes the results of an identification or of a state estimation doubtful, and what to do."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
@@ -14,76 +12,46 @@ from fifthwheel.channels import (
     SensorErrorName,
     SignalName,
     is_of,
-    is_sensor_error,
     si_unit,
 )
-from fifthwheel.checks.findings import Severity
+from fifthwheel.checks.findings import Finding, Severity
 from fifthwheel.diagnose import thresholds
+from fifthwheel.diagnose.caution import Caution, CautionKind
+from fifthwheel.diagnose.doubt_cautions import (
+    assumption_cautions,
+    contradiction_cautions,
+    unstable_cautions,
+    validation_cautions,
+)
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.summaries import RunSummary, innovation_size
-from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
-from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Cause, DoubtKind
-from fifthwheel.identify.knowledge.history import changes_in_words
-from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
+from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
-from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.parameters import FRICTION, POSITIONS
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
-
-
-class CautionKind(StrEnum):
-    """Kinds of cautions."""
-
-    CONTRADICTION = "contradiction"  # a log differs from earlier ones
-    ASSUMPTION = "assumption"  # the residuals contradict a number of the vehicle file or of a sensor
-    UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
-    DELAY = "delay"  # a significant or unusual delay of a sensor
-    GAIN = "gain"  # an unusual gain of a sensor
-    POSITION = "position"  # an unusual position of an accelerometer
-    HEIGHT = "height"  # an unusual height of an accelerometer
-    MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
-    PLAY = "play"  # an unusual play of the steering
-    OFFSET = "offset"  # an unusual offset of a sensor
-    UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
-    POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
-    REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate
-    NONLINEAR_RANGE = "nonlinear range"  # a run beyond the range of the linear model
-    WHEEL_LIFT = "wheel lift"  # the wheels of a side of an axle group leave the road
-    LARGE_INNOVATIONS = "large innovations"  # of a state filter, larger than it expects
-
-
-@dataclass(frozen=True)
-class Caution:
-    """One reason to doubt a result."""
-
-    kind: CautionKind
-    message: str  # what was estimated or measured, and what was expected
-    cure: str  # what to do
-    value: float  # the number that exceeds its threshold, SI
-    severity: Severity = "warning"  # an error makes results wrong that depend on the signal; a warning is a doubt
-    parameters: tuple[str, ...] = ()  # whose estimates it concerns
-    signals: tuple[str, ...] = ()
-    log: str | None = None
-
-    def __str__(self) -> str:
-        return f"{self.message} {self.cure}"
+from fifthwheel.vehicle.parameters import FRICTION
 
 
 def identification_cautions(
-    identification: Identification, runs: Sequence[RunSummary] = (), states: Sequence[States] = ()
+    identification: Identification,
+    runs: Sequence[RunSummary] = (),
+    states: Sequence[States] = (),
+    validated: Sequence[Identification] = (),
 ) -> list[Caution]:
-    """All cautions of an identification.
+    """All cautions of an identification; `causes.ranked` puts the causes first.
 
     Args:
         runs: how the logs were driven.
         states: of the identified truck.
+        validated: validation logs, each identified with the knowledge of the identification.
     """
     return [
+        *signal_cautions(identification.findings),
+        *unstable_cautions(identification),
         *contradiction_cautions(identification),
+        *validation_cautions(validated),
         *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
@@ -91,6 +59,25 @@ def identification_cautions(
         *(run_cautions(runs) if identification.friction is None else ()),
         *[caution for s in states for caution in state_cautions(s, "identified truck")],
     ]
+
+
+def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
+    """Faults of signals that an estimation does not repair, each once for all logs that have it."""
+    groups: dict[tuple[str, str, str], list[Finding]] = {}
+    for finding in findings:
+        if finding.fault not in thresholds.REPAIRED:
+            groups.setdefault((finding.severity, finding.signal, finding.fault), []).append(finding)
+    for first, *more in groups.values():
+        logs = enumerated([str(finding.log) for finding in (first, *more)])
+        yield Caution(
+            CautionKind.DELAY if first.fault in thresholds.TIMING else CautionKind.SIGNAL,
+            f"{logs}: {first.message}.",
+            "",
+            0.0,
+            severity=first.severity,
+            signals=(first.signal, *first.others),
+            log=first.log if not more else None,
+        )
 
 
 def has_wide_sigma(estimate: Estimate) -> bool:
@@ -116,95 +103,12 @@ def sensor_error_prior(identification: Identification, name: str) -> tuple[float
     return prior or (0.0, identification.settings.steer_delay_prior)  # the delay of a time base
 
 
-def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
-    """Logs that differ from the information of earlier logs."""
-    own = {log.name for log in identification.logs}
-    for log in identification.knowledge.logs if identification.knowledge else ():
-        if log.name not in own:
-            continue
-        kind, name = CautionKind.CONTRADICTION, log.name
-        if log.set_aside not in ("", NOT_CONVERGED):  # the verdicts show the latter
-            message = f"{name} {log.set_aside}. It is set aside, and these estimates are of it alone."
-            cure = (
-                "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load)."
-            )
-            yield Caution(kind, message, cure, 0.0, log=name)
-        elif log.changed:
-            changes = enumerated([*changes_in_words(log)] or log.changed)
-            message = f"{name} differs from the earlier logs: {changes}. What this alters begins again there."
-            cure = (
-                "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was "
-                f"changed, check {name}."
-            )
-            yield Caution(kind, message, cure, 0.0, parameters=log.changed, log=name)
-
-
-def assumption_cautions(identification: Identification) -> Iterator[Caution]:
-    """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict."""
-    for doubt in identification.doubts:
-        if doubt.kind is not DoubtKind.ASSUMPTION:
-            continue
-        logs = [log.name for log in identification.logs]
-        texts = [describe_cause(cause, identification.initial_vehicle, logs) for cause in doubt.causes]
-        one = len(texts) == 1
-        message = (
-            "The logs contradict the vehicle file or an assumption on a sensor. They imply that "
-            f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
-        )
-        cure = "Check this, correct it in the vehicle file or the signal map, and identify again."
-        yield Caution(
-            CautionKind.ASSUMPTION,
-            message,
-            cure,
-            doubt.statistic,
-            parameters=doubt.parameters,
-            signals=tuple(cause.name.rpartition(".")[0] for cause in doubt.causes if is_sensor_error(cause.name)),
-        )
-
-
-def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> str:
-    """What is different: "yaw_rate.tractor is 52 ms late (5 times the assumed uncertainty)"; `logs` are names."""
-    values = vehicle.parameters()
-    _, log = split_log(cause.name)
-    times = f"{abs(cause.prior_sigmas):.1f} times the assumed uncertainty"
-    own = {path: change for path, change in cause.changes.items() if path in values}  # loads of tyres follow from them
-    (path, change), *others = (own or cause.changes).items()
-    error = SensorErrorName.of(path)
-    if path == TIME_SCALE:
-        return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
-    if cause.name == MASS_SCALE:
-        return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
-    if error and error.kind == "delay":
-        return f"{error.signal} is {with_sigma(abs(change), None, 's')} {'late' if change > 0 else 'early'} ({times})"
-    if path.endswith(".softening"):
-        group = path.removesuffix(".softening")
-        return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
-    if path.endswith(".self_steering") and not values.get(path):
-        axle = path.removesuffix(".self_steering")
-        size = f"self_steering = {min(change, 1.0):.1f}"
-        return f"{axle} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
-    if cause.name.endswith(".axle_positions"):
-        largest = max(map(abs, own.values()))
-        side = "closer to" if change > 0 else "further from"
-        return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
-    if path not in values:
-        return f"{cause.name} is different ({times})"
-    direction = "larger" if change > 0 else "smaller"
-    if ParameterPath.of(path).quantity in POSITIONS or not values[path]:
-        side = "front" if change > 0 else "rear"
-        size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
-    else:
-        size = f"{percent(abs(change / values[path]))} {direction}"
-    if log is not None:  # its variation from log to log
-        return f"{path} is {size} in {logs[int(log)]} than in all logs together ({times})"
-    also = f" with {len(others)} other numbers that belong to it" if others else ""
-    return f"{path} is {size}{also} ({times})"
-
-
 def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
     for e in identification.parameters:
         if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
+            continue
+        if identification.covariance is not None and not _has_doubt(identification, DoubtKind.ESTIMATE, e.name):
             continue
         if e.name == FRICTION:  # roads differ
             continue
@@ -226,9 +130,9 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         filtered = is_of(signal, LATERAL_ACCELERATION)  # always late
         expected = sensor_error_prior(identification, error.name)[0]
         delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
-        doubts = [d for d in identification.doubts if any(split_log(c.name)[0] == error.name for c in d.causes)]
-        doubts = [d for d in doubts if d.kind is DoubtKind.SENSOR]
-        if not delayed and not doubts and not is_unusual(identification, error):
+        doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]
+        tested = identification.covariance is not None  # then a doubt says whether it is unusual
+        if not doubts and (tested or not (delayed or is_unusual(identification, error))):
             continue
         steer_gain = kind == "gain" and is_of(signal, STEER)
         value = with_sigma(error.value, error.sigma, error.unit)
@@ -266,6 +170,15 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         yield Caution(
             CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
         )
+
+
+def _has_doubt(identification: Identification, kind: DoubtKind, name: str) -> bool:
+    return any(doubt.kind is kind and _concerns(doubt, name) for doubt in identification.doubts)
+
+
+def _concerns(doubt: Doubt, name: str) -> bool:
+    """Whether an unknown is a cause of a doubt, in any log."""
+    return any(split_log(cause.name)[0] == name for cause in doubt.causes)
 
 
 def fit_cautions(identification: Identification) -> Iterator[Caution]:

@@ -1,5 +1,14 @@
 """Every threshold of the diagnosis, with its meaning."""
 
+from fifthwheel.checks import Fault
+
+# Signals
+
+REPAIRED = (Fault.SPIKE, Fault.DROPOUT, Fault.ZERO_SPEED, Fault.UNUSED, Fault.OFFSET)
+"""Faults, if they are warnings, that an identification repairs, tolerates or estimates."""
+TIMING = (Fault.TIME_OFFSET, Fault.CLOCK_RATE)
+"""Faults of timestamps."""
+
 # Estimates
 
 WIDE_SIGMA = 0.15

@@ -18,7 +18,7 @@ from fifthwheel.channels import (
     measured_signals,
 )
 from fifthwheel.channels.sensors import SensorPrior
-from fifthwheel.checks import raise_errors
+from fifthwheel.checks import Finding, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
@@ -85,6 +85,8 @@ class Dataset:
     """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
     sensors: Mapping[str, SensorPrior]
     """What the logs state of their sensors, by signal."""
+    findings: tuple[Finding, ...]
+    """What is implausible in the signals of all logs."""
     notes: tuple[str, ...]
     """For the user."""
 
@@ -118,7 +120,7 @@ def prepare_dataset(
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
     A measured channel without any sample, which the check refuses, counts as absent. Logs to `validate` are only
-    predicted. `findings`: whether the signals are checked for plausibility, with notes on the findings. `known`: the
+    predicted. `findings`: whether the signals are checked for plausibility. `known`: the
     units behind the first are known, so that the signals of the first are enough. A SignalError names the signal that
     makes a log unusable, and the remedy.
     """
@@ -127,12 +129,12 @@ def prepare_dataset(
     vehicle = simplified(vehicle, settings)
     logged = {name for record in records for name in record.signals}
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
-    notes: list[str] = []
+    notes, found = list[str](), list[Finding]()
     for record in everything:
         _require_steering(record, steered)
         notes += [f"{record.name}: {note}" for note in _without_empty_channels(record).notes]
         if findings:
-            notes += _findings(record, vehicle, settings)
+            found += _findings(record, vehicle, settings)
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "
@@ -166,6 +168,7 @@ def prepare_dataset(
             logged, [unit.name for unit in steered.units], [c for c in IDENTIFIED if c not in USUAL]
         ),
         sensors=common_sensors((*records, *validate)),
+        findings=tuple(found),
         notes=tuple(notes),
     )
 
@@ -215,12 +218,12 @@ def _require_steering(record: Record, vehicle: Vehicle) -> None:
             raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")
 
 
-def _findings(record: Record, vehicle: Vehicle, settings: CommonSettings) -> list[str]:
-    """Notes on implausible signals; a SignalError if one is an error and the settings demand the check."""
+def _findings(record: Record, vehicle: Vehicle, settings: CommonSettings) -> list[Finding]:
+    """What is implausible in the signals; a SignalError if one is an error and the settings demand the check."""
     findings = check_record(record, vehicle)
     if settings.check:
         raise_errors(findings)
-    return [f"{record.name}: {finding.message}" for finding in findings if finding.severity != "error"]
+    return [replace(finding, log=record.name) for finding in findings]
 
 
 def _without_empty_channels(record: Record) -> Record:

@@ -162,17 +162,17 @@ class Evidence:
         )
 
     def unusual_estimates(self, exempt: Container[str] = ()) -> Iterator[Doubt]:
-        """Sensor errors and parameters far outside their priors; `exempt` are parameters that may be."""
+        """Sensor errors and parameters far outside their priors; `exempt` are unknowns that may be."""
         index = {name: i for i, name in enumerate(self.names)}
         for name, u in self.unknowns.items():
-            if not u.is_estimated:
+            if not u.is_estimated or name in exempt:
                 continue
             i = index[name]
             deviation = float(self.z[i])
             if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
                 kind = DoubtKind.SENSOR
                 parameters = self._moved(self.covariance[:, i] / self.covariance[i, i] * deviation)
-            elif _is_guess(u) and abs(deviation) > UNUSUAL_ESTIMATE and name not in exempt:
+            elif _is_guess(u) and abs(deviation) > UNUSUAL_ESTIMATE:
                 kind, parameters = DoubtKind.ESTIMATE, (name,)
             else:
                 continue

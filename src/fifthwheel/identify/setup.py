@@ -112,6 +112,10 @@ class Setup:
 
         return replace(self, unknowns=tuple(considered(u) if u.name in names else u for u in self.unknowns))
 
+    def with_unknown(self, unknown: Unknown) -> "Setup":
+        """The setup with another prior of one unknown."""
+        return replace(self, unknowns=tuple(unknown if u.name == unknown.name else u for u in self.unknowns))
+
     @cached_property
     def fixed(self) -> tuple[str, ...]:
         """Paths of the parameters that the settings fix."""

@@ -143,7 +143,7 @@ class Uncertainty:
             if rest[i, i] > least:
                 columns.append(rest[:, i] / np.sqrt(rest[i, i]))
                 rest = rest - np.outer(columns[-1], columns[-1])
-        return scale[:, None] * np.array(columns).reshape(len(columns), len(scale)).T
+        return np.asarray(scale[:, None] * np.array(columns).reshape(len(columns), len(scale)).T)
 
     def pairs(self, values: Mapping[str, float], positive: Container[str]) -> list[SigmaPointPair]:
         """Two sigma points for each column of the square root.

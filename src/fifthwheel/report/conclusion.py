@@ -1,6 +1,6 @@
 """The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,11 +9,14 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import next_steps
-from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.diagnose.causes import ranked
+from fifthwheel.diagnose.caution import CautionKind
+from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.diagnose.doubt_cautions import validation_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
-from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
-from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.diagnose.thresholds import RELIABLE, REPAIRED, USABLE, WIDE_SIGMA
+from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
@@ -21,6 +24,8 @@ from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
 from fifthwheel.vehicle.parameters import FRICTION
+
+CONSEQUENCES = "Probably explained by the cautions"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,6 +37,8 @@ class Conclusion:
     results: tuple[str, ...] = ()
     not_identified: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
+    consequences: tuple[str, ...] = ()
+    """Cautions that those above probably explain."""
     next_steps: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
@@ -41,16 +48,16 @@ class Conclusion:
     def box(self) -> pages.Headline:
         """The headline with all lists, at the top of a page."""
         found = (pages.Items(self.results, "Result"), pages.Items(self.not_identified, "Not identified"))
-        advice = (
-            pages.Items(self.next_steps, "Next steps", ordered=True),
-            pages.Items(self.cautions, "Cautions"),
-            pages.Items(self.notes, "Notes"),
-        )
+        folded = {CONSEQUENCES: self.consequences, "Notes": self.notes}
+        advice: list[pages.Items | pages.Folded] = [pages.Items(self.cautions, "Cautions")]
+        advice.append(pages.Items(self.next_steps, "Next steps", ordered=True))
+        advice += [pages.Folded(title, (pages.Items(lines),)) for title, lines in folded.items() if lines]
         return pages.Headline(self.headline, self.good, (found, advice))
 
     def advice(self) -> tuple[pages.Items, ...]:
         """The lists at the end of an output on a terminal."""
         lists = {"Cautions": self.cautions, "Next steps": self.next_steps, "Notes": self.notes}
+        lists[CONSEQUENCES] = self.consequences
         return tuple(pages.Items(lines, title) for title, lines in lists.items())
 
 
@@ -59,6 +66,7 @@ def conclude_identification(
     records: Sequence[Record] = (),
     outlook: InformationAssessment | None = None,
     states: Sequence[States] = (),
+    validated: Sequence[Identification] = (),
 ) -> Conclusion:
     """The conclusion of an identification.
 
@@ -66,23 +74,30 @@ def conclude_identification(
         records: the logs, for how they were driven.
         outlook: information at the identified truck, for the effect of a change.
         states: of the identified truck, for whether they fit the measurements.
+        validated: validation logs, each identified with the knowledge of the identification.
     """
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED and not _is_unused_friction(e)]
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
+    cautions, consequences = ranked(
+        identification_cautions(identification, runs, states, validated), identification.doubts
+    )
+    contradicted = {str(caution.log) for caution in validation_cautions(validated)}
+    repaired = [f for f in identification.findings if f.fault in REPAIRED]
     return Conclusion(
-        good=len(converged) == len(estimated),
-        headline=_headline(identification, converged, estimated),
+        good=len(converged) == len(estimated) and not contradicted,
+        headline=_headline(identification, converged, estimated, contradicted),
         results=(
             *[_identified(identification, e) for e in converged],
             *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
-            *[_validated(p) for p in predicted_logs(identification) if not p.poor],
+            *[_validated(p) for p in predicted_logs(identification) if not p.poor and p.log not in contradicted],
         ),
         not_identified=tuple(_not_identified(identification)),
-        cautions=tuple(map(str, identification_cautions(identification, runs, states))),
+        cautions=tuple(map(str, cautions)),
+        consequences=tuple(map(str, consequences)),
         next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
-        notes=identification.notes,
+        notes=(*identification.notes, *[f"{finding.log}: {finding.message}" for finding in repaired]),
     )
 
 
@@ -91,8 +106,16 @@ def _is_unused_friction(estimate: Estimate) -> bool:
     return estimate.name == FRICTION and estimate.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
 
 
-def _headline(identification: Identification, converged: Sequence[Estimate], estimated: Sequence[Estimate]) -> str:
+def _headline(
+    identification: Identification,
+    converged: Sequence[Estimate],
+    estimated: Sequence[Estimate],
+    contradicted: Collection[str],
+) -> str:
     logs = _logs(identification)
+    if contradicted:
+        verb = "contradicts" if len(contradicted) == 1 else "contradict"
+        return f"{enumerated(sorted(contradicted))} (validation) {verb} the truck that is identified from {logs}."
     if not estimated:
         return "All parameters are fixed: nothing was estimated."
     if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
@@ -209,18 +232,24 @@ def _origin(identification: Identification, e: Estimate) -> str:
     return "the value shown is that of the vehicle file"
 
 
-def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conclusion:
-    """The conclusion of a state estimation with a given vehicle file."""
+def conclude_states(
+    states: Sequence[States], records: Sequence[Record], identification: Identification | None = None
+) -> Conclusion:
+    """The conclusion of a state estimation with a given vehicle file, and with the identification that it is from."""
     summaries = [summarise_states(s, records) for s in states]
     cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
+    unsure = _why_unsure(identification) if identification else ""
+    reasons = (
+        ranked(identification_cautions(identification), identification.doubts)[0] if identification and unsure else []
+    )
     lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
     doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.kind is not CautionKind.WHEEL_LIFT))
     valid = valid_fraction(states)
     return Conclusion(
-        good=valid > RELIABLE and not cautions,
-        headline=_states_headline(valid, summaries, doubtful, lifting),
+        good=valid > RELIABLE and not cautions and not unsure,
+        headline=unsure or _states_headline(valid, summaries, doubtful, lifting),
         results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
-        cautions=tuple(map(str, cautions)),
+        cautions=(*[f"Identification: {caution}" for caution in reasons], *map(str, cautions)),
         next_steps=tuple(
             f"Cut {s.name} to the part in which the truck drives, or map the missing channels."
             for s in summaries
@@ -228,6 +257,18 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
         ),
         notes=tuple(dict.fromkeys(f"{r.name}: {note}" for r in records for note in r.notes)),
     )
+
+
+def _why_unsure(identification: Identification) -> str:
+    """Why states of an identified truck are not reliable; empty if they may be."""
+    verdicts = [e.verdict for e in identification.parameters if e.verdict is not Verdict.FIXED]
+    unsure = (Verdict.DOUBTFUL, Verdict.NOT_CONVERGED, Verdict.AT_BOUND)
+    if found := [verdict for verdict in unsure if verdict in verdicts]:
+        words = enumerated([spoken_verdict(verdict) for verdict in found])
+        return f"The identification has estimates that are {words}: do not rely on these states."
+    if verdicts and Verdict.CONVERGED not in verdicts:
+        return "The identification determined no parameter: these states are those of the vehicle file."
+    return ""
 
 
 def _states_headline(

@@ -85,13 +85,16 @@ def run_identification(
     for i, record in enumerate(everything):
         states.append(_estimate_states(identification, record))
         progress("states", i + 1, len(everything))
+    validated = [_validation(identification, record, occasion or Occasion()) for record in validate]
     assessment = _assess_remedies(identification, records, occasion or Occasion())
     return IdentificationRun(
         records=everything,
         identification=identification,
         states=tuple(states),
         assessment=assessment,
-        conclusion=conclude_identification(identification, everything, assessment, states),
+        conclusion=conclude_identification(
+            identification, everything, assessment, states, [result for result in validated if result]
+        ),
         performance=_performance(identification),
     )
 
@@ -124,6 +127,24 @@ def run_loads(
         runs.append(run)
         knowledge = run.identification.knowledge
     return runs
+
+
+def _validation(identification: Identification, record: Record, occasion: Occasion) -> Identification | None:
+    """A validation log identified with the knowledge of the others, which it may contradict; None in two stages, where
+    nothing is identified, or where the log does not suffice."""
+    known = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
+    if not isinstance(identification.settings, OneStage) or identification.knowledge is None or not known:
+        return None
+    try:
+        return identify(
+            [record],
+            identification.initial_vehicle,
+            identification.settings,
+            knowledge=identification.knowledge,
+            occasion=occasion,
+        )
+    except FifthwheelError:
+        return None
 
 
 def _performance(identification: Identification) -> Assessment | None:

@@ -99,7 +99,7 @@ def run_states(
         states=tuple(states),
         smoothed=smooth,
         uncertain=() if uncertainty is None else uncertainty.names,
-        conclusion=_with_tyres(conclude_states(states, records), friction),
+        conclusion=_with_tyres(conclude_states(states, records, identification), friction),
         notes=tuple(notes),
     )
 

@@ -1,6 +1,6 @@
 """The doubts of one stage: contradicted assumptions, unusual estimates, logs beyond the range of the linear model."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from fifthwheel.identify.doubts import (
     NONLINEAR_ACCELERATION,
@@ -11,30 +11,36 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle.parameters import FRICTION
 
 
-def find_doubts(solution: Solution) -> list[Doubt]:
-    """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do."""
+def find_doubts(solution: Solution, likely: Sequence[PriorTest]) -> list[Doubt]:
+    """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
+
+    `likely` are the causes of a contradiction, see `alternatives`. What the first of them explains is no further doubt.
+    """
     problem, posterior = solution.problem, solution.linearisation.posterior
     evidence = Evidence(
         names=problem.names,
-        z=solution.minimum.z,
+        z=solution.minimum.z + likely[0].shifts if likely else solution.minimum.z,
         covariance=posterior.covariance,
         unknowns=problem.unknowns_by_name,
         parameters=solution.estimated,
     )
     return [
-        *evidence.contradicted_assumptions(_likely_causes(solution)),
-        *evidence.unusual_estimates(exempt=(FRICTION,)),
+        *evidence.contradicted_assumptions(likely),
+        *evidence.unusual_estimates(exempt=(FRICTION, *[test.name for test in likely])),
         *_nonlinear_range(solution),
     ]
 
 
-def _likely_causes(solution: Solution) -> list[PriorTest]:
-    """The most likely causes of a contradiction; one that is physically impossible only if all are."""
-    tests, unknowns = solution.linearisation.tests, solution.problem.unknowns_by_name
-    return most_likely([t for t in tests if unknowns[t.name].is_possible(t.implied)]) or most_likely(tests)
+def quick_doubts(solution: Solution) -> list[Doubt]:
+    """The doubts without a fit for each cause: of the uncertain numbers, by the linear tests of their priors."""
+    unknowns = solution.problem.unknowns_by_name
+    tests = [t for t in solution.linearisation.tests if unknowns[t.name].kind is UnknownKind.UNCERTAIN]
+    possible = [test for test in tests if unknowns[test.name].is_possible(test.implied)]
+    return find_doubts(solution, most_likely(possible) or most_likely(tests))
 
 
 def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:

@@ -10,6 +10,7 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates
+from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.free_run import fits_of
@@ -26,10 +27,16 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 
 
-def build_identification(solution: Solution, note: str = "") -> Identification:
-    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs; with a note for the user."""
+def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), note: str = "") -> Identification:
+    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs.
+
+    Args:
+        solution: of the logs.
+        likely: causes of a contradiction, see `alternatives`.
+        note: for the user.
+    """
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
-    posterior, doubts = solution.linearisation.posterior, find_doubts(solution)
+    posterior, doubts = solution.linearisation.posterior, find_doubts(solution, likely)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
@@ -50,7 +57,8 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
-    covariance = _covariance(dataset.vehicle, problem, minimum, posterior)
+    joint = _doubtful_covariance(solution, likely, converged=converged)
+    covariance = _covariance(dataset.vehicle, problem, minimum, joint)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
     return Identification(
         method="one-stage",
@@ -70,6 +78,7 @@ def build_identification(solution: Solution, note: str = "") -> Identification:
         fits=evaluation.fits,
         settings=settings,
         rounds=minimum.steps,
+        findings=dataset.findings,
         notes=tuple(dict.fromkeys((*dataset.notes, *([note] if note else []), *evaluation.notes))),
         version=fifthwheel.__version__,
     )
@@ -140,8 +149,22 @@ def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
     return replace(summary, bank=bank)
 
 
-def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], posterior: Posterior) -> Uncertainty:
+def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], *, converged: bool) -> Array:
+    """Covariance (k, k) of the unknowns for what is computed from them.
+
+    A cause of a contradiction is one of several, so that the mean square of their shifts is added; the prior, where the
+    search did not converge.
+    """
+    covariance = solution.linearisation.posterior.covariance.copy()
+    for test in likely:
+        covariance += np.outer(test.shifts, test.shifts) / len(likely)
+    return covariance if converged else covariance + np.diag(solution.problem.prior.variance)
+
+
+def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], covariance: Array) -> Uncertainty:
     """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
+
+    `covariance` (k, k) is that of the unknowns.
 
     The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
     "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters. The bank
@@ -165,13 +188,13 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], p
     others = {u.name: u.scale for u in problem.unknowns if u.per_log and u.is_sensor_error}
     others |= {BANK: problem.settings.bank_prior} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
-    of_logs = map_to_si @ posterior.covariance @ map_to_si.T
+    of_logs = map_to_si @ covariance @ map_to_si.T
     variation = problem.settings.consider.get("bank_variation", 0.0)
     of_logs += np.diag([variation**2 if name.startswith(f"{BANK}@") else 0.0 for name in rows])
     k = len(rows)
-    covariance = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])
-    covariance[:k, :k] = (of_logs + of_logs.T) / 2
-    return Uncertainty(names=(*rows, *[f"{name}@" for name in others]), covariance=covariance)
+    in_si = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])
+    in_si[:k, :k] = (of_logs + of_logs.T) / 2
+    return Uncertainty(names=(*rows, *[f"{name}@" for name in others]), covariance=in_si)
 
 
 def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:

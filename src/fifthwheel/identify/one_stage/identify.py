@@ -9,11 +9,12 @@ from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED, OUTLYING, Knowledge, LogChange, tyre_change
+from fifthwheel.identify.one_stage.alternatives import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
-from fifthwheel.identify.one_stage.evidence import find_doubts
+from fifthwheel.identify.one_stage.evidence import quick_doubts
 from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.prior import JointPrior
-from fifthwheel.identify.one_stage.shared_information import log_knowledge
+from fifthwheel.identify.one_stage.shared_information import log_knowledge, with_doubts
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage, Progress
@@ -64,10 +65,11 @@ def identify_one_stage(
                 f"Begins with the information of earlier logs ({len(before.used)}, the last of them {last.name})."
             )
             notes.append(_doubtful(before.used))
-    result = build_identification(solution, " ".join(filter(None, notes)))
+    likely = likely_causes(solution, solution.linearisation.tests, progress)
+    result = build_identification(solution, likely, " ".join(filter(None, notes)))
     if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in result.parameters):
         logs = [replace(log, set_aside=log.set_aside or NOT_CONVERGED) for log in logs]
-    return replace(result, knowledge=before.with_logs(logs))
+    return replace(result, knowledge=before.with_logs(with_doubts(logs, result.doubts)))
 
 
 def _reconciled(
@@ -144,7 +146,7 @@ def _is_contradicted(solution: Solution, before: JointPrior | None, members: Con
     An estimate that was unusual before is a wrong guess, and no contradiction.
     """
     means = dict(zip(before.names, before.mean.tolist(), strict=True)) if before else {}
-    for doubt in find_doubts(solution):
+    for doubt in quick_doubts(solution):
         changed = [c for c in doubt.causes if c.name in members and abs(means.get(c.name, 0.0)) < UNUSUAL_ESTIMATE]
         if doubt.kind is DoubtKind.ASSUMPTION or changed:
             return True
@@ -153,7 +155,7 @@ def _is_contradicted(solution: Solution, before: JointPrior | None, members: Con
 
 def _changed_tyres(solution: Solution) -> Iterator[LogChange]:
     """The tyres of which a log contradicts the variation that is usual from log to log."""
-    for doubt in find_doubts(solution):
+    for doubt in quick_doubts(solution):
         for cause in doubt.causes[:1]:
             name, _ = split_log(cause.name)
             stiffness = name.removesuffix(VARIATION)

@@ -118,6 +118,19 @@ class Problem:
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
         return Problem(self.setup, logs, self._earlier)
 
+    def without_prior(self, name: str, *, tail: float, wider: float) -> "Problem":
+        """The problem in which an unknown has almost no prior and wider bounds; of an unknown of a log, in all logs.
+
+        Args:
+            name: of an element of z.
+            tail: where its prior becomes exponential, in its standard deviations; the smaller, the weaker it is.
+            wider: factor of the distance of its bounds from its prior mean.
+        """
+        unknown = self.unknowns_by_name[name]
+        setup = self.setup.with_unknown(unknown.without_prior(tail, wider))
+        others = frozenset(self.names) - {name}
+        return Problem(setup, self.logs, self._earlier and self._earlier.among(others))
+
     @property
     def output_error(self) -> bool:
         """Whether the residuals are those of the free-running model."""

@@ -15,6 +15,7 @@ by dz/du = gain.
 """
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -30,7 +31,6 @@ from fifthwheel.identify.knowledge.information import (
     record_digest,
 )
 from fifthwheel.identify.knowledge.load import load_factors
-from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
@@ -39,8 +39,7 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
-    """The information of each log of a solution on the truck."""
-    doubts = find_doubts(solution)
+    """The information of each log of a solution on the truck, without doubts."""
     return [
         LogKnowledge(
             name=record.name,
@@ -52,10 +51,17 @@ def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
             information=shared_information(solution, i, of_road=bool(occasion.road)),
             estimated=solution.estimated,
             digest=record_digest(record),
-            doubts=tuple(describe_doubt(doubt) for doubt in doubts if _concerns(doubt, i, record.name)),
             masses=masses_of_load(solution.dataset.initial_vehicle),
         )
         for i, record in enumerate(solution.dataset.records)
+    ]
+
+
+def with_doubts(logs: Sequence[LogKnowledge], doubts: Sequence[Doubt]) -> list[LogKnowledge]:
+    """The logs of a solution, each with the doubts that concern it."""
+    return [
+        replace(log, doubts=tuple(describe_doubt(doubt) for doubt in doubts if _concerns(doubt, i, log.name)))
+        for i, log in enumerate(logs)
     ]
 
 

@@ -51,7 +51,7 @@ class Linearisation:
     history: ParameterHistory
     """How the estimates would have developed sample after sample."""
     tests: tuple[PriorTest, ...]
-    """Of the prior of every uncertain unknown, the largest statistic first."""
+    """Of the prior of every uncertain number and sensor error, the largest statistic first."""
     logs: tuple[LogLinearisation, ...]
 
 
@@ -152,9 +152,10 @@ def _linearise(solution: Solution) -> Linearisation:
 
 
 def _prior_tests(problem: Problem, z: Array, posterior: Posterior) -> list[PriorTest]:
-    uncertain = [name for name, u in problem.unknowns_by_name.items() if u.kind is UnknownKind.UNCERTAIN]
+    kinds = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR)
+    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
     prior, P = problem.prior, posterior.model_covariance
-    return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, uncertain, prior.variance)
+    return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, tested, prior.variance)
 
 
 class _LogSums:

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import BeforeValidator, PlainValidator, Strict
 
 from fifthwheel._types import Array
+from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.knowledge.knowledge import Knowledge
@@ -108,5 +109,6 @@ class IdentificationData:
     fits: tuple[Fit, ...]
     settings: CommonSettings
     rounds: int  # of both stages; one stage: steps
+    findings: tuple[Finding, ...] = ()  # what is implausible in the signals
     notes: tuple[str, ...]
     version: str

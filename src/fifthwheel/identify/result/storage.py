@@ -13,6 +13,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
+from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
@@ -56,6 +57,7 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
         ],
         "histories": {title: {"names": h.names, "starts": h.starts} for title, h in identification.histories.items()},
         "rounds": identification.rounds,
+        "findings": [asdict(finding) for finding in identification.findings],
         "notes": list(identification.notes),
         "settings": identification.settings.as_dict(),
     }
@@ -107,6 +109,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
         ),
         settings=parts(settings_class(contents["method"]), [contents["settings"]])[0],
         rounds=int(contents["rounds"]),
+        findings=parts(Finding, contents.get("findings", ())),
         notes=tuple(map(str, contents["notes"])),
         version=str(contents["version"]),
     )

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import Enum
 
 import numpy as np
 
 from fifthwheel.channels import is_sensor_error
+from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.settings import CommonSettings
@@ -18,8 +19,10 @@ HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
 BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
-LARGEST_SHIFT = 1.0
+LARGEST_SHIFT = 2.0
 """A position differs from that of the vehicle file by at most this length, m."""
+LARGEST_CLOCK_ERROR = 0.05
+"""Fraction; a clock that is further off is no clock."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
 
@@ -82,11 +85,20 @@ class Unknown:
 
     def is_possible(self, deviation: float) -> bool:
         """Whether p may be so many prior standard deviations from its prior mean: a factor of at most `BOUND_FACTOR`,
-        a length of at most `LARGEST_SHIFT`."""
+        a length of at most `LARGEST_SHIFT`, the rate of a clock by `LARGEST_CLOCK_ERROR`."""
         if self.logarithmic:
             return abs(self.scale * deviation) <= math.log(BOUND_FACTOR)
+        if TIME_SCALE in self.moves:
+            return abs(self.scale * deviation) <= LARGEST_CLOCK_ERROR
         lengths = [path for path in self.moves if path.rpartition(".")[2] in POSITIONS]
         return all(abs(self.moves[path] * self.scale * deviation) <= LARGEST_SHIFT for path in lengths)
+
+    def without_prior(self, tail: float, wider: float) -> "Unknown":
+        """The unknown with another tail, and bounds so many times further apart unless it is logarithmic."""
+        if self.logarithmic:
+            return replace(self, tail=tail)
+        low, high = (self.centre + wider * (bound - self.centre) for bound in (self.lower, self.upper))
+        return replace(self, tail=tail, lower=low, upper=high)
 
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""

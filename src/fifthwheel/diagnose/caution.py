@@ -1,0 +1,46 @@
+"""A caution: one reason to doubt a result, and what to do."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from fifthwheel.checks.findings import Severity
+
+
+class CautionKind(StrEnum):
+    """Kinds of cautions."""
+
+    SIGNAL = "signal"  # a fault of a signal that its samples show
+    UNSTABLE = "unstable"  # the truck is unstable at the speed of the logs
+    CONTRADICTION = "contradiction"  # a log differs from earlier ones, or from the identified truck
+    ASSUMPTION = "assumption"  # the residuals contradict a number of the vehicle file or of a sensor
+    UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
+    DELAY = "delay"  # a significant or unusual delay of a sensor
+    GAIN = "gain"  # an unusual gain of a sensor
+    POSITION = "position"  # an unusual position of an accelerometer
+    HEIGHT = "height"  # an unusual height of an accelerometer
+    MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
+    PLAY = "play"  # an unusual play of the steering
+    OFFSET = "offset"  # an unusual offset of a sensor
+    UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
+    POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
+    REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate
+    NONLINEAR_RANGE = "nonlinear range"  # a run beyond the range of the linear model
+    WHEEL_LIFT = "wheel lift"  # the wheels of a side of an axle group leave the road
+    LARGE_INNOVATIONS = "large innovations"  # of a state filter, larger than it expects
+
+
+@dataclass(frozen=True)
+class Caution:
+    """One reason to doubt a result."""
+
+    kind: CautionKind
+    message: str  # what was estimated or measured, and what was expected
+    cure: str  # what to do
+    value: float  # the number that exceeds its threshold, SI
+    severity: Severity = "warning"  # an error makes results wrong that depend on the signal; a warning is a doubt
+    parameters: tuple[str, ...] = ()  # whose estimates it concerns
+    signals: tuple[str, ...] = ()
+    log: str | None = None
+
+    def __str__(self) -> str:
+        return f"{self.message} {self.cure}".rstrip()

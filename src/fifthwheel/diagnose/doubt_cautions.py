@@ -1,0 +1,162 @@
+"""Cautions on what logs contradict: earlier logs, the identified truck, the vehicle file, assumptions on sensors."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from fifthwheel.channels import STEER, SensorErrorName, is_of, is_sensor_error
+from fifthwheel.diagnose.caution import Caution, CautionKind
+from fifthwheel.dynamics import TIME_SCALE, critical_speed
+from fifthwheel.formatting import digits, enumerated, percent, with_sigma
+from fifthwheel.identify import Identification, Verdict
+from fifthwheel.identify.doubts import Cause, DoubtKind
+from fifthwheel.identify.knowledge.history import changes_in_words
+from fifthwheel.identify.knowledge.information import LogKnowledge
+from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
+from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.parameters import POSITIONS
+from fifthwheel.vehicle.uncertainty import MASS_SCALE
+
+NEARLY = 1.05
+"""A truck that is unstable above less than so many times the highest speed of the logs is nearly unstable there."""
+
+
+def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
+    """Logs that differ from the information of earlier logs."""
+    for log, changes in _contradicting(identification):
+        name = log.name
+        if changes:
+            message = f"{name} differs from the earlier logs: {changes}. What this alters begins again there."
+            cure = (
+                "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was "
+                f"changed, check {name}."
+            )
+        else:
+            message = f"{name} {log.set_aside}. It is set aside, and these estimates are of it alone."
+            cure = (
+                "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load)."
+            )
+        yield Caution(CautionKind.CONTRADICTION, message, cure, 0.0, parameters=log.changed, log=name)
+
+
+def validation_cautions(validated: Sequence[Identification]) -> Iterator[Caution]:
+    """Validation logs that contradict the identified truck; each was identified with the knowledge of its logs."""
+    for result in validated:
+        for log, changes in _contradicting(result):
+            what = changes or "no single change of tyres, load or sensor explains the difference"
+            message = f"{log.name} (validation log) contradicts the identified truck: {what}."
+            cure = "Check whether it is of this truck and trailer with this load, and its signals."
+            yield Caution(CautionKind.CONTRADICTION, message, cure, 0.0, parameters=log.changed, log=log.name)
+
+
+def _contradicting(identification: Identification) -> Iterator[tuple[LogKnowledge, str]]:
+    """Its logs that contradict those before, each with what changed in words; empty if that explains nothing."""
+    own = {log.name for log in identification.logs}
+    for log in identification.knowledge.logs if identification.knowledge else ():
+        if log.name in own and log.set_aside not in ("", NOT_CONVERGED):  # the verdicts show the latter
+            yield log, ""
+        elif log.name in own and log.changed:
+            yield log, enumerated([*changes_in_words(log)] or log.changed)
+
+
+def assumption_cautions(identification: Identification) -> Iterator[Caution]:
+    """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict."""
+    for doubt in identification.doubts:
+        if doubt.kind is not DoubtKind.ASSUMPTION:
+            continue
+        logs = [log.name for log in identification.logs]
+        texts = [describe_cause(cause, identification.initial_vehicle, logs) for cause in doubt.causes]
+        one = len(texts) == 1
+        message = (
+            "The logs contradict the vehicle file or an assumption on a sensor. They imply that "
+            f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
+        )
+        cure = f"Check {'this' if one else 'them'}, correct the vehicle file or the signal map, and identify again."
+        yield Caution(
+            CautionKind.ASSUMPTION,
+            message,
+            cure,
+            doubt.statistic,
+            parameters=doubt.parameters,
+            signals=tuple(cause.name.rpartition(".")[0] for cause in doubt.causes if is_sensor_error(cause.name)),
+        )
+
+
+def unstable_cautions(identification: Identification) -> Iterator[Caution]:
+    """The truck of the vehicle file or the identified one, where it is unstable at the speed of the logs."""
+    speeds = [log.speed[1] for log in identification.logs if np.isfinite(log.speed[1])]
+    highest = max(speeds, default=0.0)
+    identified = any(e.verdict in (Verdict.CONVERGED, Verdict.DOUBTFUL) for e in identification.parameters)
+    vehicle, name = (
+        (identification.vehicle, "The identified truck")
+        if identified
+        else (identification.initial_vehicle, "The truck of the vehicle file")
+    )
+    critical = critical_speed(vehicle, highest=NEARLY * highest) if highest > 0 else None
+    if critical is not None:
+        message = (
+            f"{name} is unstable above {3.6 * critical:.0f} km/h, and the logs reach {3.6 * highest:.0f} km/h, so that "
+            "they inform on little."
+        )
+        cure = (
+            "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
+            "prediction errors (--form prediction-error)."
+        )
+        yield Caution(CautionKind.UNSTABLE, message, cure, critical)
+
+
+def _describe_sensor_error(error: SensorErrorName, change: float) -> str:
+    """What an error of a sensor is: "yaw_rate.tractor is 52 ms late"."""
+    signal, kind = error.signal, error.kind
+    unit = error.unit or ""
+    size = with_sigma(abs(change), None, unit)
+    if kind == "delay":
+        return f"{signal} is {size} {'late' if change > 0 else 'early'}"
+    if kind == "gain":  # of the steering: of the road wheels over the logged angle
+        small = (change > 0) if is_of(signal, STEER) else (change < 0)
+        return f"{signal} is {percent(abs(change))} too {'small' if small else 'large'}"
+    if kind == "offset":
+        return f"{signal} has an offset of {with_sigma(change, None, unit)}"
+    if kind == "misalignment":
+        return f"the gyro of {signal} is turned by {size}, so that it measures another axis too"
+    return f"the {kind} of {signal} is {size} different"
+
+
+def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> str:
+    """What is different: "yaw_rate.tractor is 52 ms late (5 times the assumed uncertainty)"; `logs` are names."""
+    values = vehicle.parameters()
+    _, log = split_log(cause.name)
+    times = f"{abs(cause.prior_sigmas):.1f} times the assumed uncertainty"
+    own = {path: change for path, change in cause.changes.items() if path in values}  # loads of tyres follow from them
+    (path, change), *others = (own or cause.changes).items()
+    error = SensorErrorName.of(path)
+    if path == TIME_SCALE:
+        return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
+    if cause.name == MASS_SCALE:
+        return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
+    if error:
+        return f"{_describe_sensor_error(error, change)}{'' if log is None else f' in {logs[int(log)]}'} ({times})"
+    if path.endswith(".softening"):
+        group = path.removesuffix(".softening")
+        return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
+    if path.endswith(".self_steering") and not values.get(path):
+        axle = path.removesuffix(".self_steering")
+        size = f"self_steering = {min(change, 1.0):.1f}"
+        return f"{axle} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
+    if cause.name.endswith(".axle_positions"):
+        largest = max(map(abs, own.values()))
+        side = "closer to" if change > 0 else "further from"
+        return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
+    if path not in values:
+        return f"{cause.name} is different ({times})"
+    direction = "larger" if change > 0 else "smaller"
+    if ParameterPath.of(path).quantity in POSITIONS or not values[path]:
+        side = "front" if change > 0 else "rear"
+        size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
+    else:
+        size = f"{percent(abs(change / values[path]))} {direction}"
+    if log is not None:  # its variation from log to log
+        return f"{path} is {size} in {logs[int(log)]} than in all logs together ({times})"
+    also = f" with {len(others)} other numbers that belong to it" if others else ""
+    return f"{path} is {size}{also} ({times})"

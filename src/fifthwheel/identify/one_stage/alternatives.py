@@ -1,0 +1,102 @@
+"""The likely causes of a contradiction: for each candidate, the logs are fitted again without its prior.
+
+A test of a prior is linear (`identify.doubts`). A gross error, such as a trailer that is logged 0.3 s late, lies far
+beyond its range, and distorts the tests of all other priors. The fit without the prior of one unknown has no such
+limit. With the noise of the channels fixed, the decrease of the cost is half the square of the statistic that the test
+approximates, so that it ranks the causes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.identify.doubts import AS_LIKELY, UNUSUAL_CHANGE, PriorTest
+from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
+from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.settings import Progress
+
+TITLE = "causes of a contradiction"
+"""Of the progress."""
+CANDIDATE_FRACTION = 0.5
+"""A candidate has at least this fraction of the largest |statistic|: the tests are distorted, but not without value."""
+MOST_CANDIDATES = 12
+SAMPLES = 6_000
+"""Of longer logs, the fits use about this number of samples."""
+ITERATIONS, TOLERANCE = 16, 1.0
+"""Of each fit, whose result is a rank and a size."""
+WIDER = 10.0
+"""The bounds of an unknown without its prior are so many times further apart."""
+NO_TAIL = 1e-3
+"""Tail of a prior, in its standard deviations, that is almost without effect."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Alternative:
+    """The fit without one prior."""
+
+    test: PriorTest
+    """With the change and the shifts of this fit."""
+    gain: float
+    """Decrease of the cost."""
+    possible: bool
+    """Whether the unknown may be so far from its prior mean."""
+
+
+def likely_causes(
+    solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None
+) -> list[PriorTest]:
+    """The causes that explain a contradiction about as well as the best one, the best first; none without one.
+
+    A cause that is physically impossible counts only if all are. `tests` are those of the priors, the largest statistic
+    first.
+    """
+    if not tests or tests[0].size <= UNUSUAL_CHANGE:
+        return []
+    least = CANDIDATE_FRACTION * abs(tests[0].statistic)
+    candidates = [test for test in tests if abs(test.statistic) >= least][:MOST_CANDIDATES]
+    base, found = _base(solution), []
+    for i, test in enumerate(candidates):
+        progress(TITLE, i, len(candidates))
+        found.append(_without_prior(base, test))
+    progress(TITLE, len(candidates), len(candidates))
+    found = [a for a in found if a.possible] or found
+    found.sort(key=lambda alternative: -alternative.gain)
+    return [a.test for a in found if a.gain >= AS_LIKELY**2 * found[0].gain]
+
+
+def _base(solution: Solution) -> Minimum[Problem]:
+    """The solution for the samples that the fits use."""
+    problem, z = solution.problem.shortened(SAMPLES), solution.minimum.z.copy()
+    if problem is solution.problem:
+        return solution.minimum
+    z[_initial_states(problem)] = 0.0  # the parts begin later than the segments
+    return _fit(problem, z)
+
+
+def _without_prior(base: Minimum[Problem], test: PriorTest) -> _Alternative:
+    """The fit without the prior of one unknown."""
+    problem, z = base.objective.without_prior(test.name, tail=NO_TAIL, wider=WIDER), base.z
+    lower, upper = problem.bounds
+    linear = np.clip(z + test.shifts, lower, upper)
+    minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(z) else z)
+    shifts = minimum.z - z
+    shifts[_initial_states(problem)] = 0.0
+    implied = float(minimum.z[problem.names.index(test.name)])
+    return _Alternative(
+        test=replace(test, implied=implied, shifts=shifts),
+        gain=base.model.cost - minimum.model.cost,
+        possible=problem.unknowns_by_name[test.name].is_possible(implied),
+    )
+
+
+def _fit(problem: Problem, z: Array) -> Minimum[Problem]:
+    lower, upper = problem.bounds
+    return minimise(problem, z, lower=lower, upper=upper, iterations=ITERATIONS, tolerance=TOLERANCE)
+
+
+def _initial_states(problem: Problem) -> list[int]:
+    """Indices of the initial states of all segments."""
+    return [int(i) for segments in problem.layout.initial_states for indices in segments for i in indices]
