@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.diagnose.advice import LANE_CHANGE, next_steps
-from fifthwheel.diagnose.cautions import describe_cause
+from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.identify import Verdict
@@ -202,7 +202,22 @@ def test_causes_in_words(result, sign):
             ),
             f"the axles of tractor are up to 0.25 m {'closer to' if later else 'further from'} its front ({times})",
         ),
-        (cause({"yaw_rate.tractor.gain": sign * 0.1}), f"yaw_rate.tractor.gain is different ({times})"),
+        (
+            cause({"yaw_rate.tractor.gain": sign * 0.1}),
+            f"yaw_rate.tractor is {'1.10' if later else '0.900'} times the true value ({times})",
+        ),
+        (
+            cause({"steer.tractor.front.gain": sign * 0.1}),
+            f"the road wheels turn by {'1.10' if later else '0.900'} times steer.tractor.front ({times})",
+        ),
+        (
+            cause({"steer.tractor.front.offset": sign * 0.01}, "steer.tractor.front.offset@1"),
+            f"steer.tractor.front has an offset of {'' if later else '−'}0.573 deg in b ({times})",
+        ),
+        (
+            cause({"roll_rate.tractor.misalignment": sign * 0.1}),
+            f"the gyro of roll_rate.tractor is turned by 5.73 deg, so that it measures another axis too ({times})",
+        ),
         (
             cause({position: sign * 0.1}),
             f"{position} is 0.10 m further to the {'front' if later else 'rear'} ({times})",

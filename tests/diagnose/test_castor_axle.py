@@ -1,6 +1,6 @@
 """The sentence of a caution where a log contradicts a fixed axle."""
 
-from fifthwheel.diagnose.cautions import describe_cause
+from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.identify.doubts import Cause
 from tests.dynamics.test_steered_axles import with_axle
 

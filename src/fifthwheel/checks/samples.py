@@ -172,10 +172,14 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
     """Whether the vehicle moves from start to stop (s) and a signal other than `name` changes as in a turn; a longer
     time is divided into parts of `_MANOEUVRE`."""
-    if stop - start > _MANOEUVRE:
-        times = np.linspace(start, stop, min(math.ceil((stop - start) / _MANOEUVRE), _MAX_PARTS) + 1)
-        return any(_turns(record, name, a, b, min_speed) for a, b in pairwise(times.tolist()))
-    rows = slice(*np.searchsorted(record.time, [start, stop + 1e-9]))
+    parts = min(math.ceil((stop - start) / _MANOEUVRE), _MAX_PARTS)
+    times = np.linspace(start, stop, parts + 1).tolist()
+    return any(_turns_within(record, name, start, span, min_speed) for span in pairwise(times))
+
+
+def _turns_within(record: Record, name: str, start: float, span: tuple[float, float], min_speed: float) -> bool:
+    """The same within a span of a time that begins at start, s."""
+    rows = slice(*np.searchsorted(record.time, [span[0], span[1] + 1e-9]))
     speed = record.signals["speed"][rows]
     if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
         return False

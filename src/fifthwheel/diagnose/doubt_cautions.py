@@ -113,9 +113,10 @@ def _describe_sensor_error(error: SensorErrorName, change: float) -> str:
     size = with_sigma(abs(change), None, unit)
     if kind == "delay":
         return f"{signal} is {size} {'late' if change > 0 else 'early'}"
-    if kind == "gain":  # of the steering: of the road wheels over the logged angle
-        small = (change > 0) if is_of(signal, STEER) else (change < 0)
-        return f"{signal} is {percent(abs(change))} too {'small' if small else 'large'}"
+    if kind == "gain" and is_of(signal, STEER):
+        return f"the road wheels turn by {digits(1 + change, 3)} times {signal}"
+    if kind == "gain":
+        return f"{signal} is {digits(1 + change, 3)} times the true value"
     if kind == "offset":
         return f"{signal} has an offset of {with_sigma(change, None, unit)}"
     if kind == "misalignment":

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.formatting import fixed, percent, with_sigma
-from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.names import ParameterPath
 from fifthwheel.options import FleetSettings
@@ -103,8 +103,8 @@ def _sensors(trips: Sequence[Row]) -> Iterator[Attention]:
     last: dict[tuple[str, str], datetime.datetime] = {}
     for trip in trips:
         for doubt in trip["doubts"] or ():
-            kind, _, causes = doubt.partition(": ")
-            if kind == DoubtKind.SENSOR:
+            _, _, causes = doubt.partition(": ")
+            if is_sensor_error(causes.partition(", ")[0]):  # the most likely cause
                 key = (trip["truck"], causes)
                 counts[key] += 1
                 last[key] = trip["date"]

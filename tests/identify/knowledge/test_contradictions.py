@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.diagnose.cautions import contradiction_cautions
+from fifthwheel.diagnose.doubt_cautions import contradiction_cautions
 from fifthwheel.identify.knowledge.knowledge import LogChange, tyre_change
 from fifthwheel.identify.one_stage import identify as method
 

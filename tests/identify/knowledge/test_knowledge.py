@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.diagnose.cautions import contradiction_cautions
+from fifthwheel.diagnose.doubt_cautions import contradiction_cautions
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
 from tests.identify.knowledge.conftest import SETTINGS
