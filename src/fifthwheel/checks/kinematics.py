@@ -69,6 +69,11 @@ class Relation:
         return channel.turn
 
     @property
+    def agrees(self) -> bool:
+        """Whether the signal has the sign that the leading yaw rate gives it."""
+        return self.excited and self.correlation > 0.5
+
+    @property
     def fault(self) -> Fault | None:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
         turn = self.turn
@@ -94,9 +99,11 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     turning = [relation for relation in every if not relation.turn.has_other_causes]
     faults = [relation.fault for relation in turning]
     counts = Counter(faults)
-    # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal.
+    # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal. A roll rate
+    # that agrees with an inverted yaw rate is inverted too.
+    agreeing = {Fault.SWAPPED_SIGN: sum(relation.agrees for relation in rolling), Fault.WRONG_COLUMN: 0}
     leading_faults = [
-        fault for fault in (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN) if counts[fault] > 1 + len(turning) - counts[fault]
+        fault for fault, others in agreeing.items() if counts[fault] > 1 + len(turning) - counts[fault] + others
     ]
     for culprit in leading_faults:
         yield _finding(next(r for r in turning if r.fault is culprit), culprit, of_leading=True)
