@@ -43,7 +43,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     notes: list[str] = []
     with path.open("rb") as file:
         head = file.read(128)
-    close: Callable[[], None] = partial(int)
+    close: Callable[[], object] = int
     if head.startswith(b"MATLAB 5.0 MAT"):
         variables = _variables(path, _places_5, 128, notes)
     elif matlab_4_order(head):
@@ -63,7 +63,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
 class MatLog(LogSource):
     """The signals of a .mat file."""
 
-    def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], None]) -> None:
+    def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], object]) -> None:
         counts = Counter(signal.name for signal in signals)
         self._signals: dict[str, Signal] = {}
         for signal in signals:
