@@ -70,7 +70,7 @@ class Relation:
 
     @property
     def agrees(self) -> bool:
-        """Whether the signal has the sign that the leading yaw rate gives it."""
+        """Whether the signal has the expected sign."""
         return self.excited and self.correlation > 0.5
 
     @property
@@ -100,8 +100,10 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     faults = [relation.fault for relation in turning]
     counts = Counter(faults)
     # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal. A roll rate
-    # that agrees with an inverted yaw rate is inverted too.
-    agreeing = {Fault.SWAPPED_SIGN: sum(relation.agrees for relation in rolling), Fault.WRONG_COLUMN: 0}
+    # that agrees with a yaw rate is inverted with it, so it counts against the inversion of the leading one.
+    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
+    following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
+    agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
     leading_faults = [
         fault for fault, others in agreeing.items() if counts[fault] > 1 + len(turning) - counts[fault] + others
     ]
