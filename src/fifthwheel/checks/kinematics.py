@@ -177,10 +177,16 @@ def _leading_yaw_rate(record: Record) -> str | None:
 
 
 def common_time(record: Record, step: float) -> Array:
-    """Instants (N,) from the record's first to its last, `step` s apart; none where `is_mostly_gaps`."""
+    """Instants (N,) in the span of a record, `step` s apart, `without_gaps`; none where `is_mostly_gaps`."""
     start, stop = record.span
     usable = (stop - start) / step < _MAX_INSTANTS and not is_mostly_gaps(record)
-    return np.arange(start, stop, step) if usable else np.empty(0)
+    return without_gaps(np.arange(start, stop, step), record.time) if usable else np.empty(0)
+
+
+def without_gaps(instants: Array, sample_time: Array) -> Array:
+    """The instants (n,) that follow a sample within 10 s: of a longer gap, that much remains."""
+    before = np.searchsorted(sample_time, instants, side="right") - 1
+    return instants[instants - sample_time[np.maximum(before, 0)] <= _GAP]
 
 
 def is_mostly_gaps(record: Record) -> bool:

@@ -165,6 +165,40 @@ def test_a_large_table_comes_in_chunks_that_fit_together(tmp_path, monkeypatch):
     assert list(next(log.chunks(["r"])).values) == ["r"]
 
 
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_sample_is_whole_lines_spread_over_the_file(tmp_path, monkeypatch, end):
+    monkeypatch.setattr(module, "_LARGE", 1e4)
+    monkeypatch.setattr(module, "_PART", 1e3)
+    rows = "".join(f"{k / 10},{k + 0.5}{end}" for k in range(20_000))
+    path = tmp_path / "log.csv"
+    path.write_bytes(f"# a run{end}t,r{end}{rows}".encode())
+    log = module.open_log(path)
+    log.sample()
+    found = columns(log)
+    np.testing.assert_allclose(found["r"], 10 * found["t"] + 0.5, atol=1e-9)
+    numbers = np.rint(10 * found["t"]).astype(int)
+    assert (np.diff(numbers) > 0).all()
+    assert (np.diff(numbers) > 1).sum() == 7
+    assert numbers[0] == 0
+    assert numbers[-1] == 19_999
+    assert 0.07 < numbers.size / 20_000 < 0.1
+    assert log.notes[0].startswith("a sample of 0 of 0 MB was read, in 8 parts of the file: ranges, missing")
+    assert columns(log)["r"] == pytest.approx(found["r"])
+
+
+def test_a_small_table_and_utf_16_are_not_sampled(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_text("t,r\n" + "".join(f"{k},{k}\n" for k in range(9)))
+    with open_log(path, sample=True) as log:
+        assert not log.sampled
+        assert columns(log)["r"].size == 9
+    monkeypatch.setattr(module, "_LARGE", 10)
+    path.write_text("t,r\n" + "".join(f"{k},{k}\n" for k in range(9)), encoding="utf-16")
+    wide = module.open_log(path)
+    wide.sample()
+    assert not wide.sampled
+
+
 def test_binary_rubbish_within_a_table_costs_its_lines_only(tmp_path):
     good = "".join(f"{k / 10},{k}\n" for k in range(100))
     log = opened(tmp_path, b"t,r\n" + good.encode() + b"\xff\x00\x81,\x93\nxx,\xfe,\x00,\n" + b"10.0,100\n")

@@ -97,11 +97,18 @@ PACKED = {
 """Beginnings of files that contain a log, or stand for one, but are none, and what to do."""
 
 
-def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
+def open_log(
+    path: str | Path,
+    databases: Sequence[str | Path] = (),
+    progress: ReadProgress = no_progress,
+    *,
+    sample: bool = False,
+) -> LogSource:
     """Open a log of any format, in a child process with limits of time, memory and samples.
 
     `databases` are DBC or ARXML files for CAN frames, searched in order before the built-in J1939 messages. `progress`
-    receives the fraction read where opening needs the whole file. A SignalError if the file is not a regular one,
+    receives the fraction read where opening needs the whole file. With `sample`, only a sample of a large file is read
+    (`LogSource.sample`). A SignalError if the file is not a regular one,
     cannot be read, is no log, exceeds a limit, or needs a library that is not installed.
     """
     path = Path(path)
@@ -119,4 +126,4 @@ def open_log(path: str | Path, databases: Sequence[str | Path] = (), progress: R
         if head.startswith(magic):
             raise SignalError(f"{path.name}: {what}")
     kind = next(candidate for candidate in FORMATS if candidate.begins(head))
-    return open_isolated(path, f"{__name__}.{kind.module}", kind.name, databases, progress)
+    return open_isolated(path, f"{__name__}.{kind.module}", kind.name, databases, progress, sample=sample)
