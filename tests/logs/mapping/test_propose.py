@@ -119,6 +119,15 @@ def test_a_column_in_kilometres_per_hour_is_the_speed(tmp_path, weaving):
     assert proposal.reasons["speed"].startswith("by its unit, km/h, and its largest value, 69")
 
 
+def test_columns_with_the_unit_of_a_rate_are_named_where_the_yaw_rate_is_missing(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "Kanal 3 [°/s]": ("yaw_rate.tractor", 1 / DEGREE), "Kanal 4 [V]": ("speed", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert "columns with the unit of a rate, of an unknown axis: Kanal 3" in proposal.missing
+    columns["GierSZM [°/s]"] = ("yaw_rate.tractor", 1 / DEGREE)
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert not any("unknown axis" in text for text in proposal.missing)
+
+
 def test_the_speed_of_a_wheel_is_better_than_none(tmp_path, weaving):
     columns = {"VelRR_obd": ("speed", 3.6), "LRW": ("steer.tractor.front", 20), "YawRate": ("yaw_rate.tractor", 1)}
     _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))

@@ -160,6 +160,12 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
     return None
 
 
+def is_rate_by_unit(column: str, unit: str | None) -> bool:
+    """Whether a column whose name has no hint is an angular rate of a body by its unit, such as deg/s."""
+    is_rate = unit is not None and re.fullmatch(r"(deg|°|rad)\w*\s*/\s*s\w*", unit.strip()) is not None
+    return is_rate and not _NEVER.search(f"_{normalised_name(column)}_") and classify_column(column, unit) is None
+
+
 def is_speed_by_unit(column: str, unit: str | None, low: float, high: float) -> bool:
     """Whether a column whose name has no hint is the speed by its unit, km/h or mph, and its range.
 

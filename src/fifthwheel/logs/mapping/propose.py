@@ -7,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.channels import AXLE_LOAD, SIDESLIP, STEER, WHEEL_SPEED, SignalName, is_of, names_of
+from fifthwheel.channels import AXLE_LOAD, SIDESLIP, STEER, WHEEL_SPEED, YAW_RATE, SignalName, is_of, names_of
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError, printable, printable_lines
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
-from fifthwheel.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_speed_by_unit
+from fifthwheel.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_rate_by_unit, is_speed_by_unit
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
 from fifthwheel.logs.source import LogSource, time_column
@@ -91,7 +91,7 @@ def propose_map(
         signals=proposed,
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
-        missing=tuple(_missing(proposed, units)),
+        missing=tuple(_missing(proposed, units, survey)),
         findings=findings,
     )
 
@@ -247,11 +247,15 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
     return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
 
 
-def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
-    """Sentences on the signals that an estimator needs and the map does not have."""
+def _missing(proposed: SignalMap, units: Sequence[str], survey: LogSurvey) -> list[str]:
+    """Sentences on the signals that an estimator needs and the map does not have; a rate may be of an unknown axis."""
     steered = any(is_of(name, STEER) for name in proposed.signals)
     needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
     missing = [f"{name}: not found; every estimator needs it" for name in needed if name not in proposed.signals]
+    contents = survey.contents.items()
+    rates = [name for name, content in contents if is_rate_by_unit(name, content.column.unit) and content.alive]
+    if rates and not any(is_of(name, YAW_RATE) for name in proposed.signals):
+        missing.append(f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}")
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:
