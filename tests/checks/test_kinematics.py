@@ -212,6 +212,8 @@ def test_a_record_that_is_mostly_gaps_has_no_common_time():
         assert (common_time(record, 0.05).size == 0) == mostly
     assert not is_mostly_gaps(Record(time=np.arange(0, 100, 9.9), signals={}))
     assert is_mostly_gaps(Record(time=np.arange(0, 100, 10.1), signals={}))
+    time = common_time(Record(time=np.r_[np.arange(0, 5.15, 0.1), np.arange(40, 45.15, 0.1)], signals={}), 0.5)
+    assert time == pytest.approx(np.r_[np.arange(0, 15.1, 0.5), np.arange(40, 45.1, 0.5)])
     time = common_time(Record(time=[3.0, 4.0], signals={}), 0.25)
     assert time == pytest.approx([3.0, 3.25, 3.5, 3.75])
 

@@ -184,6 +184,12 @@ def test_two_faults_at_once(weaving):
     assert str(findings[1]).startswith("warning: yaw_rate.tractor: 3 spikes, the first")
 
 
+def test_the_start_of_daylight_saving_time_is_named(weaving):
+    time = weaving.time + 3600.0 * (weaving.time > 20)
+    (finding,) = (f for f in check(Record(time=time, signals=weaving.signals)) if f.signal == "time")
+    assert "one hour, as at the start of daylight saving time" in finding.message
+
+
 def test_a_gap_of_the_time_base_is_found(weaving):
     keep = (weaving.time < 10) | (weaving.time > 13)
     with_gap = Record(time=weaving.time[keep], signals={n: v[keep] for n, v in weaving.signals.items()})

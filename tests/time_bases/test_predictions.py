@@ -6,6 +6,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
+from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.time_bases.predictions import predict_channels
 from fifthwheel.vehicle import get
@@ -134,3 +135,12 @@ def test_only_stable_variants_are_used():
         stable += np.linalg.eigvals(A).real.max() < 0
     assert 0 < stable < 5
     assert len(predict_channels(RECORD, soft).predicted) == stable
+
+
+def test_of_a_long_gap_ten_seconds_remain():
+    half = RECORD.time > RECORD.time.mean()
+    paused = Record(time=RECORD.time + 100.0 * half, signals=RECORD.signals, name=RECORD.name)
+    prediction, whole = predict_channels(paused, TRUCK), predict_channels(RECORD, TRUCK)
+    assert abs(len(prediction.time) - len(whole.time) - 10 * 25) <= 1
+    assert abs(np.diff(prediction.time).max() - 90) < 0.1
+    assert prediction.time[-1] == whole.time[-1] + 100

@@ -144,7 +144,7 @@ def test_files_and_changes() -> None:
             '5 t"\n[unit.payload]',
             r"payload\.mass: .*remove",
         ),
-        (LADEN, '1 kg"\n[unit.payload]\nmass="2 t"', r"or semitr"),
+        (LADEN, '300 kg"\n[unit.payload]\nmass="2 t"', r"or semitr"),
         (
             'mass = "33.45 t +- 1 %"\n[unit.payload]\nmass = "20 t +- 300 kg"',
             "[unit.payload]",

@@ -7,6 +7,8 @@ from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, 
 UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured values lie between 0.002 and 0.008."""
 VELOCITY_WORDS = "_vel[a-z]*(_hor|_body)?"
+EARTH_FIXED = "ecef|xyz|_(ned|enu|utm)_"
+"""Words for axes that do not turn with the vehicle."""
 
 SPEED = Channel(
     quantity="speed",
@@ -15,11 +17,13 @@ SPEED = Channel(
     patterns=(
         NamePattern(
             pattern="(vehicle|_veh|_car|ground|gps|gnss)_?(speed|spd|vel)"
-            "|_(speed|velocity|spd|vel|geschwindigkeit)(_?[23]d)?_$"
+            "|_(speed|velocity|spd|vel|geschw(indigkeit)?|vitesse)(_?[23]d)?_$|(fahr|fahrzeug|fzg)_?geschw"
+            "|_vitesse_(veh|gps|sol|long)|_speedo|_vgps_|_geschw_(szm|zm|lkw|fzg)_"
             f"|long(itudinal)?_?vel|{VELOCITY_WORDS}_(forwards?|x)_|_(forwards?|x)_?vel"
             "|_v_?(x|ist|fzg|veh|ego|long|signal)?_$|_tacho_|_v_?x_(vehicle|veh|car|ego|cog)",
             excluded="_lat(eral)?_|_side|_vert|_north|_east|_down|_up_|_[yz]_|_ang|_rot|yaw|gier|roll|wank|pitch|nick"
-            "|steer|lenk|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame",
+            "|steer|lenk|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame|quer|laterale"
+            f"|lacet|roulis|tangage|volant|braquage|roue|moteur|_(lrw|lw|swa|hwa)_|{EARTH_FIXED}",
         ),
     ),
     proposed="signal",
@@ -32,7 +36,8 @@ STEER = Channel(
     of="part",
     patterns=(
         NamePattern(
-            pattern="steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|hand_?wheel|(road|front)_?wheel_?ang|rad_?einschlag|_swa_"
+            pattern="steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|(road|front)_?wheel_?ang|rad_?einschlag|volant|braquage"
+            "|hand_?(wheel|whl)|_str?g?_?(wheel|whl)_?(ang|pos)|_(swa|lrw|lw|hwa)_|_sw_?(ang|pos)"
             "|_(sas|lws|lwi)_(.*_)?(ang|winkel)|_delta(_(front|vorne?|f|fl|fr|l|r|h|sw|1))?_$",
             excluded="_[lr]_?[2-9]_",
         ),

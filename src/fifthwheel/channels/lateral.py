@@ -12,7 +12,7 @@ from fifthwheel.channels.channel import (
     Symbol,
     TurnRelation,
 )
-from fifthwheel.channels.inputs import VELOCITY_WORDS
+from fifthwheel.channels.inputs import EARTH_FIXED, VELOCITY_WORDS
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 
 ACCELERATION_WORDS = "acc(el|eleration)?(_hor|_body)?"
@@ -33,7 +33,7 @@ LATERAL_ACCELERATION = Channel(
     unit="m/s^2",
     patterns=(
         NamePattern(
-            pattern=f"lat(eral)?_?acc|{ACCELERATION_WORDS}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl",
+            pattern=f"lat(eral)?_?acc|{ACCELERATION_WORDS}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl|acc[a-z]*_transv",
             excluded="_ang",
         ),
     ),
@@ -73,7 +73,7 @@ LATERAL_VELOCITY = Channel(
     patterns=(
         NamePattern(
             pattern=f"lat(eral)?_?vel|{VELOCITY_WORDS}_(y|lat[a-z]*|side[a-z]*)_|_y_?vel|_v_?y_|quer_?geschw",
-            excluded="_ang|frame",
+            excluded=f"_ang|frame|{EARTH_FIXED}",
         ),
     ),
     proposed="reference",
@@ -87,7 +87,8 @@ SIDESLIP = Channel(
     unit="rad",
     patterns=(
         NamePattern(
-            pattern="side_?slip|slip_?angle|angle_?slip|schwimm|_beta_", excluded="_(front|rear|left|right)_|rate"
+            pattern="side_?slip|slip_?angle|angle_?slip|schwimm|_beta_|angle_(de_)?derive",
+            excluded="_(front|rear|left|right)_|rate",
         ),
     ),
     proposed="reference",

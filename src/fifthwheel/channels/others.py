@@ -18,7 +18,9 @@ WHEEL_SPEED = Channel(
     of="part",
     patterns=(
         NamePattern(
-            pattern="(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_", excluded="steer|lenk|_ang|_rot"
+            pattern="(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_|vitesse_(de_)?roue"
+            "|_(v|vel|spd|speed)_?(fl|fr|rl|rr|vl|vr|hl|hr)_",
+            excluded="steer|lenk|_ang|_rot",
         ),
     ),
     proposed="signal",
@@ -28,12 +30,16 @@ STEER_RATE = Channel(
     quantity="steer_rate",
     unit="rad/s",
     of="part",
-    patterns=(NamePattern(pattern="(steer|lenk|_swa_).*(rate|geschw|vel|speed)"),),
+    patterns=(
+        NamePattern(pattern="(steer|lenk|_(swa|lrw|lw|hwa)_).*(rate|geschw|vel|speed)|vitesse.*(volant|braquage)"),
+    ),
 )
 ARTICULATION_RATE = Channel(
     quantity="articulation_rate",
     unit="rad/s",
-    patterns=(NamePattern(pattern="(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_"),),
+    patterns=(
+        NamePattern(pattern="(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_|vitesse.*(articulat|attelage)"),
+    ),
 )
 YAW_ACCELERATION = Channel(
     quantity="yaw_acceleration", unit="rad/s^2", patterns=(NamePattern(pattern="yaw_?acc|gier_?beschl"),)
@@ -42,7 +48,9 @@ PITCH_RATE = Channel(
     quantity="pitch_rate",
     unit="rad/s",
     patterns=(
-        NamePattern(pattern="pitch_?(rate|vel)|nick_?(rate|geschw)|gyr[a-z]*?_?y_|_(gy|wy|avy|omega_?y)_"),
+        NamePattern(
+            pattern="pitch_?(rate|vel)|nick_?(rate|geschw)|vitesse_(de_)?tangage|gyr[a-z]*?_?y_|_(gy|wy|avy|omega_?y)_"
+        ),
         NamePattern(pattern=f"_{AXIS_WORDS}_(y|lat[a-z]*)_|_rate_(body|hor)_y_"),
     ),
 )
@@ -68,8 +76,12 @@ VERTICAL_ACCELERATION = Channel(
         ),
     ),
 )
-PITCH = Channel(quantity="pitch", unit="rad", patterns=(NamePattern(pattern="_pitch(_?angle)?_|nick_?winkel|_theta_"),))
-YAW = Channel(quantity="yaw", unit="rad", patterns=(NamePattern(pattern="_(yaw|heading|psi)(_?angle)?_|gier_?winkel"),))
+PITCH = Channel(
+    quantity="pitch", unit="rad", patterns=(NamePattern(pattern="_pitch(_?angle)?_|nick_?winkel|_theta_|tangage"),)
+)
+YAW = Channel(
+    quantity="yaw", unit="rad", patterns=(NamePattern(pattern="_(yaw|heading|psi)(_?angle)?_|gier_?winkel|_lacet_"),)
+)
 SLIP_ANGLE = Channel(
     quantity="slip_angle",
     unit="rad",

@@ -30,9 +30,11 @@ YAW_RATE = Channel(
     quantity="yaw_rate",
     unit="rad/s",
     patterns=(
-        NamePattern(pattern="yaw_?(rate|vel)|gier_?(rate|geschw|winkelgeschw)|_psi_?(p|dot)_"),
+        NamePattern(
+            pattern="yaw_?(rate|vel)|gier_?(rate|geschw|winkelgeschw)|_psi_?(p|dot)_|(vitesse|taux)_(de_)?lacet"
+        ),
         NamePattern(pattern=f"gyr[a-z]*?_?z_|_(gz|wz|avz|omega_?z)_|_{AXIS_WORDS}_(z|down|up)_|_rate_(body|hor)_z_"),
-        NamePattern(pattern="_(yaw|gier)_", excluded="_[alr]\\d_", generic=True),
+        NamePattern(pattern="_(yaw|gier|lacet|psi)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=1.5, jump=0.15, turn=0.03),
@@ -59,7 +61,7 @@ YAW_RATE = Channel(
 ARTICULATION = Channel(
     quantity="articulation",
     unit="rad",
-    patterns=(NamePattern(pattern="articulat|hitch|knick|coupling_angle|_gamma_|_art_h_"),),
+    patterns=(NamePattern(pattern="articulat|hitch|knick|attelage|coupling_angle|_gamma_|_art_h_"),),
     proposed="signal",
     limit=SignalLimits(magnitude=1.7, jump=0.06, turn=0.02),
     turn=TurnRelation(
@@ -100,9 +102,11 @@ ROLL_RATE = Channel(
     of_roll=True,
     unit="rad/s",
     patterns=(
-        NamePattern(pattern="roll_?(rate|vel)|wank_?(rate|geschw|winkelgeschw)|_phi_?(p|dot)_"),
+        NamePattern(
+            pattern="roll_?(rate|vel)|wank_?(rate|geschw|winkelgeschw)|_phi_?(p|dot)_|(vitesse|taux)_(de_)?roulis"
+        ),
         NamePattern(pattern=f"gyr[a-z]*?_?x_|_(gx|wx|avx|omega_?x)_|_{AXIS_WORDS}_(x|forward)_|_rate_(body|hor)_x_"),
-        NamePattern(pattern="_(roll|wank)_", excluded="_[alr]\\d_", generic=True),
+        NamePattern(pattern="_(roll|wank|roulis|phi)_", excluded="_[alr]\\d_", generic=True),
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=2.0, jump=0.4),
@@ -127,7 +131,10 @@ ROLL = Channel(
     quantity="roll",
     of_roll=True,
     unit="rad",
-    patterns=(NamePattern(pattern="_roll(_?angle)?_|wank_?winkel|_phi_", excluded="_[alr]\\d_"),),
+    patterns=(
+        NamePattern(pattern="_roll(_?angle)?_|wank_?winkel|_phi_|angle_(de_)?roulis", excluded="_[alr]\\d_"),
+        NamePattern(pattern="_(wank|roulis)_", generic=True),
+    ),
     proposed="signal",
     limit=SignalLimits(magnitude=0.5, jump=0.05, turn=0.02),
     noise=(0.005**2, 0.005**2),

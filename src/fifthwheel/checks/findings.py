@@ -89,6 +89,11 @@ def warning(signal: str, fault: Fault, problem: str, **further: Any) -> Finding:
     return Finding(signal=signal, fault=fault, severity="warning", message=f"{signal}: {problem}", **further)
 
 
+def is_gap(finding: Finding) -> bool:
+    """Whether it is the finding on a gap of the time base."""
+    return finding.signal == "time" and finding.fault is Fault.DROPOUT
+
+
 def raise_errors(findings: Iterable[Finding]) -> None:
     """Raise one SignalError with the messages of all errors among the findings, if there are any."""
     errors = [finding.message for finding in findings if finding.severity == "error"]

@@ -69,6 +69,11 @@ class Relation:
         return channel.turn
 
     @property
+    def agrees(self) -> bool:
+        """Whether the signal has the expected sign."""
+        return self.excited and self.correlation > 0.5
+
+    @property
     def fault(self) -> Fault | None:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
         turn = self.turn
@@ -94,9 +99,13 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     turning = [relation for relation in every if not relation.turn.has_other_causes]
     faults = [relation.fault for relation in turning]
     counts = Counter(faults)
-    # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal.
+    # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal. A roll rate
+    # that agrees with a yaw rate is inverted with it, so it counts against the inversion of the leading one.
+    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
+    following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
+    agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
     leading_faults = [
-        fault for fault in (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN) if counts[fault] > 1 + len(turning) - counts[fault]
+        fault for fault, others in agreeing.items() if counts[fault] > 1 + len(turning) - counts[fault] + others
     ]
     for culprit in leading_faults:
         yield _finding(next(r for r in turning if r.fault is culprit), culprit, of_leading=True)
@@ -168,10 +177,16 @@ def _leading_yaw_rate(record: Record) -> str | None:
 
 
 def common_time(record: Record, step: float) -> Array:
-    """Instants (N,) from the record's first to its last, `step` s apart; none where `is_mostly_gaps`."""
+    """Instants (N,) in the span of a record, `step` s apart, `without_gaps`; none where `is_mostly_gaps`."""
     start, stop = record.span
     usable = (stop - start) / step < _MAX_INSTANTS and not is_mostly_gaps(record)
-    return np.arange(start, stop, step) if usable else np.empty(0)
+    return without_gaps(np.arange(start, stop, step), record.time) if usable else np.empty(0)
+
+
+def without_gaps(instants: Array, sample_time: Array) -> Array:
+    """The instants (n,) that follow a sample within 10 s: of a longer gap, that much remains."""
+    before = np.searchsorted(sample_time, instants, side="right") - 1
+    return instants[instants - sample_time[np.maximum(before, 0)] <= _GAP]
 
 
 def is_mostly_gaps(record: Record) -> bool:

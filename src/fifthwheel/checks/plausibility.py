@@ -12,6 +12,7 @@ from fifthwheel.checks.kinematics import kinematic_findings
 from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
 from fifthwheel.record.record import Record
+from fifthwheel.record.timestamps import is_hour
 
 MIN_SPEED = 5.0
 """m/s; below it the lateral equations, which divide by speed, are inaccurate."""
@@ -185,6 +186,8 @@ def _time(record: Record) -> Iterator[Finding]:
     if steps.max() > max(0.5, 5 * float(np.median(steps))):
         start = record.time[steps.argmax()]
         problem = f"gap of {steps.max():.2f} s after {start:.2f} s"
+        if is_hour(steps.max()):
+            problem += ", one hour, as at the start of daylight saving time: if the run went on, export the time in UTC"
         yield warning("time", Fault.DROPOUT, f"{problem}; the segments on either side are used separately")
     if record.rate > _MAX_RATE:
         duration = record.span[1] - record.span[0]

@@ -36,14 +36,16 @@ def signals(
     save: Annotated[
         Path | None, typer.Option("--save", help="With --signals: file for the record, .csv or .parquet.")
     ] = None,
+    whole: Annotated[bool, typer.Option("--whole", help="Read all of a large text table, not a sample.")] = False,
     force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the contents of a log and propose a signals.toml.
 
     Lists every column with unit, sampling rate, range and missing samples. Proposes which column is which signal, from
-    names, units and the kinematics of a turning vehicle (signs, degrees, steering ratio). Edit the proposal, then use
-    it with --signals: here to see the resulting record, and in the other commands.
+    names, units and the kinematics of a turning vehicle (signs, degrees, steering ratio). Of a text table above
+    100 MB, a sample is read, unless --whole is given. Edit the proposal, then use it with --signals: here to see the
+    resulting record, and in the other commands.
     """
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.workflow import read_vehicle, survey_file
@@ -59,7 +61,7 @@ def signals(
     from fifthwheel.report.log_contents import survey_document
 
     with reserved(out, force=force), terminal.reading_bar([log]) as progress:
-        contents = survey_file(log, truck, databases=database or [], map_file=out, progress=progress)
+        contents = survey_file(log, truck, databases=database or [], map_file=out, whole=whole, progress=progress)
     if as_json:
         terminal.print_json(contents.as_dict())
         return

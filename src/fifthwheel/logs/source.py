@@ -121,6 +121,8 @@ class LogSource(ABC):
         """What was left out or is damaged, one sentence each; complete after all chunks are read."""
         self.unusable: dict[str, str] = {}
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
+        self.sampled = False
+        """Whether only a sample of the file is read; see `sample`."""
 
     @abstractmethod
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
@@ -128,6 +130,9 @@ class LogSource(ABC):
 
         May be called again. A damaged file gives its intact samples, and a note that says where the damage begins.
         """
+
+    def sample(self) -> None:  # noqa: B027  a reader may read all
+        """Read only a sample of a large file, which a note describes; a reader that cannot skip a part reads all."""
 
     def find(self, text: str) -> str:
         """Name of the column that a text refers to: its name, its name with a unit in brackets, or without "@source".

@@ -14,6 +14,11 @@ _MAX_RESTARTS = 16
 """Restarts of the time that a piece of samples may have."""
 
 
+def is_hour(step: float) -> bool:
+    """Whether a step between timestamps, s, is one hour back or forward, as clocks make it for daylight saving time."""
+    return abs(abs(step) - 3600.0) < 5.0
+
+
 def typical_step(time: Array) -> float:
     """Typical step between increasing timestamps (n,), s; NaN for fewer than two.
 
@@ -38,10 +43,13 @@ def require_increasing(time: Array, name: str = "time", rows_before: int = 0) ->
         at = f"{time[row]:.6g} s at row {row + rows_before + 1}"
         if steps[row - 1] == 0:
             raise SignalError(f"{name}: {at} occurs twice; keep one of the rows, or log the time with more digits")
-        raise SignalError(
-            f"{name}: goes back from {time[row - 1]:.6g} to {at}, increasing time expected; sort the rows, or split "
-            "the log there if it holds two runs or the clock was set"
-        )
+        cure = "sort the rows, or split the log there if it holds two runs or the clock was set"
+        if is_hour(steps[row - 1]):
+            cure = (
+                "the clock went back by one hour, as at the end of daylight saving time; export the time in UTC or "
+                "with its zone, or split the log there"
+            )
+        raise SignalError(f"{name}: goes back from {time[row - 1]:.6g} to {at}, increasing time expected; {cure}")
     return time
 
 

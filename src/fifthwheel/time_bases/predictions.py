@@ -10,7 +10,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import MEASURED, ROLL, ROLL_RATE, SignalName, is_of, measured_signals
-from fifthwheel.checks.kinematics import is_mostly_gaps
+from fifthwheel.checks.kinematics import is_mostly_gaps, without_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
 from fifthwheel.checks.samples import MAX_SPEED, remove_input_spikes
 from fifthwheel.dynamics.simulation import free_response
@@ -35,7 +35,7 @@ _START = 1.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Prediction:
-    """Measured and predicted channels on the multiples of 1 / RATE."""
+    """Measured and predicted channels on the multiples of 1 / RATE; of a gap above 10 s, 10 s remain."""
 
     time: Array
     """(N,) s"""
@@ -90,21 +90,20 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     if is_mostly_gaps(record):
         return None
     time, values = decimate(record.time, np.column_stack([record.signals[name] for name in names]), RATE)
-    rows = np.rint(time * RATE).astype(int)
-    first = int(rows[0])
-    measured = np.full((rows[-1] - first + 1, len(names)), np.nan)
-    measured[rows - first] = values
+    instants = without_gaps(np.arange(np.rint(time[0] * RATE), np.rint(time[-1] * RATE) + 1) / RATE, time)
+    rows = np.rint(instants * RATE)
+    measured = np.full((rows.size, len(names)), np.nan)
+    measured[np.searchsorted(rows, np.rint(time * RATE))] = values
     predicted = np.full((len(variants), *measured.shape), np.nan)
     for segment, columns in zip(segments, inputs, strict=True):
-        start, stop = np.ceil(segment.time[0] * RATE), np.floor(segment.time[-1] * RATE)
-        grid = np.arange(max(start, first), min(stop, rows[-1]) + 1) / RATE
+        first, last = np.searchsorted(rows, [np.ceil(segment.time[0] * RATE), np.floor(segment.time[-1] * RATE) + 1])
+        grid = instants[first:last]
         if grid.size > _START * RATE:
             on_grid = {name: np.interp(grid, segment.time, column) for name, column in columns.items()}
-            place = slice(round(grid[0] * RATE) - first, round(grid[-1] * RATE) - first + 1)
             for variant, response in zip(variants, predicted, strict=True):
-                response[place] = _response(variant, names, grid, on_grid, roll=roll)
+                response[first:last] = _response(variant, names, grid, on_grid, roll=roll)
     return Prediction(
-        time=np.arange(first, rows[-1] + 1) / RATE,
+        time=instants,
         steer=steers[0],
         names=names,
         measured=measured,

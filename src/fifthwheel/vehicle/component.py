@@ -34,12 +34,15 @@ Texts = Annotated[Mapping[str, str], AfterValidator(HashableDict)]
 """Texts by name."""
 
 
-def number(unit: str, description: str, **limits: Any) -> Any:
+def number(unit: str, description: str, *, plausible: tuple[float, float] | None = None, **limits: Any) -> Any:
     """A field that is a parameter: a number with a path.
 
-    Its SI unit is the same wherever a component has this key; default and limits are those of `pydantic.Field`.
+    Its SI unit is the same wherever a component has this key; default and limits are those of `pydantic.Field`. A
+    vehicle file with a number outside `plausible` is refused: no road vehicle has it, heavy haulage included.
+    Estimates and samples of Monte Carlo studies may be outside.
     """
-    return Field(description=description, json_schema_extra={"unit": unit}, **limits)
+    extra: dict[str, Any] = {"unit": unit, "plausible": plausible}
+    return Field(description=description, json_schema_extra=extra, **limits)
 
 
 class Component(BaseModel):
@@ -53,11 +56,15 @@ class Component(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
     si_units: ClassVar[Mapping[str, str]]
     """SI unit of each number by its key."""
+    plausible: ClassVar[Mapping[str, tuple[float, float]]]
+    """Range of the numbers of road vehicles by key, SI."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
         extras = {key: field.json_schema_extra for key, field in cls.model_fields.items()}
-        cls.si_units = {key: str(extra["unit"]) for key, extra in extras.items() if isinstance(extra, dict)}
+        numbers: dict[str, Any] = {key: extra for key, extra in extras.items() if isinstance(extra, dict)}
+        cls.si_units = {key: extra["unit"] for key, extra in numbers.items()}
+        cls.plausible = {key: extra["plausible"] for key, extra in numbers.items() if extra["plausible"]}
         for key, field in cls.model_fields.items():
             if _is_number(field.annotation) != (key in cls.si_units):
                 raise TypeError(f"{cls.__name__}.{key}: a number, and only a number, has a unit; use `number`")

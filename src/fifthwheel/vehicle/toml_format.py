@@ -1,6 +1,7 @@
 """Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; docs/vehicle.md has an example with every key."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -101,6 +102,7 @@ def _unit(table: Table, label: str, stated: dict[str, float]) -> Table:
         }
     groups = _tables(fields, "axle_groups", path)
     fields["axle_groups"] = [_group(group, path, stated, only=len(groups) == 1) for group in groups]
+    _require_plausible_axles(path, fields["axle_groups"])
     return fields
 
 
@@ -131,12 +133,45 @@ def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, fl
     for key, value in table.items():
         if key in kind.si_units:
             value, sigma = read_quantity(value, kind.si_units[key], f"{prefix}{key}")
+            if key in kind.plausible:
+                _require_plausible(f"{prefix}{key}", value, table[key], kind.si_units[key], kind.plausible[key])
             if sigma is not None:
                 stated[f"{prefix}{key}"] = sigma
         values[fields[key]] = value
     return values
 
 
+def _require_plausible(path: str, value: float, written: Any, si: str, limits: tuple[float, float]) -> None:
+    """Raise a VehicleError where a number is outside the range of road vehicles."""
+    low, high = limits
+    if not low <= value <= high:
+        raise VehicleError(
+            f"{path}: expected {low:g} to {high:g} {si}, the range of road vehicles, got {written}; check the number"
+            " and its unit"
+        )
+
+
+def _require_plausible_axles(unit: str, groups: list[Table]) -> None:
+    """Raise a VehicleError where neighbouring axles of a unit are too close, or those of a group too far apart."""
+    axles = [
+        (axle["position"], k, axle.get("name", group.get("name", "axle")))
+        for k, group in enumerate(groups)
+        for axle in group["axles"]
+        if isinstance(axle.get("position"), float)
+    ]
+    for (rear, k_rear, name_rear), (front, k_front, name_front) in pairwise(sorted(axles)):
+        low, high = _AXLE_DISTANCES if k_rear == k_front else (_AXLE_DISTANCES[0], _UNIT_LENGTH)
+        if not low <= front - rear <= high:
+            raise VehicleError(
+                f"{unit}: expected {low:g} to {high:g} m between neighbouring axles, got {front - rear:.4g} m between"
+                f" {name_front} and {name_rear}; check their positions, m, positive forward"
+            )
+
+
+_AXLE_DISTANCES = (0.5, 6.0)
+"""Between neighbouring axles of a group, m."""
+_UNIT_LENGTH = 25.0
+"""Largest distance of neighbouring axles of a unit, m."""
 _CURES = {
     "N/rad": "give the side force per slip angle, the total of the group's axles",
     "N m/rad": "give the roll moment per roll angle; two springs of k N/m, each y m from the middle, have 2 k y^2",

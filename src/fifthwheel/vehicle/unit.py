@@ -18,6 +18,10 @@ MAX_AXLE_GROUPS = 8
 """Axle groups of a unit: the time to compile the model grows with their number."""
 MAX_AXLES = 16
 """Axles of a group."""
+ON_UNIT = (-25.0, 25.0)
+"""Plausible positions on a unit, m: the origin is on it."""
+MASS = (200.0, 3e5)
+"""Plausible masses of a unit, kg."""
 ACCELEROMETERS = ("accelerometer", "accelerometers")
 """Tables of the places of accelerometers in a unit."""
 
@@ -26,7 +30,7 @@ class Axle(Component):
     """One axle."""
 
     name: Name = Field(description="Unique in the unit; a single axle may take the name of its group.")
-    position: Number = number("m", "x of the axle on its unit.")
+    position: Number = number("m", "x of the axle on its unit.", plausible=ON_UNIT)
     steerable: bool = Field(default=False, description="Whether steer.<unit>.<axle> is an input of the vehicle.")
     lifted: bool = Field(
         default=False, description="A raised lift axle: no tyre on the road; its mass stays on its unit."
@@ -68,9 +72,9 @@ class AxleGroup(Component):
     name: Name = Field(default="axles", description="Unique in the unit; not in the paths if it is the only group.")
     axles: tuple[Axle, ...] = Field(min_length=1, max_length=MAX_AXLES, description="From front to rear.")
     cornering_stiffness: Positive = number("N/rad", "Side force per slip angle of all axles together.", ge=1e3, le=1e8)
-    roll_stiffness: Positive = number("N m/rad", "Suspension, total of the group.")
-    tyre_roll_stiffness: Positive = number("N m/rad", "Tyres, total of the group.")
-    roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.")
+    roll_stiffness: Positive = number("N m/rad", "Suspension, total of the group.", plausible=(1e4, 1e8))
+    tyre_roll_stiffness: Positive = number("N m/rad", "Tyres, total of the group.", plausible=(1e4, 1e8))
+    roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.", plausible=(0.0, 1e7))
     relaxation_length: NonNegative = number(
         "m",
         "Distance over which the side force of the tyres builds up; 0: it acts at once, as in the article.",
@@ -134,9 +138,9 @@ class AxleGroup(Component):
 class SprungMass(Component):
     """The body on the suspension, without the payload."""
 
-    mass: Positive = number("kg", "Without axles, wheels and payload.")
-    cog_height: Positive = number("m", "CoG above the ground.")
-    roll_inertia: Positive = number("kg m^2", "About the longitudinal axis through its own CoG.")
+    mass: Positive = number("kg", "Without axles, wheels and payload.", plausible=MASS)
+    cog_height: Positive = number("m", "CoG above the ground.", plausible=(0.2, 5.0))
+    roll_inertia: Positive = number("kg m^2", "About the longitudinal axis through its own CoG.", plausible=(20.0, 1e6))
     roll_yaw_product: Number = number(
         "kg m^2",
         "I_sxz of the article, laden: integral of x z dm over the sprung body, with x from the CoG of the unit and z"
@@ -151,18 +155,18 @@ class Payload(Component):
     Cheng and Cebon (2011), section 3.3.
     """
 
-    mass: Positive = number("kg", "Of the load.")
-    height: Positive = number("m", "Of the load, from the floor to its top, h_p.")
-    width: Positive = number("m", "Of the load, D_p; not used by a point payload.")
-    floor_height: Positive = number("m", "Of the floor above the ground, h_f.")
+    mass: Positive = number("kg", "Of the load.", plausible=(0.0, MASS[1]))
+    height: Positive = number("m", "Of the load, from the floor to its top, h_p.", plausible=(0.0, 6.0))
+    width: Positive = number("m", "Of the load, D_p; not used by a point payload.", plausible=(0.0, 6.0))
+    floor_height: Positive = number("m", "Of the floor above the ground, h_f.", plausible=(0.1, 3.0))
     shape: Literal["uniform", "point"] = Field(default="uniform", description="Distribution of the mass.")
 
 
 class Accelerometer(Component):
     """Where a lateral accelerometer is fixed to the sprung body of a unit."""
 
-    position: Number = number("m", "x on the unit.")
-    height: NonNegative = number("m", "Above the ground.")
+    position: Number = number("m", "x on the unit.", plausible=ON_UNIT)
+    height: NonNegative = number("m", "Above the ground.", plausible=(0.0, 5.0))
 
 
 class Unit(Component):
@@ -172,10 +176,10 @@ class Unit(Component):
     vehicle_class: str | None = Field(
         default=None, description="One of `classes.CLASSES`: gives the numbers that a file does not have."
     )
-    mass: Positive = number("kg", "Sprung, unsprung and payload.", le=5e5)
-    cog: Number = number("m", "x of the CoG of the unit.")
-    yaw_inertia: Positive = number("kg m^2", "Of the unit about its CoG.")
-    roll_axis_height: NonNegative = number("m", "Of the roll axis above the ground, h_r.")
+    mass: Positive = number("kg", "Sprung, unsprung and payload.", le=5e5, plausible=MASS)
+    cog: Number = number("m", "x of the CoG of the unit.", plausible=ON_UNIT)
+    yaw_inertia: Positive = number("kg m^2", "Of the unit about its CoG.", plausible=(100.0, 1e7))
+    roll_axis_height: NonNegative = number("m", "Of the roll axis above the ground, h_r.", plausible=(0.0, 3.0))
     sprung: SprungMass
     payload: Payload | None = None
     accelerometer: Accelerometer | None = Field(
@@ -257,11 +261,13 @@ class Coupling(Component):
 
     name: Name = "fifth_wheel"
     kind: CouplingKind = Field(default="fifth_wheel", description="Which rotations are free.")
-    leading_position: Number = number("m", "x on the unit in front, from that unit's origin.")
-    trailing_position: Number = number("m", "x on the unit behind, from that unit's origin.")
-    height: NonNegative = number("m", "Above the ground.")
-    roll_stiffness: NonNegative = number("N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.")
-    roll_damping: NonNegative = number("N m s/rad", "Between the two sprung bodies.", default=0.0)
+    leading_position: Number = number("m", "x on the unit in front, from that unit's origin.", plausible=ON_UNIT)
+    trailing_position: Number = number("m", "x on the unit behind, from that unit's origin.", plausible=ON_UNIT)
+    height: NonNegative = number("m", "Above the ground.", plausible=(0.1, 3.0))
+    roll_stiffness: NonNegative = number(
+        "N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.", plausible=(0.0, 1e8)
+    )
+    roll_damping: NonNegative = number("N m s/rad", "Between the two sprung bodies.", default=0.0, plausible=(0.0, 1e7))
 
     @model_validator(mode="before")
     @classmethod

@@ -9,6 +9,7 @@ from typing import Any
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel.checks import Fault
+from fifthwheel.checks.findings import is_gap
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.propose import MapProposal, as_toml, propose_map
@@ -53,14 +54,16 @@ def survey_file(
     *,
     databases: Sequence[Path] = (),
     map_file: Path | None = None,
+    whole: bool = False,
     progress: Progress = lambda *_: None,
 ) -> LogContents:
-    """Survey a log and propose a map.
+    """Survey a log and propose a map; of a large text table from a sample of it, which a note says.
 
     Args:
         vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.
         databases: DBC or ARXML files for CAN frames. In the map, those in its folder or below have a relative path.
         map_file: where to write the map.
+        whole: read all of a large file.
         progress: called with a title, the thousandths of the log that are read, and 1000.
 
     Raises:
@@ -70,7 +73,7 @@ def survey_file(
     full = [database.resolve() for database in databases]
     named = [database.relative_to(folder) if database.is_relative_to(folder) else database for database in full]
     report = partial(report_fraction, progress, f"reading {path.name}")
-    with open_log(path, databases, report) as opened:
+    with open_log(path, databases, report, sample=not whole) as opened:
         survey = survey_log(opened, report)
         contents = propose_signals(opened, survey, vehicle, databases=named)
     if map_file is not None:
@@ -117,7 +120,7 @@ def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None 
         proposal,
         signals=proposal.signals.model_copy(update={"signals": channels}),
         reasons=reasons,
-        findings=tuple(finding for finding in findings if finding.fault is not Fault.TIME_OFFSET),
+        findings=tuple(f for f in findings if f.fault is not Fault.TIME_OFFSET and not (log.sampled and is_gap(f))),
     )
 
 

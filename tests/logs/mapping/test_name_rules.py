@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fifthwheel.channels import SignalName, si_unit, split_header
-from fifthwheel.logs.mapping.name_rules import classify_column, classify_columns, normalised_name
+from fifthwheel.logs.mapping.name_rules import classify_column, classify_columns, is_speed_by_unit, normalised_name
 from fifthwheel.units import factor
 
 UNITS = ("tractor", "semitrailer")
@@ -209,6 +209,52 @@ CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
         ("RoadWheelAngle", "deg", STEER),
         ("SteeringWheelAngle", "deg", STEER),
     ],
+    # German, French and abbreviated names of test trucks
+    "abbreviations": [
+        ("v_GPS", "km/h", SPEED),
+        ("vGPS", None, SPEED),
+        ("VGPS", None, SPEED),
+        ("Speed_GPS", None, SPEED),
+        ("Geschw", "km/h", SPEED),
+        ("Geschw_GPS", None, SPEED),
+        ("speedo_obd", None, SPEED),
+        ("vitesse", "km/h", SPEED),
+        ("vitesse véhicule", None, SPEED),
+        ("Quer_Geschw", "m/s", LATERAL_VELOCITY),
+        ("VelRR_obd", None, "wheel_speed.tractor.rear.right"),
+        ("vitesse_roue", None, "wheel_speed.tractor"),
+        ("LRW", "deg", STEER),
+        ("HWA", None, STEER),
+        ("StWhlAng", "deg", STEER),
+        ("SW_pos_obd", None, STEER),
+        ("angle_volant", "deg", STEER),
+        ("LRW_Geschw", "deg/s", None),
+        ("LRW_Geschw", None, None),
+        ("couple_volant", None, None),
+        ("GierSA", "deg/s", TOWED_YAW_RATE),
+        ("Gierrate Sattelauflieger", None, TOWED_YAW_RATE),
+        ("vitesse_lacet", "deg/s", YAW_RATE),
+        ("lacet_remorque", "deg/s", TOWED_YAW_RATE),
+        ("lacet", None, None),
+        ("psi", "deg/s", YAW_RATE),
+        ("psi", "deg", None),
+        ("phi", "deg/s", ROLL_RATE),
+        ("phi", "deg", ROLL),
+        ("WankSA", "deg/s", "roll_rate.semitrailer"),
+        ("WankSA", "deg", "roll.semitrailer"),
+        ("vitesse_roulis", None, ROLL_RATE),
+        ("angle_attelage", "deg", ARTICULATION),
+        ("acceleration_laterale", "m/s^2", LATERAL_ACCELERATION),
+        ("angle_de_dérive", "deg", SIDESLIP),
+    ],
+    # Velocities on axes of the earth
+    "earth": [
+        ("ecef_vy", "m/s", None),
+        ("ECEF_vel_x", "m/s", None),
+        ("ECEF_vel_y", "m/s", None),
+        ("bestxyz.vel_y", None, None),
+        ("vel_y_ned", "m/s", None),
+    ],
     # Constructed contradictions of unit, name and quantity
     "contradictions": [
         ("Speed", "rad/s", None),
@@ -303,7 +349,13 @@ def test_other_channels_have_no_hint(column, unit):
     assert classify_column(column, unit) is None
 
 
-@pytest.mark.parametrize("name", ["SteeringWheelAngle", "Lenkradwinkel", "Steer_SW", "VDC2_SteerWhlAngle_0B"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("SteeringWheelAngle", "Lenkradwinkel", "Steer_SW", "VDC2_SteerWhlAngle_0B", "LRW", "HWA", "StWhlAng"),
+        *("delta_LRW", "SW_pos_obd", "angle_volant"),
+    ],
+)
 def test_steering_wheel_angles(name):
     assert classify_column(name, "deg").steering_wheel
 
@@ -311,6 +363,26 @@ def test_steering_wheel_angles(name):
 @pytest.mark.parametrize("name", ["delta", "road_wheel_steer_angle", "RoadWheelAngle", "Steer_L1"])
 def test_road_wheel_angles(name):
     assert not classify_column(name, "deg").steering_wheel
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "low", "high", "expected"),
+    [
+        ("Kanal 7", "km/h", 0.0, 80.0, True),
+        ("ch12", "mph", -0.1, 55.0, True),
+        ("Kanal 7", "km/h", 0.0, 12.0, False),
+        ("Kanal 7", "km/h", 0.0, 400.0, False),
+        ("Kanal 7", "km/h", -80.0, 80.0, False),
+        ("Kanal 7", "m/s", 0.0, 25.0, False),
+        ("Kanal 7", None, 0.0, 80.0, False),
+        ("Kanal 7", "deg", 0.0, 80.0, False),
+        ("cruise_set", "km/h", 0.0, 80.0, False),
+        ("wind", "km/h", 0.0, 80.0, False),
+        ("north", "km/h", 0.0, 80.0, False),
+    ],
+)
+def test_a_speed_by_its_unit_and_range(column, unit, low, high, expected):
+    assert is_speed_by_unit(column, unit, low, high) == expected
 
 
 def test_a_repeated_name_does_not_number_the_vehicle_unit():

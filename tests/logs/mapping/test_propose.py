@@ -112,6 +112,61 @@ def test_the_second_gyro_of_a_unit_is_another_candidate(tmp_path, weaving):
     assert any(text.startswith("steer.tractor.front") for text in proposal.missing)
 
 
+def test_a_column_in_kilometres_per_hour_is_the_speed(tmp_path, weaving):
+    columns = {"Kanal 3 [km/h]": ("speed", 3.6), "Kanal 4 [km/h]": ("speed", 36), "LRW": ("steer.tractor.front", 20)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["speed"].column == "Kanal 3"
+    assert proposal.reasons["speed"].startswith("by its unit, km/h, and its largest value, 69")
+
+
+def test_columns_with_the_unit_of_a_rate_are_named_where_the_yaw_rate_is_missing(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "Kanal 3 [°/s]": ("yaw_rate.tractor", 1 / DEGREE), "Kanal 4 [V]": ("speed", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert "columns with the unit of a rate, of an unknown axis: Kanal 3" in proposal.missing
+    columns["GierSZM [°/s]"] = ("yaw_rate.tractor", 1 / DEGREE)
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert not any("unknown axis" in text for text in proposal.missing)
+
+
+def test_the_speed_of_a_wheel_is_better_than_none(tmp_path, weaving):
+    columns = {"VelRR_obd": ("speed", 3.6), "LRW": ("steer.tractor.front", 20), "YawRate": ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["speed"].column == "VelRR_obd"
+    assert not any(name.startswith("wheel_speed") for name in proposal.signals.signals)
+
+
+def test_implausible_references_are_not_proposed(tmp_path, weaving):
+    """A velocity on an axis of the earth is too large for a lateral velocity."""
+    columns = {"vx": ("speed", 1), "Lateral_vel [m/s]": ("speed", 0.9)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert not proposal.signals.reference
+
+
+@pytest.mark.parametrize(("unit", "scale", "expected"), [("", 1, "deg"), (" [rad]", 1, "deg"), ("", DEGREE, None)])
+def test_a_sideslip_angle_is_in_degrees_by_its_magnitude(tmp_path, weaving, unit, scale, expected):
+    columns = {"vx": ("speed", 1), f"Correvit_beta{unit}": ("yaw_rate.tractor", 0.2 / DEGREE * scale)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.reference["sideslip.tractor"].unit == expected
+    assert ('unit = "deg"' in as_toml(proposal, survey)) == (expected == "deg")
+
+
+def test_the_steer_angle_is_inverted_and_not_three_gyros(tmp_path, weaving):
+    """A steer angle positive to the right, and the articulation that is positive in a left turn."""
+    lateral = weaving.signals["speed"] * weaving.signals["yaw_rate.tractor"]
+    roll_rate = 0.03 * np.gradient(np.convolve(lateral, np.ones(25) / 25, "same"), weaving.time)
+    rolling = weaving.with_signals({f"roll_rate.{unit}": roll_rate for unit in ("tractor", "semitrailer")})
+    columns = {
+        "vx": ("speed", 1),
+        "delta": ("steer.tractor.front", -1),
+        "Knickwinkel": ("articulation.semitrailer", -1),
+    }
+    columns |= {"GierSZM": ("yaw_rate.tractor", 1)}
+    columns |= {"WankSZM": ("roll_rate.tractor", 1), "WankSA": ("roll_rate.semitrailer", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, rolling, columns))
+    signs = {channel.column: channel.sign for channel in proposal.signals.signals.values()}
+    assert signs == {"vx": 1, "delta": -1, "Knickwinkel": -1, "GierSZM": 1, "WankSZM": 1, "WankSA": 1}
+
+
 def test_a_survey_has_units_and_statistics_of_columns(tmp_path, weaving):
     survey, _ = survey_and_proposal(write_log(tmp_path, weaving, COLUMNS))
     speed = survey.contents["Geschwindigkeit"]

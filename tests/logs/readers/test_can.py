@@ -138,6 +138,22 @@ def test_asc_in_decimal_and_with_relative_timestamps(tmp_path):
     assert frames.notes == ["1 damaged line left out"]
 
 
+@pytest.mark.parametrize("first", ["", "// version 9.0.0\n"])
+def test_asc_without_its_header(tmp_path, first):
+    path = tmp_path / "a.asc"
+    path.write_text(
+        first + "   0.500000 1  18F0090Bx       Rx   d 3 0A FF 00  Length = 1 BitCount = 2 ID = 3x\n"
+        "   0.750000 2  123             Tx   d 1 16\n"
+    )
+    assert trace_kind(path.read_bytes()) == "asc"
+    frames = read(path)
+    assert frames.id.tolist() == [0x18F0090B, 0x123]
+    assert frames.time.tolist() == [0.5, 0.75]
+    assert frames.notes == [
+        "an ASC file without its header: identifiers and data read as hexadecimal, times as absolute"
+    ]
+
+
 @pytest.mark.parametrize("kind", ["asc", "log", "trc"])
 def test_a_damaged_line_costs_only_itself(tmp_path, kind):
     messages = some(100)

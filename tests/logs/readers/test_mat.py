@@ -258,6 +258,31 @@ def test_large_variables_are_read_when_they_are_asked_for(tmp_path: Path, monkey
         np.testing.assert_array_equal(found["s.x"], [T, T + 1])
 
 
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_version_4(tmp_path: Path, order: str) -> None:
+    path = tmp_path / "a.mat"
+    if order == "<":
+        savemat(path, {"t": T, "a": T.astype("f4"), "x": 2 * T, "name": "run"}, format="4")
+    else:
+        arrays = {b"t\0": T.astype(">f8"), b"a\0": T.astype(">f4"), b"x\0": (2 * T).astype(">f8")}
+        kinds = {8: 1000, 4: 1010}
+        parts = [
+            struct.pack(">5i", kinds[array.itemsize], array.size, 1, 0, 2) + name + array.tobytes()
+            for name, array in arrays.items()
+        ]
+        path.write_bytes(b"".join(parts))
+    with open_isolated_log(path) as log:
+        found = read(log)
+        assert list(log.columns) == ["a", "x"]
+        np.testing.assert_allclose(found["a"], [T, T], atol=1e-6)
+        np.testing.assert_array_equal(found["x"], [T, 2 * T])
+        assert not log.notes
+    path.write_bytes(path.read_bytes()[:700])
+    with open_isolated_log(path) as log:
+        assert list(log.columns) == ["a"]
+        assert log.notes[0].startswith("broken after 2 variables, at byte ")
+
+
 def test_cut_short(tmp_path: Path) -> None:
     path = save5(tmp_path / "a.mat", {"t": T, "a": T, "b": T})
     path.write_bytes(path.read_bytes()[:-50])

@@ -117,6 +117,41 @@ def test_what_is_packed_is_called_so(tmp_path, head):
         opened(tmp_path, head + bytes(100))
 
 
+@pytest.mark.parametrize(
+    ("head", "message"),
+    [
+        (
+            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
+            "Git LFS pointer.*`git lfs pull`",
+        ),
+        (b"SQLite format 3\0" + bytes(100), "SQLite database.*ROS 2.*mcap convert"),
+        (b"#ROSBAG V2.0\n" + bytes(100), "ROS 1; convert it to MCAP"),
+    ],
+)
+def test_what_is_no_log_is_named_with_the_cure(tmp_path, head, message):
+    with pytest.raises(SignalError, match=rf"log\.csv: an? .*{message}"):
+        opened(tmp_path, head)
+
+
+def test_the_zone_of_an_instant_counts(tmp_path):
+    """At the end of daylight saving time, local time goes back by one hour, and UTC does not."""
+    rows = [f"2025-10-26T02:59:5{k}+02:00,{k}" for k in range(10)] + [
+        f"2025-10-26T02:00:0{k}+0100,{k}" for k in range(9)
+    ]
+    found = columns(opened(tmp_path, "t,v\n" + "".join(f"{row}\n" for row in rows)))
+    assert found["t"] == pytest.approx(1761440390 + np.arange(19))
+    found = columns(opened(tmp_path, "t,v\n2025-10-26T02:59:50-03:30,1\n2025-10-26T02:59:51 -0330,2\n"))
+    assert found["t"] == pytest.approx([1761440390 + 5.5 * 3600, 1761440391 + 5.5 * 3600])
+
+
+def test_the_end_of_daylight_saving_time_is_named(tmp_path):
+    rows = [f"26.10.2025 02:59:5{k},{k}" for k in range(10)] + [f"26.10.2025 02:00:0{k},{k}" for k in range(9)]
+    path = tmp_path / "log.csv"
+    path.write_text("time,speed\n" + "".join(f"{row}\n" for row in rows))
+    with pytest.raises(SignalError, match=r"back by one hour.*daylight saving time; export the time in UTC"):
+        read_log(path)
+
+
 def test_a_large_table_comes_in_chunks_that_fit_together(tmp_path, monkeypatch):
     monkeypatch.setattr(module, "_BLOCK", 4000)
     rows = np.column_stack([np.arange(5000) * 0.01, np.random.default_rng(0).normal(size=5000)]).round(6)
@@ -128,6 +163,40 @@ def test_a_large_table_comes_in_chunks_that_fit_together(tmp_path, monkeypatch):
     assert chunks[-1].done == 1.0
     assert np.concatenate([chunk.values["r"] for chunk in chunks]) == pytest.approx(rows[:, 1])
     assert list(next(log.chunks(["r"])).values) == ["r"]
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_a_sample_is_whole_lines_spread_over_the_file(tmp_path, monkeypatch, end):
+    monkeypatch.setattr(module, "_LARGE", 1e4)
+    monkeypatch.setattr(module, "_PART", 1e3)
+    rows = "".join(f"{k / 10},{k + 0.5}{end}" for k in range(20_000))
+    path = tmp_path / "log.csv"
+    path.write_bytes(f"# a run{end}t,r{end}{rows}".encode())
+    log = module.open_log(path)
+    log.sample()
+    found = columns(log)
+    np.testing.assert_allclose(found["r"], 10 * found["t"] + 0.5, atol=1e-9)
+    numbers = np.rint(10 * found["t"]).astype(int)
+    assert (np.diff(numbers) > 0).all()
+    assert (np.diff(numbers) > 1).sum() == 7
+    assert numbers[0] == 0
+    assert numbers[-1] == 19_999
+    assert 0.07 < numbers.size / 20_000 < 0.1
+    assert log.notes[0].startswith("a sample of 0 of 0 MB was read, in 8 parts of the file: ranges, missing")
+    assert columns(log)["r"] == pytest.approx(found["r"])
+
+
+def test_a_small_table_and_utf_16_are_not_sampled(tmp_path, monkeypatch):
+    path = tmp_path / "log.csv"
+    path.write_text("t,r\n" + "".join(f"{k},{k}\n" for k in range(9)))
+    with open_log(path, sample=True) as log:
+        assert not log.sampled
+        assert columns(log)["r"].size == 9
+    monkeypatch.setattr(module, "_LARGE", 10)
+    path.write_text("t,r\n" + "".join(f"{k},{k}\n" for k in range(9)), encoding="utf-16")
+    wide = module.open_log(path)
+    wide.sample()
+    assert not wide.sampled
 
 
 def test_binary_rubbish_within_a_table_costs_its_lines_only(tmp_path):

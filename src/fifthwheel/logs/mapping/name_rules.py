@@ -1,10 +1,11 @@
 """Rules for names of channels: the quantity, unit and place that the name and the unit of a column indicate."""
 
 import re
+import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fifthwheel.channels import ARTICULATION, CHANNELS, STEER, Channel
+from fifthwheel.channels import ARTICULATION, CHANNELS, SPEED, STEER, Channel
 from fifthwheel.channels.sensors import SENSOR_CLASSES
 from fifthwheel.errors import UnitError
 from fifthwheel.names import split_source
@@ -67,7 +68,7 @@ _NEVER = re.compile(
     "_(set|soll|target|demand|request|req|command|cmd|desired|limit|max|min|status|valid|validity|qual|quality|qbit|flag"
     "|counter|cnt|crc|checksum|type|error|err|fault|sigma|std|stddev|stdev|variance|var|cov|conf|accuracy|latency|age"
     "|offset|bias|relative|rel|rlative|inc|trig|trigger|pedal|ped|fraction|temp|temperature|torque|trq|moment|force"
-    "|pressure|power|voltage|fluid|vz|enable|enabled|active|mode|switch|button|lamp|warning|available)_|_current_$"
+    "|couple|consigne|pressure|power|voltage|fluid|vz|enable|enabled|active|mode|switch|button|lamp|warning|available)_|_current_$"
 )
 """Words of other channels: set values, states, accuracies, signs, forces."""
 _RULES = [
@@ -79,6 +80,8 @@ _RULES = [
 ]
 """In the order in which they are tried."""
 
+NO_UNIT = ("", "-", "1")
+"""What stands in a log for an unknown unit."""
 _UNIT_ENDINGS = {
     **dict.fromkeys(("km_h", "kmh", "kph"), "km/h"),
     **dict.fromkeys(("m_s2", "ms2", "mps2", "m_s_2"), "m/s^2"),
@@ -91,13 +94,17 @@ _UNIT_ENDINGS = {
 }
 """Units at the end of names."""
 
-_TOWED = re.compile("trailer|semi|_(trl|anh|auflieger|sattelanh[a-z]*|st|towed|rear_unit)_|(ebs|rge)2\\d")
-_LEADING = re.compile("tractor|truck|zugm|motor_?wagen|towing|_(trk|szm|cab|chassis|front_unit)_")
+_TOWED = re.compile("trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d")
+_LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
 _NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
 _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "wheel", "channel", "can", "bus", "sensor")
 """Words before a number that does not count the units of a vehicle."""
-_STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw)_|lenkrad|hand|column")
-_ROAD_WHEEL = re.compile("road|_delta_|rad_?einschlag|front_?wheel|vorderrad")
+_LEAST_TOP_SPEED = 8.0
+"""m/s; a truck on the road drives faster."""
+_STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw|lrw|hwa)_|lenkrad|hand|column|volant")
+_ROAD_WHEEL = re.compile("road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
+_DEVICE = re.compile("(?<=[a-z0-9])_(gps|gnss|obd|can)$")
+"""Words at the end of a name for the device that has measured."""
 _SENSORS = {
     "vdc2": "_vdc_?2_|vehicle_dynamic_stability",
     "ins": "_(ins|oxts|rt3000|rt1003|nov_?a_?tel|vector_?nav|adma|applanix)_",
@@ -105,10 +112,10 @@ _SENSORS = {
 """Words for classes of sensors: the J1939 message 61449, and makes of inertial navigation systems."""
 _UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
 _SIDES = {
-    "front": {"front", "vorn", "vorne", "fa", "fl", "fr", "vl", "vr"},
-    "rear": {"rear", "hinten", "ra", "rl", "rr", "hl", "hr"},
-    "left": {"left", "links", "fl", "rl", "vl", "hl"},
-    "right": {"right", "rechts", "fr", "rr", "vr", "hr"},
+    "front": {"front", "vorn", "vorne", "avant", "fa", "fl", "fr", "vl", "vr"},
+    "rear": {"rear", "hinten", "arriere", "ra", "rl", "rr", "hl", "hr"},
+    "left": {"left", "links", "gauche", "fl", "rl", "vl", "hl"},
+    "right": {"right", "rechts", "droite", "fr", "rr", "vr", "hr"},
 }
 
 
@@ -127,10 +134,10 @@ def classify_columns(units: Mapping[str, str | None]) -> dict[str, ColumnHint]:
 
 
 def classify_column(column: str, unit: str | None) -> ColumnHint | None:
-    """The hint of a column's name, in English or German, and its unit; None if it is not a signal of this package."""
+    """The hint of a column's name in English, German or French and its unit; None if it is no known quantity."""
     name, source = split_source(column)
     base, ending = named_unit(name)
-    words, last_part = f"_{base}_", f"_{normalised_name(re.split('[./]', name)[-1])}_"
+    words, last_part = f"_{_DEVICE.sub('', base)}_", f"_{normalised_name(re.split('[./]', name)[-1])}_"
     if _NEVER.search(last_part):
         return None
     for channel, rule in _RULES:
@@ -139,7 +146,7 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
         if not _fits(unit or ending, channel):
             continue
         is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not _ROAD_WHEEL.search(words)
-        place, number = f"{words}{normalised_name(source)}_", _unit_number(words)
+        place, number = f"_{base}_{normalised_name(source)}_", _unit_number(words)
         return ColumnHint(
             column=column,
             channel=channel,
@@ -151,6 +158,27 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
             side=".".join(side for side, tokens in _SIDES.items() if tokens & set(base.split("_"))),
         )
     return None
+
+
+def is_rate_by_unit(column: str, unit: str | None) -> bool:
+    """Whether a column whose name has no hint is an angular rate of a body by its unit, such as deg/s."""
+    is_rate = unit is not None and re.fullmatch(r"(deg|°|rad)\w*\s*/\s*s\w*", unit.strip()) is not None
+    return is_rate and not _NEVER.search(f"_{normalised_name(column)}_") and classify_column(column, unit) is None
+
+
+def is_speed_by_unit(column: str, unit: str | None, low: float, high: float) -> bool:
+    """Whether a column whose name has no hint is the speed by its unit, km/h or mph, and its range.
+
+    It is if the largest value is usual on a road and the name is not that of another speed.
+    """
+    rule, words = SPEED.patterns[0], f"_{normalised_name(column)}_"
+    excluded = _NEVER.search(words) or re.search(rule.excluded, words) or classify_column(column, unit)
+    if unit is None or excluded or not _fits(unit, SPEED):
+        return False
+    si = factor(unit, SPEED.unit)
+    assert SPEED.limit is not None
+    is_of_road = _LEAST_TOP_SPEED < high * si < SPEED.limit.magnitude and low * si > -_LEAST_TOP_SPEED
+    return factor("km/h", SPEED.unit) <= si < 1.0 and is_of_road
 
 
 def _unit_number(words: str) -> int | None:
@@ -179,14 +207,16 @@ def named_unit(name: str) -> tuple[str, str | None]:
 
 def normalised_name(name: str) -> str:
     """A name in small letters with one underscore between words: "YawRate-Lkw" -> "yaw_rate_lkw"."""
-    name = re.sub("(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", name.translate(_UMLAUTS))
+    decomposed = unicodedata.normalize("NFKD", name.translate(_UMLAUTS))
+    plain = "".join(character for character in decomposed if not unicodedata.combining(character))
+    name = re.sub("(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][a-z])", "_", plain)
     name = re.sub("(?<![A-Za-z])(IMU|INS|GPS|GNSS|ESP)(?=[A-Za-z])", r"\1_", name)
     return re.sub("[^a-z0-9]+", "_", name.lower()).strip("_")
 
 
 def _fits(unit: str | None, channel: Channel) -> bool:
     """Whether a quantity can have a unit; a column without a unit can be any quantity."""
-    if unit is None or unit.strip() in ("", "-", "1"):
+    if unit is None or unit.strip() in NO_UNIT:
         return True
     if unit.strip() == "%":
         return False

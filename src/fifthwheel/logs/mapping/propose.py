@@ -7,22 +7,25 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.channels import AXLE_LOAD, STEER, SignalName, is_of
+from fifthwheel.channels import AXLE_LOAD, SIDESLIP, STEER, WHEEL_SPEED, YAW_RATE, SignalName, is_of, names_of
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError, printable, printable_lines
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
-from fifthwheel.logs.mapping.name_rules import ColumnHint, classify_columns
+from fifthwheel.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_rate_by_unit, is_speed_by_unit
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
 from fifthwheel.logs.source import LogSource, time_column
 from fifthwheel.record.record import Record
+from fifthwheel.units import factor
 
 _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""
 _MAX_LAG = 1.5
 """s"""
+_SIDESLIP = 0.1
+"""rad; the sideslip angle of a truck has a smaller standard deviation."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,18 +67,17 @@ def propose_map(
         best = None
         if signal not in reasons and hints:
             best = max(hints, key=lambda hint: _rank(hint, survey.contents[hint.column]))
-            log_unit = survey.contents[best.column].column.unit
+            log_unit, unit = survey.contents[best.column].column.unit, _unit(best, survey.contents[best.column])
             part = reference if best.channel.proposed == "reference" else signals
             sensor = best.sensor if part is signals else ""
-            part[signal] = SignalSource(column=best.column, unit=None if log_unit else best.unit, sensor=sensor)
-            unit = log_unit or best.unit
-            reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}"
+            part[signal] = SignalSource(column=best.column, unit=None if unit == log_unit else unit, sensor=sensor)
+            by_magnitude = "; unit deg by its magnitude" if unit not in (log_unit, best.unit) else ""
+            reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}{by_magnitude}"
         others[signal] = [hint.column for hint in hints if hint is not best]
     if towed_reason:
         reasons[f"yaw_rate.{units[-1]}"] += f"; {towed_reason}"
-    front_wheels = f"wheel_speed.{units[0]}.front"
-    if "speed" not in signals and front_wheels in signals:
-        signals["speed"], reasons["speed"] = signals.pop(front_wheels), "speed of the front wheels, the only speed"
+    if "speed" not in signals:
+        _assign_speed(survey, signals, reasons, others, units[0])
     rows = time_column(log.columns)
     time = TimeColumn(column=rows) if rows not in (None, "time", "t") else None
     proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
@@ -89,7 +91,7 @@ def propose_map(
         signals=proposed,
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
-        missing=tuple(_missing(proposed, units)),
+        missing=tuple(_missing(proposed, units, survey)),
         findings=findings,
     )
 
@@ -143,11 +145,56 @@ def _candidates(
         signal = hint.signal(units)
         if signal is None or not survey.contents[name].alive or name in mapped:
             continue
+        if hint.channel.proposed == "reference" and not _is_plausible(hint, survey.contents[name]):
+            continue
         if hint.channel is AXLE_LOAD and not hint.trailing:
             axle_loads.append(name)
         else:
             candidates.setdefault(signal, []).append(hint)
     return candidates, axle_loads
+
+
+def _unit(hint: ColumnHint, content: ColumnContent) -> str | None:
+    """The unit of a column: of the file, else of its name; degrees for a sideslip angle that is too large for rad."""
+    unit = content.column.unit or hint.unit
+    is_angle = hint.channel is SIDESLIP and (unit is None or unit.strip() in (*NO_UNIT, "rad"))
+    return "deg" if is_angle and content.sigma > _SIDESLIP else unit
+
+
+def _is_plausible(hint: ColumnHint, content: ColumnContent) -> bool:
+    """Whether a reference has a magnitude that its quantity can have."""
+    unit, limit = _unit(hint, content), hint.channel.limit
+    if unit is None or unit.strip() in NO_UNIT or limit is None or hint.channel is SIDESLIP:
+        return True
+    return (abs(content.mean) + 2 * content.sigma) * factor(unit, hint.channel.unit) < limit.magnitude
+
+
+def _assign_speed(
+    survey: LogSurvey,
+    signals: dict[str, SignalSource],
+    reasons: dict[str, str],
+    others: dict[str, Sequence[str]],
+    leading: str,
+) -> None:
+    """Where no name is that of the speed: the speed of the front wheels, a column in km/h, or the speed of a wheel."""
+    front, wheels = f"wheel_speed.{leading}.front", names_of(WHEEL_SPEED, signals)
+    if front in signals:
+        signals["speed"], reasons["speed"] = signals.pop(front), "speed of the front wheels, the only speed"
+        return
+    mapped = {channel.column for channel in signals.values()}
+    columns = [
+        name
+        for name, content in survey.contents.items()
+        if name not in mapped and is_speed_by_unit(name, content.column.unit, content.low, content.high)
+    ]
+    if columns:
+        best, *others["speed"] = sorted(columns, key=lambda name: -survey.contents[name].sigma)
+        content = survey.contents[best]
+        signals["speed"] = SignalSource(column=best)
+        reasons["speed"] = f"by its unit, {content.column.unit}, and its largest value, {content.high:.0f}"
+    elif wheels and SignalName.of(wheels[0]).unit == leading:
+        signals["speed"] = signals.pop(wheels[0])
+        reasons["speed"] = f"{wheels[0]} is the only speed"
 
 
 def _assign_towed_gyro(
@@ -200,11 +247,15 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
     return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
 
 
-def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
-    """Sentences on the signals that an estimator needs and the map does not have."""
+def _missing(proposed: SignalMap, units: Sequence[str], survey: LogSurvey) -> list[str]:
+    """Sentences on the signals that an estimator needs and the map does not have; a rate may be of an unknown axis."""
     steered = any(is_of(name, STEER) for name in proposed.signals)
     needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
     missing = [f"{name}: not found; every estimator needs it" for name in needed if name not in proposed.signals]
+    contents = survey.contents.items()
+    rates = [name for name, content in contents if is_rate_by_unit(name, content.column.unit) and content.alive]
+    if rates and not any(is_of(name, YAW_RATE) for name in proposed.signals):
+        missing.append(f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}")
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:

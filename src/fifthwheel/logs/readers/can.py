@@ -12,7 +12,7 @@ import can
 import numpy as np
 
 from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
-from fifthwheel.logs.readers import TraceKind, trace_kind
+from fifthwheel.logs.readers import TraceKind, has_asc_header, trace_kind
 from fifthwheel.logs.source import ReadProgress, damage, no_progress
 
 _BATCH = 50_000
@@ -26,6 +26,8 @@ _MOST_HEADER_LINES = 100
 _READERS = {"asc": can.ASCReader, "trc": can.TRCReader, "candump": can.CanutilsLogReader}
 _FIRST_BUS = {"blf": 1, "asc": 1}
 """python-can counts these from 0, the log from 1."""
+_ASC_DEFAULT = ("base hex  timestamps absolute\n", "internal events logged\n")
+"""Header for an ASC file without one."""
 _HEADER = re.compile(r"\s*(?:;|date\b|base\b|(?:no\s+)?internal\b)", re.IGNORECASE)
 _TRC_ERROR = re.compile(r"\s*\d+\)?\s+[\d.]+\s+(?:\d+\s+)?(?:ER|Error)\b")
 _STAMP = re.compile(r"\s*(\d+\.\d+)")
@@ -44,20 +46,27 @@ def read_frames(path: Path, notes: list[str]) -> Iterator[tuple[Frames, float]]:
     tally: Counter[str] = Counter()
     buses: dict[str, int] = {}
     with path.open("rb") as file:
-        size, kind = path.stat().st_size, trace_kind(file.read(4096)) or "candump"
+        size, head = path.stat().st_size, file.read(4096)
+        kind = trace_kind(head) or "candump"
         file.seek(0)
-        messages = _messages(file, kind, tally, notes)
+        default: tuple[str, ...] = ()
+        if kind == "asc" and not has_asc_header(head):
+            default = _ASC_DEFAULT
+            notes.append("an ASC file without its header: identifiers and data read as hexadecimal, times as absolute")
+        messages = _messages(file, kind, default, tally, notes)
         while batch := list(islice(messages, _BATCH)):
             yield _frames(batch, tally, buses, _FIRST_BUS.get(kind, 0)), 1.0 if file.closed else file.tell() / size
     notes += [f"{count} {what}{'s' * (count > 1)} left out" for what, count in tally.items() if count]
 
 
-def _messages(file: BinaryIO, kind: TraceKind, tally: Counter[str], notes: list[str]) -> Iterator[can.Message]:
-    """What python-can reads; where a line is damaged, it goes on with the next one."""
+def _messages(
+    file: BinaryIO, kind: TraceKind, header: Sequence[str], tally: Counter[str], notes: list[str]
+) -> Iterator[can.Message]:
+    """What python-can reads below a header and the file; where a line is damaged, it goes on with the next one."""
     if kind == "blf":
         yield from _blf_messages(file, notes)
         return
-    lines, count, at, ended = _Lines(file, kind), 0, -1, False
+    lines, count, at, ended = _Lines(file, kind, header), 0, -1, False
     while not ended and lines.number > at and tally["damaged line"] < count + _MOST_DAMAGED:
         at = lines.number
         try:
@@ -93,7 +102,7 @@ def _blf_messages(file: BinaryIO, notes: list[str]) -> Iterator[can.Message]:
 class _Lines:
     """The lines of a text trace, as python-can iterates over a file; in the form that it can read."""
 
-    def __init__(self, file: BinaryIO, kind: TraceKind) -> None:
+    def __init__(self, file: BinaryIO, kind: TraceKind, header: Sequence[str]) -> None:
         self._file, self._kind = file, kind
         self.number = 0
         """Lines read."""
@@ -101,8 +110,8 @@ class _Lines:
         """Whether the last line has no line end, and was left out."""
         self.errors = 0
         """Error frames of a PCAN trace, which python-can passes over."""
-        self._header: list[str] = []
-        self._again: list[str] = []
+        self._header = [*header]
+        self._again = self._header[::-1]
         self._last = ""
         self._relative = False
         self._clock = 0.0

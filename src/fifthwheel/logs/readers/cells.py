@@ -18,7 +18,7 @@ _BLANK_CELLS = pa.StringArray.from_buffers(  # `pyarrow.array` would import pand
     pa.py_buffer("".join(BLANK).encode()),
 )
 _TIME = r"(?P<H>\d{1,2}):(?P<M>\d{2}):(?P<S>\d{2}(?:[.,]\d+)?)(?: ?(?P<half>[AaPp])[Mm])?"
-_ZONE = r"(?: ?(?:Z|UTC|[+-]\d{2}:?\d{2}))?"
+_ZONE = r"(?: ?(?:Z|UTC|(?P<zone>[+-]\d{2}):?(?P<zone_minutes>\d{2})))?"
 _DATES = (
     r"(?P<y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})",
     r"(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<y>\d{4})",
@@ -34,7 +34,7 @@ class DateStyle:
     """One notation of an instant."""
 
     pattern: str
-    """Regular expression with groups y, m, d (all or none), H, M, S, half."""
+    """Regular expression with groups H, M, S, half; with a date also y, m, d, zone and zone_minutes."""
 
     @property
     def dated(self) -> bool:
@@ -47,11 +47,11 @@ class DateStyle:
         return found is not None and (not self.dated or (int(found["m"]) <= 12 and int(found["d"]) <= 31))
 
     def seconds(self, text: pa.Array) -> Array:
-        """Seconds (n,) since 1970, or since midnight without a date; NaN for another notation."""
+        """Seconds (n,) since 1970, in UTC if the zone is given, or since midnight without a date; NaN if not valid."""
         parts = pc.extract_regex(pc.utf8_trim_whitespace(text), f"^{self.pattern}$")
 
         def part(name: str) -> Array:
-            cells = pc.replace_substring(parts.field(name), ",", ".")
+            cells = pc.replace_substring(pc.replace_substring(parts.field(name), ",", "."), "+", "")
             filled = pc.if_else(pc.equal(cells, ""), pa.scalar(None, cells.type), cells)
             return np.asarray(filled.cast(pa.float64()).to_numpy(zero_copy_only=False), dtype=np.float64)
 
@@ -63,6 +63,8 @@ class DateStyle:
             finite = np.isfinite(seconds)
             year, month, day = (np.where(finite, part(name), 1).astype(int) for name in "ymd")
             days = (year - 1970).astype("datetime64[Y]").astype("datetime64[M]") + (month - 1)
+            zone = np.nan_to_num(part("zone"))
+            seconds = seconds - 3600 * zone - np.copysign(60 * np.nan_to_num(part("zone_minutes")), zone)
             seconds = seconds + ((days.astype("datetime64[D]").astype(np.int64) + day - 1) * _DAY)
         return seconds
 

@@ -99,8 +99,10 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
     module = importlib.import_module(request["module"])
     _arm(seconds)
     log: LogSource = module.open_log(Path(request["path"]), request["databases"], progress)
+    if request["sample"]:
+        log.sample()
     described, omitted = _described(log)
-    _reply(replies, {"columns": described, "notes": [*log.notes, *omitted]})
+    _reply(replies, {"columns": described, "notes": [*log.notes, *omitted], "sampled": log.sampled})
     while "close" not in (asked := incoming.get()):
         head, chunks = {"number": asked["number"]}, log.chunks(asked["chunks"])
         _arm(seconds)

@@ -50,7 +50,13 @@ def start_reader() -> None:
 
 
 def open_isolated(
-    path: Path, module: str, format_name: str, databases: Sequence[str | Path], progress: ReadProgress
+    path: Path,
+    module: str,
+    format_name: str,
+    databases: Sequence[str | Path],
+    progress: ReadProgress,
+    *,
+    sample: bool = False,
 ) -> LogSource:
     """Open a log in a child process by the module that reads its format.
 
@@ -61,7 +67,8 @@ def open_isolated(
     child = _idle_child() or _started_child()
     child.name, child.format_name, child.ended = path.name, format_name, False
     child.limits, child.folder = limits, tempfile.mkdtemp(prefix="fifthwheel-")
-    request = {"path": str(path.absolute()), "name": path.name, "module": module, "format": format_name}
+    request: dict[str, Any] = {"path": str(path.absolute()), "name": path.name, "module": module}
+    request |= {"format": format_name, "sample": sample}
     files = [str(Path(database).absolute()) for database in databases]
     try:
         child.send(request | {"limits": asdict(limits), "folder": child.folder, "databases": files})
@@ -71,7 +78,9 @@ def open_isolated(
         child.end()
         raise
     child.busy = False
-    return IsolatedLog(path.name, child, [Column(**column) for column in head["columns"]], head["notes"])
+    log = IsolatedLog(path.name, child, [Column(**column) for column in head["columns"]], head["notes"])
+    log.sampled = head["sampled"]
+    return log
 
 
 class IsolatedLog(LogSource):

@@ -1,4 +1,4 @@
-"""MATLAB's .mat files by scipy.io (version 5 to 7) and h5py (7.3, and other HDF5 files)."""
+"""MATLAB's .mat files by scipy.io (version 4 to 7) and h5py (7.3, and other HDF5 files)."""
 
 import io
 import struct
@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 from scipy.io import loadmat
@@ -16,6 +16,7 @@ from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
+from fifthwheel.logs.readers import matlab_4_order
 from fifthwheel.logs.readers.mat_signals import Node, Numbers, Opaque, Search, Signal, listed
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
 
@@ -26,7 +27,9 @@ except ModuleNotFoundError:  # only needed for version 7.3
 
 _CHUNK_ROWS = 100_000
 _KEPT_BYTES = 1 << 20
-"""A variable of version 5 that is larger is read again when its samples are asked for."""
+"""A variable of version 4 or 5 that is larger is read again when its samples are asked for."""
+_SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
+"""Bytes of a number of version 4, by its type."""
 _DEEPEST = 16
 _MOST_ITEMS = 20_000
 _DATENUMS = (650_000, 900_000)
@@ -39,8 +42,14 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     """Open a .mat file; SignalError where it holds no signal with a time."""
     notes: list[str] = []
     with path.open("rb") as file:
-        version_5 = file.read(14) == b"MATLAB 5.0 MAT"
-    variables, close = (_variables_5 if version_5 else _variables_hdf)(path, notes)
+        head = file.read(128)
+    close: Callable[[], object] = int
+    if head.startswith(b"MATLAB 5.0 MAT"):
+        variables = _variables(path, _places_5, 128, notes)
+    elif matlab_4_order(head):
+        variables = _variables(path, _places_4, 0, notes)
+    else:
+        variables, close = _variables_hdf(path, notes)
     search = Search()
     search.struct("", variables, [])
     if not search.signals:
@@ -54,7 +63,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
 class MatLog(LogSource):
     """The signals of a .mat file."""
 
-    def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], None]) -> None:
+    def __init__(self, name: str, signals: Sequence[Signal], close: Callable[[], object]) -> None:
         counts = Counter(signal.name for signal in signals)
         self._signals: dict[str, Signal] = {}
         for signal in signals:
@@ -104,37 +113,62 @@ def _numbers(shape: tuple[int, ...], dtype: np.dtype[Any], load: Callable[[], An
     return Numbers(shape=shape, load=load)
 
 
-def _variables_5(path: Path, notes: list[str]) -> tuple[dict[str, Node], Callable[[], None]]:
-    """Variables of version 5 by name, read one by one; those that are damaged are left out with a note."""
+def _places_4(file: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
+    """First byte and length of each variable of version 4."""
+    order, at = matlab_4_order(file.read(128)) or "<", 0
+    while at + 20 <= size:
+        file.seek(at)
+        kind, rows, columns, imaginary, name = struct.unpack(f"{order}5i", file.read(20))
+        length = 20 + name + rows * columns * _SIZES_4.get(kind // 10 % 10, 8) * (1 + imaginary)
+        if length <= 20:
+            return
+        yield at, length
+        at += length
+
+
+def _places_5(file: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
+    """First byte and length of each variable of version 5."""
+    order, at = "<" if file.read(128)[126:] == b"IM" else ">", 128
+    while at + 8 <= size:
+        file.seek(at + 4)
+        (length,) = struct.unpack(f"{order}I", file.read(4))
+        yield at, 8 + length
+        at += 8 + length
+
+
+def _variables(
+    path: Path, places: Callable[[BinaryIO, int], Iterator[tuple[int, int]]], header: int, notes: list[str]
+) -> dict[str, Node]:
+    """Variables of version 4 or 5 by name, read one by one; those that are damaged are left out with a note.
+
+    `header` is the number of bytes before the first variable.
+    """
     variables: dict[str, Node] = {}
     broken: list[str] = []
-    size, at = path.stat().st_size, 128
+    size, end = path.stat().st_size, header
     with path.open("rb") as file:
-        order = "<" if file.read(128)[126:] == b"IM" else ">"
-        while at + 8 <= size:
-            file.seek(at + 4)
-            (length,) = struct.unpack(f"{order}I", file.read(4))
-            if at + 8 + length > size:
+        for at, length in places(file, size):
+            if at + length > size:
                 break
             troubles: list[str] = []
             with damage(troubles.append):
-                name, value = _variable_5(path, at, length)
-                variables[name] = _node_5(value, partial(_value_5, path, at, length))
+                name, value = _variable(path, header, at, length)
+                variables[name] = _node(value, partial(_value, path, header, at, length))
             broken += [f"at byte {at} ({why})" for why in troubles]
-            at += 8 + length
-    if at < size:
-        notes.append(f"broken after {len(variables) + len(broken)} variables, at byte {at}: the file is cut short")
+            end = at + length
+    if end < size:
+        notes.append(f"broken after {len(variables) + len(broken)} variables, at byte {end}: the file is cut short")
     if broken:
         notes.append(f"broken: {len(broken)} variables cannot be read, the first {broken[0]}")
-    return variables, lambda: None
+    return variables
 
 
-def _variable_5(path: Path, at: int, length: int) -> tuple[str, Any]:
+def _variable(path: Path, header: int, at: int, length: int) -> tuple[str, Any]:
     """Name and value of the variable at a byte of a file."""
     with path.open("rb") as file:
-        header = file.read(128)
+        data = file.read(header)
         file.seek(at)
-        data = header + file.read(8 + length)
+        data += file.read(length)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         loaded = loadmat(io.BytesIO(data), simplify_cells=True)
@@ -142,20 +176,20 @@ def _variable_5(path: Path, at: int, length: int) -> tuple[str, Any]:
     return value["s0"][0].decode() if isinstance(value, MatlabOpaque) else name, value
 
 
-def _value_5(path: Path, at: int, length: int) -> Any:
-    return _variable_5(path, at, length)[1]
+def _value(path: Path, header: int, at: int, length: int) -> Any:
+    return _variable(path, header, at, length)[1]
 
 
-def _node_5(value: Any, load: Callable[[], Any] | None = None) -> Node:
+def _node(value: Any, load: Callable[[], Any] | None = None) -> Node:
     """What scipy.io gives as a node; `load` reads it again."""
     if isinstance(value, MatlabOpaque):
         return Opaque(value["s2"][0].decode())
     if isinstance(value, MatlabObject | MatlabFunction):
         return Opaque(getattr(value, "classname", "function"))
     if isinstance(value, dict):
-        return {name: _node_5(item) for name, item in value.items()}
+        return {name: _node(item) for name, item in value.items()}
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind == "O"):
-        return [_node_5(item) for item in np.ravel(value).tolist()[:_MOST_ITEMS]]
+        return [_node(item) for item in np.ravel(value).tolist()[:_MOST_ITEMS]]
     if isinstance(value, np.ndarray):
         again = load is not None and value.nbytes > _KEPT_BYTES
         return _numbers(value.shape, value.dtype, load if load is not None and again else lambda: value)

@@ -5,6 +5,7 @@ import io
 import re
 from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
+from typing import Any, BinaryIO
 
 import pyarrow as pa
 import pyarrow.csv as pacsv
@@ -22,6 +23,13 @@ _BLOCK = 1 << 20
 _LONGEST_LINE = 1 << 22
 _MOST_CONTROL = 0.01
 """Fraction of control characters above which a file is no text; fewer are damage."""
+_LARGE = 100e6
+"""Bytes of a file from which on it is sampled, if the caller wants a sample."""
+_PARTS = 8
+_PART = 3e6
+"""Bytes of a part, at least."""
+_SAMPLED = 0.08
+"""Fraction of a file that its parts hold, at least; checks of a record with less refuse it as mostly gaps."""
 _NO_UNIT = ("", "-", "--", "n/a", "none")
 
 
@@ -50,7 +58,19 @@ class TextLog(LogSource):
             columns[name] = Column(name=name, unit="s" if date else named)
         super().__init__(path.name, columns)
         self._path, self._layout = path, layout
-        self.notes += layout.notes
+        self._notes = [*layout.notes]
+        self.notes += self._notes
+
+    def sample(self) -> None:
+        """Read parts of a large file that are spread evenly over it; UTF-16 is read as a whole."""
+        size = self._path.stat().st_size
+        with _Lines(self._path) as lines:
+            self.sampled = size > _LARGE and not lines.wide
+        if self.sampled:
+            read = _PARTS * _part(size)
+            note = f"a sample of {read / 1e6:.0f} of {size / 1e6:.0f} MB was read, in {_PARTS} parts of the file"
+            self._notes.append(f"{note}: ranges, missing samples and findings are those of the sample")
+            self.notes[:] = self._notes
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Rows of some columns; dates and times of day in s.
@@ -59,7 +79,7 @@ class TextLog(LogSource):
         at the end of the file.
         """
         layout, names = self._layout, list(self.columns)
-        self.notes = [*layout.notes]
+        self.notes = [*self._notes]
         wanted = [k for k, name in enumerate(names) if name in columns]
         if not wanted:
             return
@@ -71,7 +91,7 @@ class TextLog(LogSource):
             uneven += not (row.text or "").lstrip().startswith("#")
             return "skip"
 
-        with _Lines(self._path) as lines:
+        with _Lines(self._path, sampled=self.sampled) as lines:
             try:
                 lines.skip(layout.start)
                 if layout.separator == " ":
@@ -117,18 +137,59 @@ def _utf8(text: str) -> str:
         return text
 
 
+def _part(size: int) -> int:
+    """Bytes of each part of a sample of a file."""
+    return int(max(_PART, _SAMPLED * size / _PARTS))
+
+
+class _Parts(io.RawIOBase):
+    """Whole lines from the place of a file and from evenly spread places behind it, the last lines included."""
+
+    def __init__(self, file: BinaryIO, size: int) -> None:
+        super().__init__()
+        self._file = file
+        start, part = file.tell(), _part(size)
+        places = [start + k * (size - part - start) // (_PARTS - 1) for k in range(_PARTS)]
+        ends = [self._next_line(place + part) for place in places[:-1]] + [size]
+        starts = [start] + [self._next_line(place) for place in places[1:]]
+        self._ranges = list(zip(starts, ends, strict=True))[::-1]
+        file.seek(start)
+
+    def _next_line(self, place: int) -> int:
+        self._file.seek(place)
+        self._file.readline(_LONGEST_LINE)
+        return self._file.tell()
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """The next bytes of the parts; 0 at the end."""
+        while self._ranges and self._file.tell() >= self._ranges[-1][1]:
+            self._ranges.pop()
+            if self._ranges:
+                self._file.seek(self._ranges[-1][0])
+        if not self._ranges:
+            return 0
+        data = self._file.read(min(len(buffer), self._ranges[-1][1] - self._file.tell()))
+        buffer[: len(data)] = data
+        return len(data)
+
+
 class _Lines(io.RawIOBase):
     r"""The finished lines of a text file as bytes that pyarrow reads: UTF-8, "\n" as line ends, no byte order mark."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, *, sampled: bool = False) -> None:
         super().__init__()
         self._size = max(path.stat().st_size, 1)
         self._file = path.open("rb")
         mark = self._file.read(len(codecs.BOM_UTF8))
-        wide = mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        self.wide = mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        """Whether it is in UTF-16."""
         self._file.seek(len(mark) if mark == codecs.BOM_UTF8 else 0)
         # UTF-8 too is read byte by byte, which cannot fail, and put right by _utf8 where it matters
-        self._text = io.TextIOWrapper(self._file, "utf-16" if wide else "latin-1", errors="replace")
+        source = io.BufferedReader(_Parts(self._file, self._size), _BLOCK) if sampled else self._file
+        self._text = io.TextIOWrapper(source, "utf-16" if self.wide else "latin-1", errors="replace")
         self._ready = b""
         self._collapsing = False
         self.unfinished = ""
@@ -168,6 +229,7 @@ class _Lines(io.RawIOBase):
 
     def close(self) -> None:
         self._text.close()
+        self._file.close()
         super().close()
 
     def _plain(self, lines: bytes) -> bytes:
