@@ -180,7 +180,7 @@ def _known(key: str, text: str) -> bool:
 def _applies(question: Question, answers: Mapping[str, str]) -> bool:
     """Whether the answers need this question; not as long as an answer that decides is missing or wrong."""
     try:
-        return question.applies(answers)
+        return not question.unused(answers)
     except (KeyError, FifthwheelError):
         return False
 
