@@ -1,6 +1,7 @@
 """What the pages compute of the workspace: the check, the identification and the comparison; for `jobs`."""
 
 import hashlib
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle
@@ -49,6 +50,13 @@ def results(workspace: Workspace) -> list[str]:
 def interrupted(workspace: Workspace) -> list[str]:
     """Names of result folders without a result: the server was killed while it identified."""
     return [path.name for path in workspace.runs() if not (path / RESULT).is_file()]
+
+
+def discard_empty(folder: Path, name: str) -> None:
+    """Remove the folder of a cancelled identification if there is nothing in it but what the identification left."""
+    place = folder / "runs" / name
+    if place.is_dir() and all(path.name.startswith(".") for path in place.iterdir()):
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def next_name(workspace: Workspace) -> str:

@@ -47,6 +47,11 @@ class Question:
         """Whether the answer is the loads of a slip."""
         return not self.unit and not self.choices
 
+    @property
+    def loads_example(self) -> str:
+        """Loads of a slip, kg, as many as the answer has."""
+        return "5200 2000" if self.key == "solo" else "6850 10500 22500"
+
     def parse(self, answer: str) -> Any:
         """The value of an answer: a choice, value and standard deviation, or loads by their paths.
 

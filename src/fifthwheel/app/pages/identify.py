@@ -101,9 +101,15 @@ class _Settings:
             self._bind(ui.input(value=self._value(key, "")).props("debounce=600"), key, "", named)
 
     def _number(self, key: str, label: str, whole: bool, help: str) -> None:
+        def number(text: str) -> float | int | None:
+            value = layout.typed_number(text)
+            if whole and value is not None and value != round(value):
+                raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
+            return round(value) if whole and value is not None else value
+
         with self._place(label, help) as named:
-            field = ui.number(value=self._value(key, None), precision=0 if whole else None).props("clearable")
-            self._bind(field, key, None, named, round if whole else float)
+            field = ui.input(value=layout.shown_number(self._value(key, None)))
+            self._bind(field.props("clearable debounce=600 inputmode=decimal"), key, None, named, number)
 
     def _switch(self, key: str, label: str, default: bool, help: str) -> None:
         with self._place("", help):
@@ -130,7 +136,8 @@ class _Settings:
             try:
                 self._keep(key, default, default if event.value in ("", None) else convert(event.value))
             except FifthwheelError:
-                field.set_value(self._value(key, default))
+                kept = self._value(key, default)
+                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
                 raise
 
         field.on_value_change(change)
@@ -158,8 +165,12 @@ def _run(workspace: Workspace) -> None:
         _result(workspace, results, query if query in results else results[0])
 
 
-def _start(workspace: Workspace, name: str) -> None:
-    jobs.start(KEY, runs.identify, workspace.folder, plain_name(name))
+async def _start(workspace: Workspace, name: str) -> None:
+    plain, folder = plain_name(name), workspace.folder
+    question = f"There is a result {plain} already. Replace it? This cannot be undone."
+    if plain in runs.results(workspace) and not await layout.confirmed(question, "Replace"):
+        return
+    jobs.start(KEY, runs.identify, folder, plain, on_cancel=partial(runs.discard_empty, folder, plain))
     _run.refresh()
 
 

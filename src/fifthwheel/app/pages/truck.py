@@ -203,7 +203,7 @@ def _field(question: Question, answer: str, keep: Any) -> None:
             field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
             field.on_value_change(lambda event: keep(event.value))
         else:
-            hint = "6850 10500 22500" if question.is_slip else _EXAMPLES[question.unit]
+            hint = question.loads_example if question.is_slip else _EXAMPLES[question.unit]
             field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
             field.on("change", lambda: keep(field.value))
         field.classes("w-full").props("dense outlined")

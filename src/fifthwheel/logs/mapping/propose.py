@@ -89,7 +89,7 @@ def propose_map(
         signals=proposed,
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
-        missing=tuple(_missing(proposed, units)),
+        missing=tuple(missing_signals(proposed, units)),
         findings=findings,
     )
 
@@ -200,7 +200,7 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
     return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
 
 
-def _missing(proposed: SignalMap, units: Sequence[str]) -> list[str]:
+def missing_signals(proposed: SignalMap, units: Sequence[str]) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have."""
     steered = any(is_of(name, STEER) for name in proposed.signals)
     needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
