@@ -390,6 +390,13 @@ def test_a_new_vehicle_by_options(run):
     assert not Path("b.toml").exists()
 
 
+def test_exchanged_axle_loads_of_a_vehicle_file_are_named(run):
+    Path("exchanged.toml").write_text(vehicle_file_with('cog = "-1.03 m"', 'cog = "-2.67 m"'))
+    outcome = run("vehicle", "show", "exchanged.toml")
+    assert outcome.code == 0
+    assert outcome.err.startswith("warning: tractor.cog: front and drive axle loads seem exchanged: ")
+
+
 def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
     answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])  # "" refused, "" skipped
     monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))

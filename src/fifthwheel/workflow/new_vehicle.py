@@ -11,17 +11,13 @@ from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
-from fifthwheel.vehicle.weighing import CONTRADICTION, Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.weighing import CONTRADICTION, COUPLING_RANGE, MAX_SOLO, Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
 TARE_SIGMA = 0.03
 """Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ. A load
 without a standard deviation has it too where it is compared with slips."""
-MAX_SOLO = 0.55
-"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
-COUPLING_RANGE = (0.6, 1.2)
-"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -168,8 +164,8 @@ class _Builder:
             trailer=known.trailer_wheelbase[0],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
-        _check_solo(known.slip.solo, *groups[:2])
         results = weigh(lengths, known.slip, groups, self._tares(lengths))
+        _check_solo(known.slip.solo, *groups[:2])
         if "coupling" in results:
             _check_coupling(results["coupling"][0], lengths.wheelbase, groups)
         _check_load(known, results)
@@ -227,7 +223,7 @@ def _check_solo(loads: Mapping[str, float], front: str, drive: str) -> None:
     if {front, drive} <= loads.keys() and loads[drive] > MAX_SOLO * (loads[front] + loads[drive]):
         raise VehicleError(
             f"solo: expected less on {drive} than on {front}, got {loads[drive]:g} and {loads[front]:g} kg; correct"
-            " the order of the loads, front axle first"
+            " the loads"
         )
 
 
@@ -236,7 +232,7 @@ def _check_coupling(coupling: float, wheelbase: float, groups: tuple[str, ...]) 
     if not low <= coupling <= high:
         raise VehicleError(
             f"laden: expected a kingpin {low:.2f} to {high:.2f} m behind the front axle, got {coupling:.2f} m from the"
-            f" laden and solo loads; correct the order of the loads ({', '.join(groups)}), or the wheelbase"
+            f" laden and solo loads; correct the loads ({', '.join(groups)}), or the wheelbase"
         )
 
 
