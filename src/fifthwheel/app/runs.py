@@ -12,7 +12,7 @@ from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, assess_information
 from fifthwheel.identify.knowledge.knowledge import Knowledge
@@ -35,6 +35,7 @@ from fifthwheel.workflow import (
     write_loads,
 )
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.note import Note
 
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""
@@ -45,6 +46,15 @@ KNOWN = ("knowledge", "suspension_from")
 def results(workspace: Workspace) -> list[str]:
     """Names of the results, the newest first."""
     return [path.name for path in workspace.runs() if (path / RESULT).is_file()]
+
+
+def labels(workspace: Workspace) -> dict[str, str]:
+    """The results, the newest first: their names, and the names with their notes."""
+    found = {}
+    for name in results(workspace):
+        note = Note.read(workspace.run(name) / RESULT)
+        found[name] = name if note is None else f"{name}: {printable(str(note))}"
+    return found
 
 
 def interrupted(workspace: Workspace) -> list[str]:

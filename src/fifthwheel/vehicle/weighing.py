@@ -358,8 +358,11 @@ def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tar
 def _exchanged(slip: Slip, conditions: Iterable[str], groups: tuple[str, str, str]) -> Slip:
     """The slip with exchanged loads of the tractor's groups in some conditions."""
     front, drive, _ = groups
-    loads = {condition: getattr(slip, condition) for condition in conditions}
-    return replace(slip, **{c: {**given, front: given[drive], drive: given[front]} for c, given in loads.items()})
+    for condition in conditions:
+        given = getattr(slip, condition)
+        loads: dict[str, Any] = {condition: {**given, front: given[drive], drive: given[front]}}
+        slip = replace(slip, **loads)
+    return slip
 
 
 def _statics(

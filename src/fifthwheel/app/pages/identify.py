@@ -158,7 +158,9 @@ def _run(workspace: Workspace) -> None:
         elif job is not None and job.state == "cancelled":
             ui.label("Cancelled; no result was changed.").props("role=status")
     for left in runs.interrupted(workspace) if not running else ():
-        ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again.")
+        with ui.row().classes("items-center"):
+            ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again, or delete it.")
+            _delete_button(workspace, left)
     results = runs.results(workspace)
     if results:
         query = ui.context.client.request.query_params.get("run")
@@ -191,14 +193,40 @@ def _ended(workspace: Workspace, job: jobs.Job) -> None:
 def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
     layout.heading("Report")
     with ui.row().classes("items-center"):
-        select = ui.select(results, value=chosen, label="Result").classes("fw-field")
+        select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
         ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
         ui.link("vehicle.toml", result_files.address(chosen, "vehicle.toml"))
         ui.link("identification.json", result_files.address(chosen, "identification.json"))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
+        rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
+        rename.props["aria-label"] = f"Rename {printable(chosen)}"
+        _delete_button(workspace, chosen)
     result_files.show(chosen)
+
+
+def _delete_button(workspace: Workspace, name: str) -> None:
+    button = ui.button("Delete", on_click=lambda: _delete(workspace, name)).props("flat no-caps")
+    button.props["aria-label"] = f"Delete {printable(name)}"
+
+
+async def _delete(workspace: Workspace, name: str) -> None:
+    if await layout.confirmed(f"Delete the result {name} with all its files? This cannot be undone.", "Delete"):
+        workspace.remove_run(name)
+        ui.navigate.to(layout.address("identify"))
+
+
+async def _rename(workspace: Workspace, name: str) -> None:
+    with ui.dialog() as dialog, ui.card():
+        field = ui.input(f"New name of {printable(name)}", value=name).classes("fw-field")
+        with ui.row():
+            ui.button("Rename", on_click=lambda: dialog.submit(field.value)).props("no-caps")
+            ui.button("Keep", on_click=lambda: dialog.submit(None)).props("outline no-caps")
+    typed = await dialog
+    if typed and (new := plain_name(typed)) != name:
+        workspace.rename_run(name, new)
+        ui.navigate.to(f"{layout.address('identify')}?{layout.query(run=new)}")
 
 
 def _take(workspace: Workspace, name: str) -> None:
