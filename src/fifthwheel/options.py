@@ -167,6 +167,12 @@ class IdentifyOptions(Settings):
         ),
     ] = True
 
+    note: Annotated[
+        str | None,
+        Option(help="Description of the test, kept with the result.", label="Note on the test"),
+    ] = None
+    author: Annotated[str | None, Option(help="Who identifies, kept with the result.", label="Author")] = None
+
     @property
     def earlier_result(self) -> Path | None:
         """With the information of earlier logs; None if there is none."""

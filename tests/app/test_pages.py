@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fifthwheel.app.workspace import Workspace
 from fifthwheel.logs import SignalMap, write_record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -126,7 +127,7 @@ def test_a_reload_loses_nothing_and_changes_are_undone_by_keys(browser, tmp_path
         page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.2")).wait_for()
         page.reload()
         section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
-        assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.200"
+        assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.2"
         page.get_by_role("button", name="Propose a map").focus()
         page.keyboard.press("Control+z")
         page.get_by_role("button", name=re.compile(f"Redo: {TRAILER}")).wait_for()
@@ -137,6 +138,39 @@ def test_a_reload_loses_nothing_and_changes_are_undone_by_keys(browser, tmp_path
     assert mapped(tmp_path / "w")[TRAILER].delay == 0.2
 
 
+def test_a_decimal_comma_is_a_decimal_point(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        field = section(page, TRAILER).get_by_label(f"Gain of {TRAILER}", exact=True)
+        field.press("ControlOrMeta+a")
+        field.press_sequentially("0,054")
+        page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 0.054")).wait_for()
+        too_large = re.compile(r"The prediction is (18|19) times too large")
+        section(page, TRAILER).get_by_text(too_large).wait_for(timeout=60_000)
+        page.get_by_role("listitem").get_by_text(too_large).wait_for()
+        assert page.get_by_text("Nothing speaks against the map.").count() == 0
+        field.press("Tab")
+        page.wait_for_timeout(300)
+        assert field.input_value() == "0.054"
+        field.fill("1.234,5")
+        page.get_by_text("expected a number without separators of thousands").wait_for()
+        delay = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True)
+        delay.fill("-3566")
+        page.get_by_text("expected at most 60 s, got -3566 s").first.wait_for()
+    assert (mapped(tmp_path / "w")[TRAILER].gain, mapped(tmp_path / "w")[TRAILER].delay) == (0.054, 0.0)
+
+
+def test_a_log_that_cannot_be_read_is_not_used(browser, tmp_path):
+    broken = tmp_path / "broken.csv"
+    broken.write_bytes(b"\x00\x01" * 5000)
+    with served(tmp_path / "w") as address, tab(browser, address) as page:
+        page.set_input_files("input[type=file]", str(broken))
+        page.get_by_role("alert").filter(has_text="broken.csv").wait_for()
+        page.get_by_role("button", name="Undo: leave out broken.csv").wait_for()
+        assert not page.get_by_label("Use broken.csv").is_checked()
+    assert not Workspace(tmp_path / "w").choices().of("broken.csv").use
+
+
 def test_a_second_tab_shows_the_change_of_the_first(browser, tmp_path):
     with opened(browser, tmp_path / "w", example(tmp_path)) as page:
         signals(page)
@@ -145,7 +179,7 @@ def test_a_second_tab_shows_the_change_of_the_first(browser, tmp_path):
             other.get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
             section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).fill("0.1")
             other.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.1")).wait_for()
-            assert other.get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.100"
+            assert other.get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.1"
             other.get_by_label(f"Gain of {TRAILER}", exact=True).fill("2")
             page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 2")).wait_for()
     channel = mapped(tmp_path / "w")[TRAILER]

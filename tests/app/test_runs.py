@@ -1,5 +1,6 @@
 """What the pages compute of a workspace, without a browser."""
 
+import re
 import subprocess
 import sys
 from dataclasses import dataclass
@@ -8,18 +9,22 @@ import numpy as np
 import pytest
 
 from fifthwheel.app import inputs, runs
+from fifthwheel.app.layout import typed_number
 from fifthwheel.app.pages import explore
 from fifthwheel.app.pages.identify import plain_name
+from fifthwheel.app.pages.signals import objections
 from fifthwheel.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.logs import write_record
+from fifthwheel.logs import SignalMap, write_record
 from fifthwheel.pages import Code, Plots
 from fifthwheel.pages.html import cell
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.simulate import simulate
+from fifthwheel.time_bases.evidence import signal_evidence
 from fifthwheel.vehicle import get
+from fifthwheel.workflow.vehicle_questions import QUESTIONS
 from tests.report.conftest import NASTY, result
 
 __all__ = ["result"]
@@ -93,6 +98,66 @@ def test_a_failed_run_leaves_no_result(workspace, identified):
     identified(Choices())
     assert runs.results(workspace) == []
     assert runs.next_name(workspace) == "run-1"
+
+
+def test_a_cancelled_run_leaves_only_what_the_user_put_there(workspace):
+    for name in ("new", "own"):
+        work = workspace.folder / "runs" / name / ".fifthwheel" / "new"
+        work.mkdir(parents=True)
+        (work / "states.parquet").write_text("half")
+    (workspace.folder / "runs" / "own" / "notes.txt").write_text("mine")
+    for name in ("new", "own", "none"):
+        runs.discard_empty(workspace.folder, name)
+    assert [path.name for path in workspace.runs()] == ["own"]
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("0,054", 0.054),
+        ("0.054", 0.054),
+        (" -1,5e-3 ", -1.5e-3),
+        ("7", 7.0),
+        (",5", 0.5),
+        ("\u22122", -2.0),
+        ("", None),
+    ],
+)
+def test_a_number_in_a_field(text, number):
+    assert typed_number(text) == number
+
+
+@pytest.mark.parametrize("text", ["1.234,5", "1,234,567", "0,054 m", "nan", "inf", "1e999", "--1", "5 4"])
+def test_a_text_that_is_no_number_is_refused(text):
+    with pytest.raises(FifthwheelError, match="expected a number without separators of thousands"):
+        typed_number(text)
+
+
+def test_what_speaks_against_a_map(workspace):
+    record = simulate(TRUCK, count=2, seed=1)
+    trailer = "yaw_rate.semitrailer"
+    columns = {name: name for name in ("speed", "steer.tractor.front", "yaw_rate.tractor", trailer)}
+    signal_map = SignalMap(signals=columns | {"roll_rate.semitrailer": "roll_rate.semitrailer"})
+
+    def against(record, signal_map=signal_map):
+        return objections(signal_evidence(record, TRUCK), signal_map, TRUCK)
+
+    assert against(record) == []
+    (text,) = against(record.with_signals({trailer: record.signals[trailer] / 18}))
+    assert text.startswith(f"{trailer}: The prediction is 18 times too large: correct unit or gain")
+    late = np.interp(record.time - 0.16, record.time, record.signals[trailer])
+    (text,) = against(record.with_signals({trailer: late}))
+    assert re.search(r"; 0\.1\d ± 0\.0\d s late\.$", text), text
+    texts = against(record, SignalMap(signals={"yaw_rate.tractor": "r"}))
+    assert [text.partition(":")[0] for text in texts] == [
+        "speed", "steer.tractor.front", "yaw_rate.semitrailer or articulation.semitrailer", "roll_rate.semitrailer",
+    ]  # fmt: skip
+
+
+def test_a_slip_of_two_loads_has_an_example_of_two():
+    slips = {q.key: q for q in QUESTIONS if q.is_slip}
+    for key, question in slips.items():
+        assert question.parse(question.loads_example), key
 
 
 def test_only_predicted_logs_are_refused(workspace):

@@ -185,7 +185,26 @@ def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
         page.get_by_role("button", name="Cancel").click()
         page.get_by_text("Cancelled; no result was changed.").wait_for()
         page.get_by_role("button", name="Identify", exact=True).wait_for()
-    assert not (tmp_path / "w" / "runs" / "run-1" / "identification.json").exists()
+        assert page.get_by_text("interrupted before its end").count() == 0
+    assert not (tmp_path / "w" / "runs" / "run-1").exists()
+
+
+def test_a_result_is_replaced_only_after_a_question(browser, tmp_path, result):
+    folder = prepared(tmp_path / "w").folder
+    result.identification.save(folder / "runs" / "mine")
+    (folder / "runs" / "mine" / "report.html").write_text("<h1 id=verdict>report</h1>")
+    before = (folder / "runs" / "mine" / "identification.json").read_bytes()
+    with served(folder) as address, tab(browser, f"{address}identify") as page:
+        for answer in ("Keep", "Replace"):
+            page.get_by_label("Name of the result").fill("mine")
+            page.get_by_role("button", name="Identify", exact=True).click()
+            page.get_by_text("There is a result mine already. Replace it?").wait_for()
+            page.get_by_role("button", name=answer, exact=True).click()
+            if answer == "Keep":
+                page.wait_for_timeout(1000)
+                assert page.get_by_role("progressbar").count() == 0
+        page.get_by_text("not written by an earlier").first.wait_for(timeout=LONG)
+    assert (folder / "runs" / "mine" / "identification.json").read_bytes() == before
 
 
 @contextmanager

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from fifthwheel._atomic import result_folder
 from fifthwheel.app import workspace as module
 from fifthwheel.app.serve import serve
 from fifthwheel.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, LogChoice, StaleError, Workspace
@@ -224,3 +225,31 @@ def test_other_computers_need_a_token(tmp_path):
             serve(tmp_path, host=host)
     with pytest.raises(FifthwheelError, match="at least 8 characters"):
         serve(tmp_path, token="short")
+
+
+def test_runs_are_renamed_and_removed(tmp_path):
+    workspace = Workspace(tmp_path / "w")
+    for name in ("a", "b"):
+        (workspace.folder / "runs" / name).mkdir()
+        (workspace.folder / "runs" / name / "identification.json").write_text(name)
+    workspace.rename_run("a", "lane change")
+    assert (workspace.run("lane change") / "identification.json").read_text() == "a"
+    with pytest.raises(FifthwheelError, match="b: there is a run of this name already"):
+        workspace.rename_run("lane change", "b")
+    workspace.remove_run("lane change")
+    assert [path.name for path in workspace.runs()] == ["b"]
+    for name in ("a", "../w", "..", ""):
+        with pytest.raises(FifthwheelError, match="no such run in the workspace"):
+            workspace.remove_run(name)
+
+
+def test_a_run_that_is_being_written_is_kept(tmp_path):
+    workspace = Workspace(tmp_path / "w")
+    folder = workspace.folder / "runs" / "a"
+    with result_folder(folder, "identify", ["x"], inputs=[], force=False) as temporary:
+        (temporary / "x").write_text("x")
+        for change in (lambda: workspace.remove_run("a"), lambda: workspace.rename_run("a", "b")):
+            with pytest.raises(FifthwheelError, match="in use by process"):
+                change()
+    workspace.rename_run("a", "b")
+    assert sorted(path.name for path in workspace.run("b").iterdir()) == ["run.json", "x"]

@@ -1,9 +1,13 @@
 """The command line: files, exit codes, and errors that fit one line."""
 
+import fcntl
 import json
+import os
 import re
+import shlex
 import subprocess
 import sys
+import termios
 import tomllib
 from pathlib import Path
 
@@ -386,15 +390,78 @@ def test_a_new_vehicle_by_options(run):
     assert not Path("b.toml").exists()
 
 
+def test_exchanged_axle_loads_of_a_vehicle_file_are_named(run):
+    Path("exchanged.toml").write_text(vehicle_file_with('cog = "-1.03 m"', 'cog = "-2.67 m"'))
+    outcome = run("vehicle", "show", "exchanged.toml")
+    assert outcome.code == 0
+    assert outcome.err.startswith("warning: tractor.cog: front and drive axle loads seem exchanged: ")
+
+
 def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
     answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])  # "" refused, "" skipped
     monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))
     keys = ("tractor", "trailer", "tractor_spread", "fifth_wheel", "wheelbase", "load_height")
-    asked = ask([next(q for q in QUESTIONS if q.key == key) for key in keys], {"load_mass": "0"})
+    asked = {"load_mass": "0"}
+    ask([next(q for q in QUESTIONS if q.key == key) for key in keys], asked)
     chosen = {"tractor": "tractor_4x2", "trailer": "semitrailer_3", "wheelbase": "3.7 m"}
     assert asked == {**chosen, "load_mass": "0"}  # a 4x2 has no spread, no load no height
     errors = capsys.readouterr().err.splitlines()
     assert [line.partition(":")[0] for line in errors] == ["tractor", "trailer", "wheelbase"]
+
+
+@pytest.mark.parametrize("end", [EOFError, KeyboardInterrupt])
+def test_ending_the_questions_keeps_the_answers(run, monkeypatch, end):
+    """Ctrl-D and Ctrl-C print the command that asks for the rest; an error in the numbers prints it, too."""
+    typed: list[object] = []
+
+    def prompt(text, **_):
+        answer = typed.pop(0)
+        if isinstance(answer, type):
+            raise typer.Abort from answer()
+        return answer
+
+    monkeypatch.setattr(typer, "prompt", prompt)
+    typed += ["semitrailer_3", "3.7 m", end]
+    outcome = run("vehicle", "new", "--ask", "--tractor", "tractor_4x2")
+    assert outcome.code == 130
+    assert not Path("truck.toml").exists()
+    command = outcome.err.splitlines()[-1]
+    expected = "fifthwheel vehicle new --ask --tractor tractor_4x2 --trailer semitrailer_3 --wheelbase '3.7 m'"
+    assert command == expected
+    typed += ["", "8 m", "", "6900 11200 21500", "5200 1990", "", "", "20 t +- 1 t", *[""] * 5]
+    outcome = run(*shlex.split(command)[1:])
+    assert outcome.code == 0, outcome.err
+    assert Vehicle.load("truck.toml").stated["semitrailer.payload.mass"] == 1000
+    typed += ["", "8 m", "", "11200 6900 21500", "5200 1990", *[""] * 8]
+    outcome = run(*shlex.split(command)[1:], "--force")
+    assert outcome.code == 2
+    assert "--laden '11200 6900 21500' --solo '5200 1990'\nerror: laden: front and drive axle loads seem" in outcome.err
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a terminal")
+@pytest.mark.parametrize("key", [b"\x03", b"\x04"])
+def test_the_keys_that_end_the_questions(key, tmp_path):
+    """On a terminal: Ctrl-C and Ctrl-D behind the first answer."""
+    import pty
+
+    main, other = pty.openpty()
+    code = "from fifthwheel.cli import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, "vehicle", "new"],
+        stdin=other, stdout=other, stderr=subprocess.PIPE, cwd=tmp_path, start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+    )  # fmt: skip
+    seen = b""
+    for question, answer in ((b"Class of the tractor", b"tractor_4x2\n"), (b"Class of the semitrailer", key)):
+        while question not in seen or b"):" not in seen.rpartition(question)[2]:
+            seen += os.read(main, 1000)
+        os.write(main, answer)
+    _, errors = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert errors.decode().splitlines()[-1].endswith("vehicle new --ask --tractor tractor_4x2")
+    assert "Traceback" not in errors.decode()
+    for descriptor in (main, other):
+        os.close(descriptor)
 
 
 def vehicle_file_with(old: str, new: str) -> str:

@@ -66,6 +66,8 @@ def test_unit_sign_gain_offset_and_sum(tmp_path):
         ("[signals.speed]\ncolumn = 'v'\nunit = 'deg'", "speed: expected m/s or"),
         ("[signals.speed]\ncolumn = 'v'\noffset = '1 deg'", "speed: expected m/s or .*got 'deg'"),
         ("[signals.speed]\ncolumn = 'v'\ndelay = '1 m'", "delay: expected s or .*got 'm'"),
+        ("[signals.speed]\ncolumn = 'v'\ndelay = -3566", "delay: expected at most 60 s, got -3566 s; .*summer time"),
+        ("[signals.speed]\ncolumn = 'v'\ndelay = '1 h +- 1 s'", "delay: expected at most 60 s, got 3600 s"),
         ("[signals.speed]\ncolumn = 'v'\ngain = nan", r"signals\.speed\.gain: input should be a finite number"),
         ("[signals.speed]\ncolumn = 'v'\npoints = [[1, 2], [1, 3]]", "the first numbers of the pairs must increase"),
         ("[signals.speed]\ncolumn = 'v'\npoints = [[1, 2]]", "at least 2 pairs of numbers expected, got 1"),

@@ -4,11 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import catalogue
-from fifthwheel.vehicle.weighing import Lengths, Slip, weigh
+from fifthwheel.vehicle import catalogue, with_axle_loads
+from fifthwheel.vehicle.weighing import Lengths, Slip, exchanged_loads, weigh
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")
@@ -116,3 +118,56 @@ def test_refused_slip_files(text: str, message: str, tmp_path: Path) -> None:
 def test_contradictions_are_refused(changed: dict[str, dict[str, float]], message: str) -> None:
     with pytest.raises(VehicleError, match=message):
         weigh(LENGTHS, Slip(**{"laden": LADEN, "solo": SOLO, **changed}), GROUPS, {})  # type: ignore[arg-type]
+
+
+def test_exchanged_loads_of_a_vehicle_file() -> None:
+    """Of no published vehicle; of a tractor whose CoG was computed from exchanged loads."""
+    assert [name for name in catalogue.names() if exchanged_loads(catalogue.get(name))] == []
+    text = exchanged_loads(TRUCK.replace({"tractor.cog": -2.67}))
+    assert text.startswith(
+        "tractor.cog: front and drive axle loads seem exchanged: -2.67 m means 2004 kg on tractor.front"
+    )
+    assert "5196 kg on tractor.drive" in text
+    assert text.endswith("exchanged, the CoG is at -1.03 m; correct it")
+    assert exchanged_loads(TRUCK.replace({"tractor.cog": -3.5})) == ""  # exchanged it would be impossible, too
+
+
+def test_exchanged_loads_of_a_log() -> None:
+    loads = TRUCK.axle_loads()
+    front, drive, _ = GROUPS
+    with pytest.raises(
+        VehicleError, match=r"tractor\.front, tractor\.drive: front and drive axle loads seem exchanged"
+    ):
+        with_axle_loads(TRUCK, {**loads, front: loads[drive], drive: loads[front]})
+    with pytest.raises(VehicleError, match=r"^tractor\.front: expected \d+ N from the tractor's CoG"):
+        with_axle_loads(TRUCK, {**loads, front: 0.8 * loads[front]})
+
+
+@given(
+    st.floats(3.2, 4.2), st.floats(0.84, 1.0), st.floats(6.5e3, 9e3), st.floats(0.28, 0.48), st.floats(4e3, 14e3),
+    st.sampled_from([(), ("solo",), ("laden",), ("solo", "laden")]), st.booleans(),
+)  # fmt: skip
+def test_exchanged_loads_of_usual_tractors(
+    wheelbase: float, place: float, mass: float, fraction: float, hitch: float, wrong: tuple[str, ...], known: bool
+) -> None:
+    """Right loads are never called exchanged; what is refused as exchanged is what was exchanged."""
+    front, drive, bogie = GROUPS
+    solo = {front: (1 - fraction) * mass, drive: fraction * mass}
+    laden = {front: solo[front] + (1 - place) * hitch, drive: solo[drive] + place * hitch, bogie: 2e4}
+    lengths = Lengths(wheelbase=wheelbase, coupling=place * wheelbase if known else None, trailer=7.7)
+    loads = {"solo": solo, "laden": laden}
+    for condition in wrong:
+        right = loads[condition]
+        loads[condition] = {**right, front: right[drive], drive: right[front]}
+    try:
+        weigh(lengths, Slip(**loads), GROUPS, {})
+        message = ""
+    except VehicleError as error:
+        message = str(error)
+    if wrong == ():
+        assert message == ""
+    elif "seem exchanged" in message:
+        named = message.partition(":")[0].split(" and ")
+        assert {*named} <= {*wrong}  # one of them may explain both
+    elif "laden" in wrong and abs(laden[front] - laden[drive]) > 0.3 * (laden[front] + laden[drive]) and known:
+        pytest.fail(f"not named: {message}")

@@ -15,6 +15,7 @@ from tests.vehicle.test_vehicle import unit as make_unit
 
 ARTICLE = catalogue.get("cheng_cebon_2011")
 PATHS = tuple(ARTICLE.parameters())
+TRIDEM = {f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")}
 PAGE = Path(__file__).parents[2] / "docs" / "vehicle.md"
 
 any_stated = st.dictionaries(st.sampled_from(PATHS), st.sampled_from([0.0, 1e-3, 0.7, 50.0]))
@@ -124,6 +125,26 @@ def test_stated_positions_and_other_numbers_by_hand() -> None:
     assert "tractor.yaw_inertia" not in by_name["mass_scale"]
 
 
+def test_the_axles_of_a_group_share_their_stated_error() -> None:
+    """They are measured to the middle of the group, whose position then has the stated standard deviation."""
+    by_name = slopes(ARTICLE.with_stated(dict.fromkeys(TRIDEM, 0.01)))
+    assert by_name["semitrailer.axle_positions"] == dict.fromkeys(sorted(TRIDEM), 0.01)
+    assert not TRIDEM & by_name.keys()
+    assert "semitrailer.axle_positions" not in slopes(ARTICLE.with_stated(dict.fromkeys(TRIDEM, 0.0)))
+    truck = catalogue.get("auburn_6x4")
+    names = [axle.name for axle in truck.units[0].axle_groups[1].axles]
+    drive = {f"tractor.{name}.position": 0.02 for name in names}
+    by_name = slopes(truck.with_stated(drive))
+    assert by_name["tractor.drive.axle_positions"] == drive
+    assert not drive.keys() & by_name.get("tractor.axle_positions", {}).keys()
+
+
+def test_the_stated_self_steering_of_an_axle_that_does_not_steer_itself() -> None:
+    path = "semitrailer.front.self_steering"
+    by_name = slopes(ARTICLE.replace({path: 0.0}).with_stated({path: 0.1}))
+    assert by_name[path] == {path: 0.1}
+
+
 def test_an_exact_vehicle_has_no_changes() -> None:
     assert changes(Vehicle.loads("exact = true\n" + catalogue.text("cheng_cebon_2011"))) == ()
 
@@ -133,7 +154,9 @@ def test_a_stated_number_has_its_stated_standard_deviation(stated: dict[str, flo
     found = changes(ARTICLE.with_stated(stated))
     for path, sigma in stated.items():
         altering = {change.name: abs(change.slopes[path]) for change in found if path in change.slopes}
-        assert altering == (pytest.approx({path: sigma}, rel=1e-12) if sigma else {})
+        together = path.startswith("semitrailer.") and path.endswith(".position") and stated.keys() >= TRIDEM
+        name = "semitrailer.axle_positions" if together else path
+        assert altering == (pytest.approx({name: sigma}, rel=1e-12) if sigma else {})
 
 
 @given(any_stated)

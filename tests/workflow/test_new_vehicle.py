@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.component import SI_UNITS
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, describe
@@ -115,16 +115,25 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
         ({"laden": "6,900 11,200 21,500"}, r"laden: expected a decimal point, and no separator of thousands, got '6,9"),
         (
             {"solo": "1990 5200"},
-            r"solo: expected less on tractor\.drive than on tractor\.front, got 5200 and 1990 ",
+            r"solo: front and drive axle loads seem exchanged: with 1990 kg on tractor\.front and 5200 kg on"
+            r" tractor\.drive, 72% of the tractor's mass are on tractor\.drive \(expected: at most 55%\); .*;"
+            r" exchanged, 28% of .*; exchange them",
         ),
         (
             {"laden": "11200 6900 21500"},
-            r"laden: expected a kingpin 2\.22 to 4\.44 m behind the front axle, got 1",
+            r"laden: front and drive axle loads seem exchanged: with 11200 kg on tractor\.front and 6900 kg on"
+            r" tractor\.drive, the kingpin is 1\.66 m behind the front axle \(expected: 2\.22 to 4\.44 m\); exchanged,"
+            r" the kingpin is 3\.12 m",
         ),
         (
-            {"laden": "11200 6900 21500"},
-            r".*order of the loads \(tractor\.front, tractor\.drive, semitrailer\)",
+            {"laden": "11200 6900 21500", "solo": "1990 5200"},
+            r"solo and laden: front and drive axle loads seem exchanged",
         ),
+        (
+            {"laden": "11200 6900 21500", "solo": None, "fifth_wheel": "3.1 m", "tractor_tare": "7.2 t"},
+            r"laden: front and drive .*, the kingpin is 1\.\d\d m .* \(expected: 3\.10 m\); exchanged, .* 3\.\d\d m",
+        ),
+        ({"laden": "9000 7500 21500"}, r"laden: expected a kingpin 2\.22 to 4\.44 m behind the front axle, got 2\.19"),
         ({"solo": None}, r"solo: .* is not known; give them \(--solo\), or the distance .* \(--fifth-wheel\)"),
         (
             {"trailer_tare": "6.9 t", "load_mass": "20 t"},
@@ -132,11 +141,12 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
             r" without load by trailer_tare, got 20000 kg; correct one of the three",
         ),
         (
-            {"empty": "5450 5600 9480", "load_mass": "25 t"},
+            {"empty": "5450 5600 9480", "load_mass": "25 t", "trailer_tare": None},
             r"load_mass: expected 20\d\d\d kg, .* kg without load by the empty slip, got 25000 kg",
         ),
-        ({"solo": "1990 5200", "fifth_wheel": "3.1 m"}, r"solo: expected less on tractor\.drive than on "),
-        ({"load_mass": "0"}, r"load_mass: expected 20\d\d\d kg, because .*, got 0 kg"),
+        ({"solo": "1990 5200", "fifth_wheel": "3.1 m"}, r"solo: front and drive axle loads seem exchanged"),
+        ({"solo": "2600 4500", "laden": "2800 12500 21500"}, r"solo: expected less on tractor\.drive than on "),
+        ({"load_mass": "0", "load_height": None}, r"load_mass: expected 20\d\d\d kg, because .*, got 0 kg"),
         ({"solo": "5,300 kg"}, r"solo: expected a decimal point, and no separator of thousands"),
         ({"wheelbase": None}, r"wheelbase: expected a value, got none; give --wheelbase, or answer on a terminal"),
         ({"solo": "5200"}, r"solo: expected 2 loads, of tractor\.front, tractor\.drive, got '5200'; give them in kg"),
@@ -166,6 +176,85 @@ def test_a_slip_file_and_loads_are_not_both_given(tmp_path) -> None:
     assert describe(others, slip=path).slip.laden == LADEN
 
 
+def test_a_stated_length_gives_the_positions_their_sigma() -> None:
+    """The axles of a group share the error of the length; that of a stated spread adds."""
+    of_trailer = [f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")]
+    vehicle = Vehicle.loads(written(trailer_wheelbase="8000 mm +- 1 cm"))
+    assert [vehicle.stated[path] for path in of_trailer] == [0.01, 0.01, 0.01]
+    (shared,) = [c for c in changes(vehicle) if c.name == "semitrailer.axle_positions"]
+    assert shared.slopes == dict.fromkeys(of_trailer, 0.01)
+    vehicle = Vehicle.loads(written(trailer_wheelbase="8 m +- 3 cm", trailer_spread="1.3 m +- 4 cm"))
+    assert [vehicle.stated[path] for path in of_trailer] == pytest.approx([0.05, 0.03, 0.05])
+    vehicle = Vehicle.loads(written(trailer_spread="1.3 m +- 4 cm"))
+    assert [vehicle.stated[path] for path in of_trailer] == pytest.approx([0.05, 0.03, 0.05])
+    three = {"tractor": "tractor_6x4", "wheelbase": "3.025 m +- 1 cm"}
+    vehicle = Vehicle.loads(written(**three))
+    assert [vehicle.stated[f"tractor.drive_{k}.position"] for k in (1, 2)] == [0.01, 0.01]
+    assert not any(path.endswith(".position") for path in Vehicle.loads(written(wheelbase="3.7 m")).stated)
+
+
+STATED = {
+    "wheelbase": "3.7 m +- 2 cm",
+    "fifth_wheel": "3.1 m +- 2 cm",
+    "trailer_wheelbase": "8 m +- 2 cm",
+    "trailer_spread": "1.3 m +- 2 cm",
+    "tractor_tare": "7.2 t +- 1 %",
+    "trailer_tare": "13 t +- 1 %",
+    "load_mass": "20.2 t +- 1 %",
+    "load_height": "1.2 m +- 2 cm",
+    "load_width": "2.4 m +- 2 cm",
+    "floor_height": "1.2 m +- 2 cm",
+    "tractor_spread": "1.3 m +- 2 cm",
+}
+
+
+@pytest.mark.parametrize("key", [question.key for question in QUESTIONS if question.unit])
+@pytest.mark.parametrize("weighing", ["none", "laden", "solo", "empty"])
+def test_every_stated_sigma_changes_the_file_or_is_refused(key: str, weighing: str) -> None:
+    of_kind = {
+        "none": dict.fromkeys(("laden", "solo")) | {"fifth_wheel": "3.1 m", "load_mass": "20.2 t"},
+        "laden": {"solo": None, "fifth_wheel": "3.1 m"},
+        "solo": {},
+        "empty": {"empty": "5450 5600 9480", "trailer_tare": None},
+    }[weighing]
+    base = {**of_kind, "load_height": None, "tractor": "tractor_6x4" if key == "tractor_spread" else "tractor_4x2"}
+    if base["tractor"] == "tractor_6x4":
+        base["wheelbase"] = "3.1 m"
+    value, _, sigma = STATED[key].partition(" +- ")
+    try:
+        message, alone = "", written(**{**base, key: f"{value} +- 5 {sigma.split()[1]}"})
+    except VehicleError as error:
+        message, alone = str(error), ""
+    if message:
+        assert message.startswith(f"{key}: has no use, because ")
+    else:
+        assert written(**{**base, key: STATED[key]}) != alone
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"tractor_tare": "7.2 t"}, "tractor_tare: has no use, because solo gives it; remove it"),
+        ({"empty": "5450 5600 9480"}, "trailer_tare: has no use, because empty gives it; remove it"),
+        ({"laden": None}, "solo: has no use, because there are no laden loads; remove it"),
+        ({"load_mass": "0"}, "load_height: has no use, because load_mass is 0; remove it"),
+        ({"tractor_spread": "1.3 m"}, "tractor_spread: has no use, because tractor_4x2 has one axle there; remove it"),
+    ],
+)
+def test_an_answer_without_use_is_refused(changed: dict[str, str | None], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        written(**changed)
+
+
+def test_an_accuracy_without_loads_is_refused(tmp_path) -> None:
+    with pytest.raises(VehicleError, match=r"accuracy: expected loads too, got none; give --laden"):
+        describe({key: a for key, a in ANSWERS.items() if key not in ("laden", "solo")}, accuracy="1 %")
+    path = tmp_path / "slip.toml"
+    path.write_text("[laden]\n" + "\n".join(f"{key} = {load}" for key, load in LADEN.items()))
+    with pytest.raises(VehicleError, match=r"accuracy: given, and .*slip\.toml too; keep one"):
+        describe({key: a for key, a in ANSWERS.items() if key not in ("laden", "solo")}, slip=path, accuracy="1 %")
+
+
 def test_every_question_is_a_field() -> None:
     fields = {*Description.__dataclass_fields__, "laden", "solo", "empty"}
     assert {question.key for question in QUESTIONS} == fields - {"name", "slip"}
@@ -173,7 +262,8 @@ def test_every_question_is_a_field() -> None:
 
 def test_questions_on_the_load_follow_from_its_mass() -> None:
     height = next(question for question in QUESTIONS if question.key == "load_height")
-    assert [height.applies({"load_mass": text}) for text in ("20 t +- 300 kg", "0", "0 kg")] == [True, False, False]
+    texts = ("20 t +- 300 kg", "0", "0 kg")
+    assert [height.unused({"load_mass": text}) for text in texts] == ["", "load_mass is 0", "load_mass is 0"]
 
 
 def test_a_load_outside_its_range_is_refused_with_its_question() -> None:

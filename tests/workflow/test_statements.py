@@ -1,19 +1,32 @@
 """What a user states of a number: its forms, where it goes, what is refused, and its effect on a result."""
 
+import math
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import settings as of_test
+from hypothesis import strategies as st
 
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, OneStage
-from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
+from fifthwheel.identify.settings import MODEL_ERROR_UNITS, MODEL_ERRORS
+from fifthwheel.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import ROADS
-from fifthwheel.workflow import Statement, apply_statements, parse_statement, replaced_statements, require_signals
+from fifthwheel.vehicle.parameters import ROADS, unit_of
+from fifthwheel.workflow import (
+    SENSOR_PRIORS,
+    Statement,
+    apply_statements,
+    parse_statement,
+    replaced_statements,
+    require_signals,
+)
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
 from tests.cli.test_cli import run
 
@@ -336,3 +349,155 @@ def test_a_replaced_option_names_its_statement(run: Any) -> None:
     )
     new = (f"--set={HEIGHT}=exact", "--set=roll_stiffness=+- 5 %", "--set=steer_delay=+- 5 ms")
     assert run("check", log, "-v", truck, "--json", *new).json() == outcome.json()
+
+
+# Nothing that is stated is dropped
+
+FULL = TRUCK.with_logged_steering({"steer.tractor.front"}, "log").replace(
+    {
+        "tractor.sprung.roll_yaw_product": 250.0,
+        "tractor.drive.pneumatic_trail": 0.05,
+        "semitrailer.front.command_steering": 0.0,
+        "semitrailer.middle.self_steering": 0.3,
+    }
+)
+VEHICLES = (FULL, get("a_double"), get("truck_full_trailer"))
+numbers = st.sampled_from([(vehicle, path) for vehicle in VEHICLES for path in vehicle.parameters()])
+laws = st.sampled_from([OneStage(tyres="linear"), SATURATING])
+
+
+def total_prior(path: str, vehicle: Vehicle, settings: OneStage) -> float:
+    """Prior sigma of a number of the truck by all unknowns that the logs share, SI."""
+    outputs = [f"yaw_rate.{unit.name}" for unit in vehicle.units]
+    unknowns = [u for u in one_stage_unknowns(vehicle, outputs, settings) if not (u.is_sensor_error or u.per_log)]
+    return math.hypot(*[u.slopes.get(path, 0.0) * u.prior_sigma for u in unknowns])
+
+
+@of_test(deadline=None, max_examples=60)
+@given(numbers, laws, st.sampled_from(["file", "--set", "--prior"]))
+def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
+    """Of every number of a vehicle file, in each of the three ways to state it."""
+    vehicle, path = number
+    value = vehicle.parameters()[path]
+    sigma = 0.013 * abs(value) or 0.013
+    options: dict[str, Any] = {
+        "file": {},
+        "--set": {"statements": (f"{path}=+- {sigma!r} {unit_of(path).removesuffix('1')}",)},
+        "--prior": {"prior": (f"{path}=1.3%",)},
+    }[how]
+    stated = vehicle.with_stated({path: sigma}) if how == "file" else vehicle
+    chosen = IdentifyOptions(tyres=settings.tyres, **options)
+    if value:
+        assert total_prior(path, *chosen_one_stage(stated, chosen)) == pytest.approx(sigma)
+        return
+    try:
+        found, message = total_prior(path, *chosen_one_stage(stated, chosen)), ""
+    except FifthwheelError as error:
+        found, message = sigma, str(error)
+    assert found == pytest.approx(sigma)
+    assert not message or path in message
+
+
+@of_test(deadline=None, max_examples=60)
+@given(numbers, laws, st.sampled_from(["file", "--set", "--fix"]))
+def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
+    vehicle, path = number
+    options: dict[str, Any] = {"file": {}, "--set": {"statements": (f"{path}=exact",)}, "--fix": {"fix": (path,)}}[how]
+    stated = vehicle.with_stated({path: 0.0}) if how == "file" else vehicle
+    chosen = chosen_one_stage(stated, IdentifyOptions(tyres=settings.tyres, **options))
+    assert total_prior(path, *chosen) == 0.0
+    assert path not in estimated_parameters(*chosen)
+
+
+@of_test(deadline=None, max_examples=60)
+@given(numbers, laws)
+def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], settings: OneStage) -> None:
+    vehicle, path = number
+    chosen = IdentifyOptions(tyres=settings.tyres, statements=(f"{path}=free",))
+    sigma, priors = 0.01 * abs(vehicle.parameters()[path]), set()
+    for stated in (vehicle, vehicle.with_stated({path: sigma}), vehicle.with_stated({path: 0.0})):
+        try:
+            found = chosen_one_stage(stated, chosen)
+        except FifthwheelError as error:
+            message = str(error)
+        else:
+            message = ""
+            assert path in estimated_parameters(*found)
+            priors.add(total_prior(path, *found))
+        assert not message or path in message
+    assert len(priors) < 2, "what the file states has no effect on a wide prior"
+    assert min(priors, default=1.0) > sigma
+
+
+@pytest.mark.parametrize("name", SENSOR_PRIORS)
+def test_a_stated_sensor_prior_is_used(name: str) -> None:
+    vehicle, settings = stated(f"{name}=+- 0.0123 {SENSOR_PRIORS[name].removesuffix('1')}")
+    if name == "bank":
+        assert settings.bank_prior == 0.0123
+        return
+    signals = ("yaw_rate.tractor", "articulation.semitrailer", "lateral_acceleration.tractor")
+    unknowns = one_stage_unknowns(vehicle, signals, settings)
+    unknowns += time_base_delays({"yaw_rate.tractor": "gps"}, "", signals, settings)
+    assert 0.0123 in [u.prior_sigma for u in unknowns if SensorErrorName.of(u.name)], name
+
+
+@pytest.mark.parametrize("name", MODEL_ERRORS)
+def test_a_stated_model_error_is_used(name: str) -> None:
+    text = f"{name}=+- 0.0123 {MODEL_ERROR_UNITS.get(name, '')}"
+    assert stated(text, settings=OneStage(tyres="linear"))[1].consider[name] == 0.0123
+
+
+def test_the_place_of_a_sensor_in_the_vehicle_file() -> None:
+    placed = Vehicle.loads(
+        TRUCK.to_toml().replace("[[unit]]", "[[unit]]\naccelerometer = {position = '-1 +- 0.2 m', height = '1 m'}", 1)
+    )
+    unknowns = {u.name: u for u in one_stage_unknowns(placed, ("lateral_acceleration.tractor",), OneStage())}
+    place = unknowns["lateral_acceleration.tractor.position"]
+    assert (place.centre, place.prior_sigma) == (-1.0, 0.2)
+
+
+def test_what_the_file_states_of_an_estimated_parameter() -> None:
+    """A value of a class is a guess, and so is one of a simulated vehicle, whose numbers are all exact."""
+    known = TRUCK.with_stated({HEIGHT: 0.02, TRAILER: 4e4})
+    (height, stiffness) = (
+        {u.name: u for u in one_stage_unknowns(known, OUTPUTS, OneStage())}[n] for n in (HEIGHT, TRAILER)
+    )
+    assert (height.centre, height.prior_sigma) == (1.23, 0.02)
+    assert (stiffness.prior_sigma, stiffness.tail) == (pytest.approx(4e4), math.inf)
+    simulated = TRUCK.with_stated(dict.fromkeys(TRUCK.parameters(), 0.0))
+    assert estimated_parameters(simulated, OneStage()) == estimated_parameters(TRUCK, OneStage())
+    guess = Vehicle(**known.model_dump() | {"assumed": {HEIGHT: "class", TRAILER: "class"}})
+    assert total_prior(TRAILER, guess, OneStage()) == pytest.approx(0.3 * 1.273e6)
+    assert total_prior(HEIGHT, guess, OneStage()) == 0.75
+
+
+def test_priors_in_python_are_used_or_refused() -> None:
+    def sigma(path: str, **settings: Any) -> float:
+        return total_prior(path, TRUCK, OneStage(tyres="linear", **settings))
+
+    assert sigma(TRAILER, priors={"cornering_stiffness": 0.9}) == pytest.approx(0.9 * 1.273e6)
+    assert sigma(TRAILER, priors={"cornering_stiffness": 0.9, TRAILER: 0.1}) == pytest.approx(0.1 * 1.273e6)
+    assert sigma(HEIGHT, priors={HEIGHT: 0.02}) == pytest.approx(0.02 * 1.23)
+    refused: dict[str, dict[str, Any]] = {
+        "expected a standard deviation below 100 % of the value, got 100 %": {"priors": {TRAILER: 1.0}},
+        "expected a standard deviation below 100 % of the value, got 150 %": {"consider": {"roll_damping": 1.5}},
+        "is fixed; remove it from priors or from fixed": {"priors": {TRAILER: 0.1}, "fixed": (TRAILER,)},
+        "tractor.mass: is not estimated": {"stated_priors": {"tractor.mass": (7200.0, 10.0)}},
+        "tractor.mas: no such parameter": {"stated_priors": {"tractor.mas": (7200.0, 10.0)}},
+    }
+    for message, settings in refused.items():
+        with pytest.raises(FifthwheelError, match=message):
+            sigma(TRAILER, **settings)
+
+
+def test_a_statement_replaces_what_was_stated_before() -> None:
+    """Settings of an earlier result are the base of the next identification."""
+    before = OneStage(
+        tyres="linear", priors={TRAILER: 0.2}, consider={"roll_stiffness": 0.2}, stated_priors={HEIGHT: (1.0, 0.1)}
+    )
+    assert total_prior(TRAILER, *stated(f"{TRAILER}=exact", settings=before)) == 0.0
+    assert total_prior(HEIGHT, *stated(f"{HEIGHT}=free", settings=before)) == 0.75
+    path = "semitrailer.roll_stiffness"
+    assert total_prior(path, *stated(f"{path}=+- 5 %", settings=before)) == pytest.approx(0.05 * 2.7e6)
+    moved = stated("tractor.cog=free")[1]
+    assert total_prior("tractor.cog", *stated("tractor.cog=+- 5 cm", settings=moved)) == pytest.approx(0.05)

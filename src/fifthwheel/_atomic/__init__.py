@@ -2,6 +2,16 @@
 
 from fifthwheel._atomic.files import atomic_write, reserved
 from fifthwheel._atomic.locks import clean_up
-from fifthwheel._atomic.results import MANIFEST, one_run, recover, replaced_result, result_folder
+from fifthwheel._atomic.results import MANIFEST, one_run, recover, replaced_result, require_unused, result_folder
 
-__all__ = ["MANIFEST", "atomic_write", "clean_up", "one_run", "recover", "replaced_result", "reserved", "result_folder"]
+__all__ = [
+    "MANIFEST",
+    "atomic_write",
+    "clean_up",
+    "one_run",
+    "recover",
+    "replaced_result",
+    "require_unused",
+    "reserved",
+    "result_folder",
+]

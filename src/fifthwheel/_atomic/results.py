@@ -95,6 +95,12 @@ def replaced_result(path: Path) -> Iterator[Path]:
             _sync_folder(folder / _WORK)
 
 
+def require_unused(folder: Path) -> None:
+    """Refuse a folder that another process writes to, with a FifthwheelError."""
+    with held(folder / _LOCK, subject=folder):
+        pass
+
+
 def recover(folder: Path) -> None:
     """Finish putting the results of a killed run in place.
 

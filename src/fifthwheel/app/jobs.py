@@ -36,6 +36,8 @@ class Job:
     error: str = ""
     started: float = field(default_factory=time.monotonic)
     process: Any = None
+    on_cancel: Callable[[], object] = lambda: None
+    """Removes what the process leaves when it is cancelled."""
 
     @property
     def running(self) -> bool:
@@ -47,6 +49,8 @@ class Job:
         if self.running:
             self.state = "cancelled"
             self.process.kill()
+            self.process.join()
+            self.on_cancel()
 
 
 _jobs: dict[str, Job] = {}
@@ -56,16 +60,19 @@ def get(key: str) -> Job | None:
     return _jobs.get(key)
 
 
-def start(key: str, function: Callable[..., Any], *args: Any, **options: Any) -> Job:
+def start(
+    key: str, function: Callable[..., Any], *args: Any, on_cancel: Callable[[], object] = lambda: None, **options: Any
+) -> Job:
     """Start `function(*args, progress=..., **options)` in a process; a job with this key that runs already is returned.
 
-    The function belongs to a module and receives `progress(title, done, total)`; arguments and result are sent.
+    When the job is cancelled, `on_cancel` is called in the server. The function belongs to a module and receives
+    `progress(title, done, total)`; arguments and result are sent.
     """
     job = _jobs.get(key)
     if job is not None and job.running:
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
-    job = Job(key)
+    job = Job(key, on_cancel=on_cancel)
     job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
     _jobs[key] = job
     job.process.start()

@@ -1,6 +1,8 @@
 """What all pages share: navigation, undo, errors, and the check that a tab is not stale."""
 
 import logging
+import math
+import re
 import traceback
 from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -128,6 +130,72 @@ def failure(message: str) -> None:
 def say(message: str) -> None:
     """A short note that vanishes; screen readers read it."""
     ui.notify(message, position="bottom", multi_line=True)
+
+
+async def confirmed(question: str, action: str) -> bool:
+    """Whether the user confirms an action that cannot be undone."""
+    with ui.dialog() as dialog, ui.card():
+        ui.label(printable(question))
+        with ui.row():
+            ui.button(action, on_click=lambda: dialog.submit(True)).props("color=negative no-caps")
+            ui.button("Keep", on_click=lambda: dialog.submit(False)).props("outline autofocus no-caps")
+    return bool(await dialog)
+
+
+def typed_number(text: str | None) -> float | None:
+    """The number in a field, with a decimal point or a decimal comma; None for an empty field.
+
+    Raises:
+        FifthwheelError: the text is no number, or has separators of thousands.
+    """
+    plain = (text or "").strip().replace("\u2212", "-")
+    if not plain:
+        return None
+    if not _NUMBER.fullmatch(plain):
+        raise FifthwheelError(f"expected a number without separators of thousands, got {plain!r}; correct it")
+    return float(plain.replace(",", "."))
+
+
+_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d{1,2})?")
+
+
+def number_field(
+    label: str,
+    value: float | None,
+    change: Callable[[float | None], Any] = lambda number: None,
+    *,
+    form: str = ".6g",
+    limits: tuple[float, float] = (-math.inf, math.inf),
+) -> ui.input:
+    """A field for a number; a text that is none, or is outside the limits, is refused below the field.
+
+    When the field is left, it shows the number with a decimal point.
+    """
+
+    def error(text: str | None) -> str | None:
+        try:
+            number = typed_number(text)
+        except FifthwheelError as refusal:
+            return str(refusal)
+        low, high = limits
+        return None if number is None or low <= number <= high else f"expected {low:g} to {high:g}, got {number:g}"
+
+    def changed(event: events.ValueChangeEventArguments[Any]) -> Any:
+        return None if error(event.value) else change(typed_number(event.value))
+
+    def show() -> None:
+        if not error(field.value):
+            field.set_value((field.value or "").replace(",", "."))
+
+    field = ui.input(label, value=shown_number(value, form), validation=error).props("inputmode=decimal")
+    field.on_value_change(changed)
+    field.on("blur", show)
+    return field
+
+
+def shown_number(value: float | None, form: str = ".6g") -> str:
+    """A number in a field."""
+    return "" if value is None else f"{value:{form}}"
 
 
 def reload(message: str = "") -> None:

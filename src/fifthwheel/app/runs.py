@@ -1,6 +1,7 @@
 """What the pages compute of the workspace: the check, the identification and the comparison; for `jobs`."""
 
 import hashlib
+import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from itertools import cycle
@@ -11,7 +12,7 @@ from fifthwheel._atomic import one_run, result_folder
 from fifthwheel.app import inputs
 from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, assess_information
 from fifthwheel.identify.knowledge.knowledge import Knowledge
@@ -34,6 +35,7 @@ from fifthwheel.workflow import (
     write_loads,
 )
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.note import Note
 
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""
@@ -46,9 +48,25 @@ def results(workspace: Workspace) -> list[str]:
     return [path.name for path in workspace.runs() if (path / RESULT).is_file()]
 
 
+def labels(workspace: Workspace) -> dict[str, str]:
+    """The results, the newest first: their names, and the names with their notes."""
+    found = {}
+    for name in results(workspace):
+        note = Note.read(workspace.run(name) / RESULT)
+        found[name] = name if note is None else f"{name}: {printable(str(note))}"
+    return found
+
+
 def interrupted(workspace: Workspace) -> list[str]:
     """Names of result folders without a result: the server was killed while it identified."""
     return [path.name for path in workspace.runs() if not (path / RESULT).is_file()]
+
+
+def discard_empty(folder: Path, name: str) -> None:
+    """Remove the folder of a cancelled identification if there is nothing in it but what the identification left."""
+    place = folder / "runs" / name
+    if place.is_dir() and all(path.name.startswith(".") for path in place.iterdir()):
+        shutil.rmtree(place, ignore_errors=True)
 
 
 def next_name(workspace: Workspace) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import atomic_write, require_unused
 from fifthwheel._atomic.locks import held
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.input_files import parse_toml, read_json, read_toml
@@ -171,6 +171,20 @@ class Workspace:
     def run(self, name: str) -> Path:
         """The result folder of this name; FifthwheelError where the workspace has none."""
         return _named(name, self.runs(), "run")
+
+    def remove_run(self, name: str) -> None:
+        """Remove a result folder; FifthwheelError where the workspace has none, or an identification writes to it."""
+        folder = self.run(name)
+        require_unused(folder)
+        shutil.rmtree(folder)
+
+    def rename_run(self, name: str, new: str) -> None:
+        """Give a result folder another name; FifthwheelError as `remove_run`, and where the name is taken."""
+        folder = self.run(name)
+        require_unused(folder)
+        if folder.with_name(new).exists():
+            raise FifthwheelError(f"{printable(new)}: there is a run of this name already; choose another one")
+        folder.rename(folder.with_name(new))
 
     # Documents
 

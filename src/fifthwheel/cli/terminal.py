@@ -34,9 +34,12 @@ def load_records(
 
 
 def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
-    """Print the axle loads in the logs that are not those of the vehicle file."""
+    """Print exchanged axle loads in the vehicle file, and those in the logs that are not those of the file."""
+    from fifthwheel.vehicle.weighing import exchanged_loads
     from fifthwheel.workflow import axle_load_differences
 
+    if exchanged := exchanged_loads(vehicle):
+        typer.secho(f"warning: {exchanged}", fg="yellow", err=True)
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
 

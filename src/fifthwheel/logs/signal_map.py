@@ -51,6 +51,9 @@ from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_i
 from fifthwheel.names import split_source
 from fifthwheel.units import factor, quantity, split_statement, uncertain_quantity
 
+MAX_DELAY = 60.0
+"""Largest delay, s: a sensor or a bus has less than a second, a logger that was started by hand some seconds."""
+
 
 def _sampling_rate(value: float | str) -> float:
     rate = quantity(value, "Hz")
@@ -72,6 +75,16 @@ def _channels(value: Any) -> Any:
     if not isinstance(value, Mapping):
         return value
     return {n: {"column": c} if isinstance(c, str) else c for n, c in flat_tables(value).items()}
+
+
+def _plausible_delay(value: float | str) -> float | str:
+    delay = quantity(value, "s")
+    if not abs(delay) <= MAX_DELAY:
+        raise ValueError(
+            f"expected at most {MAX_DELAY:g} s, got {delay:g} s; the clock of this logger may be in another time zone"
+            " or in summer time: correct its timestamps"
+        )
+    return value
 
 
 Rate = Annotated[float | str, AfterValidator(_sampling_rate)]
@@ -118,7 +131,7 @@ class SignalSource(BaseModel):
     """Subtracted last; a number in SI, or a text with a unit: "0.1 deg"."""
     points: Points | None = None
     """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
-    delay: Seconds = 0.0
+    delay: Annotated[Seconds, AfterValidator(_plausible_delay)] = 0.0
     """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
     time: str | None = None
     """Column with the channel's own timestamps, where the log has several rates."""

@@ -9,9 +9,18 @@ from fifthwheel.checks import Finding
 from fifthwheel.plots import downsample
 from fifthwheel.record import Record
 from fifthwheel.time_bases.findings import check_record
-from fifthwheel.time_bases.offsets import TimeOffset, offsets_of
+from fifthwheel.time_bases.lags import LagCurve
+from fifthwheel.time_bases.offsets import MIN_EXPLAINED, TimeOffset, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.vehicle import Vehicle
+
+BETTER = 0.05
+"""Fraction of the variance by which the inverted signal must fit better for the sign to be doubted."""
+MIN_LATE = 0.1
+"""s; an identification estimates smaller delays."""
+MAX_FACTOR = 2.5
+"""Largest factor between a signal and its prediction: a wrong unit or a missing steering ratio gives more, uncertain
+tyres and lengths less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -32,6 +41,23 @@ class ChannelEvidence:
     """The same of the inverted signal, at lags up to 0.3 s."""
     offset: TimeOffset | None
     """How late its timestamps are, where that can be measured."""
+    gain: float | None
+    """The signal over the prediction at the best lag, where that can be measured."""
+
+    @property
+    def is_inverted(self) -> bool:
+        """Whether the inverted signal fits better."""
+        return self.explained is not None and (self.inverted or 0.0) > self.explained + BETTER
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the timestamps are late or early by more than an identification estimates."""
+        return self.offset is not None and abs(self.offset.offset) > max(2 * self.offset.sigma, MIN_LATE)
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the signal has the course of the prediction, and another size."""
+        return self.gain is not None and not 1 / MAX_FACTOR < self.gain < MAX_FACTOR
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,8 +104,15 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
             explained=None if curve is None else curve.explained_at(0.0),
             inverted=None if curve is None else curve.inverted,
             offset=offsets.get(name),
+            gain=None if curve is None else _gain(curve),
         )
     return SignalEvidence(time=prediction.time, channels=channels, others=others, findings=findings)
+
+
+def _gain(curve: LagCurve) -> float | None:
+    """Measured over predicted; None where the prediction does not explain the signal."""
+    gain, _, explained = curve.gain() or (0.0, 0.0, 0.0)
+    return gain if explained >= MIN_EXPLAINED else None
 
 
 def _best_variant(prediction: Prediction) -> int:

@@ -3,8 +3,9 @@
 One scale weighs all units, one drawing gives the positions of all axles, and a payload mass is the difference of a
 laden and an unladen mass. Numbers from one measurement share its error, so a change alters all of them.
 
-A number with a stated standard deviation is altered by its own change only, so that the changes together give it
-exactly the stated standard deviation. All other numbers have the standard deviations of `DEFAULT_SIGMAS`.
+A number with a stated standard deviation is altered by one change only, so that the changes together give it
+exactly the stated standard deviation. This change is its own, except for the axles of a group whose positions are all
+stated: they share one change. All other numbers have the standard deviations of `DEFAULT_SIGMAS`.
 """
 
 from collections.abc import Mapping
@@ -70,10 +71,11 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     """The uncertainty of a vehicle as independent changes, front to rear; empty if every number is exact.
 
     The changes are `MASS_SCALE`; of each unit `<unit>.mass`, `<unit>.payload.mass`, `<unit>.cog`,
-    `<unit>.axle_positions` and `<unit>.coupling`; the self-steering and the command steering of axles where it is not
-    0; and the path of every other parameter with a stated standard deviation above 0. A change that alters no parameter
-    is left out. Roll stiffness, heights, yaw inertia and relaxation lengths have a change of their own only if their
-    standard deviation is stated. The place of an accelerometer has none: it does not change the motion.
+    `<unit>.axle_positions` and `<unit>.coupling`; `<group>.axle_positions` of several axles whose positions are all
+    stated; the self-steering and the command steering of axles where it is not 0; and the path of every other parameter
+    with a stated standard deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights,
+    yaw inertia and relaxation lengths have a change of their own only if their standard deviation is stated. The place
+    of an accelerometer has none: it does not change the motion.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -89,8 +91,10 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
         for axle in unit.axles:
             for key in ("self_steering", "command_steering"):
                 path = f"{unit.name}.{axle.name}.{key}"
-                slopes[path] = {path: stated.get(path, DEFAULT_SIGMAS[key].sigma)} if getattr(axle, key) else {}
-    components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in slopes}
+                if getattr(axle, key):
+                    slopes[path] = {path: stated.get(path, DEFAULT_SIGMAS[key].sigma)}
+    altered = {path for by_path in slopes.values() for path in by_path}
+    components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in altered}
     others = [path for path, component in components.items() if component not in ACCELEROMETERS]
     slopes |= {path: {path: stated[path]} for path in others}
     nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
@@ -149,6 +153,10 @@ def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
     scale = DEFAULT_SIGMAS["axle_positions"].sigma / max(max(map(abs, distances.values())), 1.0)
     axles = {path: scale * distance for path, distance in distances.items()}
     slopes = {f"{unit.name}.axle_positions": {path: s for path, s in axles.items() if path not in stated}}
+    for group in unit.axle_groups:
+        paths = [f"{unit.name}.{axle.name}.position" for axle in group.axles]
+        if len(paths) > 1 and all(path in stated for path in paths):  # one measurement to the middle of the group
+            slopes[f"{unit.group_path(group)}.axle_positions"] = {path: stated[path] for path in paths}
     if i < len(vehicle.couplings):
         path = f"{vehicle.couplings[i].name}.leading_position"
         wheelbase = reference - unit.axle_groups[-1].position if i else vehicle.wheelbase

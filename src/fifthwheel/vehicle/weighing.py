@@ -5,8 +5,9 @@ laden combination, the tractor alone (solo), and the empty combination; docs/how
 """
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from itertools import combinations
 from pathlib import Path
 from typing import Any, Self
 
@@ -80,12 +81,48 @@ def with_axle_loads(
         return weighed
     difference = loads[front] - weighed.axle_loads()[front]
     if abs(difference) > tolerance * (loads[front] + loads[drive]):
+        if abs(difference + loads[drive] - loads[front]) <= tolerance * (loads[front] + loads[drive]):
+            raise VehicleError(
+                f"{front}, {drive}: {EXCHANGED}: expected {loads[front] - difference:.0f} N on {front} from the"
+                f" tractor's CoG and the coupling's position, got {loads[front]:.0f} N, and {loads[drive]:.0f} N on"
+                f" {drive}; exchange them"
+            )
         raise VehicleError(
             f"{front}: expected {loads[front] - difference:.0f} N from the tractor's CoG and the coupling's position,"
             f" got {loads[front]:.0f} N; check {tractor.name}.cog and {vehicle.couplings[0].name}.leading_position,"
             " or allow a larger tolerance"
         )
     return weighed
+
+
+EXCHANGED = "front and drive axle loads seem exchanged"
+
+
+def exchanged_loads(vehicle: Vehicle) -> str:
+    """Why the CoG of a tractor seems to come from exchanged axle loads; "" if it does not.
+
+    Without its trailer, a tractor has most of its mass on the front axle. If a vehicle file says the contrary, and the
+    exchanged loads would be usual, the loads were exchanged.
+    """
+    tractor = vehicle.units[0]
+    if len(tractor.axle_groups) != 2 or not vehicle.couplings or tractor.payload is not None:
+        return ""
+    front, drive = tractor.axle_groups
+    a, b, wheel = front.position, drive.position, vehicle.couplings[0]
+    low, high = COUPLING_RANGE
+    fraction = (a - tractor.cog) / (a - b)
+    is_tractor = wheel.kind == "fifth_wheel" and low <= (a - wheel.leading_position) / (a - b) <= high
+    if not is_tractor or not MAX_SOLO < fraction < 1 - MIN_SOLO:
+        return ""
+    paths = [tractor.group_path(group) for group in tractor.axle_groups]
+    loads = [
+        f"{part * tractor.mass:.0f} kg on {path}" for path, part in zip(paths, (1 - fraction, fraction), strict=True)
+    ]
+    return (
+        f"{tractor.name}.cog: {EXCHANGED}: {tractor.cog:.2f} m means {' and '.join(loads)} without a trailer, and"
+        f" tractors have at most {MAX_SOLO:.0%} of their mass on {paths[1]}; exchanged, the CoG is at"
+        f" {a + b - tractor.cog:.2f} m; correct it"
+    )
 
 
 def _coupling_load(vehicle: Vehicle, loads: Mapping[str, float], front: str, drive: str) -> float:
@@ -172,6 +209,14 @@ LOADS = (500.0, 40e3)
 """Least and largest load of an axle group, kg: the drive axle of a light tractor has 1.4 t, heavy tridems 36 t."""
 CONTRADICTION = 4.0
 """Largest difference of a measured and a predicted load, in standard deviations."""
+MAX_SOLO = 0.55
+"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
+MIN_SOLO = 0.2
+"""Least such fraction: published tractors have 0.28 and more."""
+MIN_DIFFERENCE = 0.1
+"""Of front and drive loads that may have been exchanged, as a fraction of their sum; others fit both ways."""
+COUPLING_RANGE = (0.6, 1.2)
+"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -259,6 +304,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
         VehicleError: a load is missing or unknown, or the loads contradict each other.
     """
     _check_slip(slip, groups)
+    _check_order(lengths, slip, groups, tares)
     inputs: dict[str, Number] = {}
     for condition in CONDITIONS:
         for path, load in getattr(slip, condition).items():
@@ -287,6 +333,74 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     return {key: number for key, number in results.items() if key != "hitch"}
 
 
+def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]) -> None:
+    """Refuse a slip that contradicts the statics of the tractor, and does not with exchanged front and drive loads."""
+    front, drive, _ = groups
+    stated = _statics(lengths, slip, groups, tares)
+    wrong = [condition for condition, (_, fits) in stated.items() if not fits]
+    different = [
+        condition
+        for condition, loads in ((condition, getattr(slip, condition)) for condition in stated)
+        if abs(loads[front] - loads[drive]) > MIN_DIFFERENCE * (loads[front] + loads[drive])
+    ]
+    for count in range(1, len(different) + 1) if wrong else ():
+        for conditions in combinations(different, count):
+            other = _statics(lengths, _exchanged(slip, conditions, groups), groups, tares)
+            if all(fits for _, fits in other.values()):
+                loads = getattr(slip, conditions[0])
+                as_stated, exchanged = ("; ".join(found[c][0] for c in wrong) for found in (stated, other))
+                raise VehicleError(
+                    f"{' and '.join(conditions)}: {EXCHANGED}: with {loads[front]:g} kg on {front} and"
+                    f" {loads[drive]:g} kg on {drive}, {as_stated}; exchanged, {exchanged}; exchange them"
+                )
+
+
+def _exchanged(slip: Slip, conditions: Iterable[str], groups: tuple[str, str, str]) -> Slip:
+    """The slip with exchanged loads of the tractor's groups in some conditions."""
+    front, drive, _ = groups
+    for condition in conditions:
+        given = getattr(slip, condition)
+        loads: dict[str, Any] = {condition: {**given, front: given[drive], drive: given[front]}}
+        slip = replace(slip, **loads)
+    return slip
+
+
+def _statics(
+    lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]
+) -> dict[str, tuple[str, bool]]:
+    """What the loads of each condition say of the tractor, and whether it is possible."""
+    front, drive, _ = groups
+    found: dict[str, tuple[str, bool]] = {}
+    inputs = {key: tares[key] for key in ("tractor.mass", "tractor.cog") if key in tares}
+    if slip.solo:
+        fraction = slip.solo[drive] / (slip.solo[front] + slip.solo[drive])
+        text = f"{fraction:.0%} of the tractor's mass are on {drive} (expected: at most {MAX_SOLO:.0%})"
+        found["solo"] = text, fraction <= MAX_SOLO
+        inputs = {
+            f"solo.{k}": (slip.solo[path], slip.accuracy * slip.solo[path]) for k, path in enumerate((front, drive))
+        }
+    if not inputs:
+        return found
+    for condition in ("laden", "empty"):
+        if loads := getattr(slip, condition):
+            of_slip = {f"laden.{k}": (loads[path], slip.accuracy * loads[path]) for k, path in enumerate(groups)}
+            where, sigma = propagate(lambda values: _kingpin(values, lengths), {**inputs, **of_slip})["kingpin"]
+            low, high = (ratio * lengths.wheelbase for ratio in COUPLING_RANGE)
+            expected = f"{low:.2f} to {high:.2f} m"
+            if lengths.coupling is not None:
+                margin = CONTRADICTION * (sigma or 0.0) + 1e-6
+                low, high = lengths.coupling - margin, lengths.coupling + margin
+                expected = f"{lengths.coupling:.2f} m"
+            text = f"the kingpin is {where:.2f} m behind the front axle (expected: {expected})"
+            found[condition] = text, low <= where <= high
+    return found
+
+
+def _kingpin(values: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
+    """Position of the kingpin behind the front axle by the loads, m; infinite if it carries nothing."""
+    return {"kingpin": _solve(values, replace(lengths, coupling=None))["coupling"]}
+
+
 def propagate(
     function: Callable[[Mapping[str, float]], dict[str, float]], inputs: Mapping[str, Number]
 ) -> dict[str, Number]:
@@ -313,7 +427,7 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     moment = lengths.wheelbase * x["laden.1"] - cog * tractor
     result = {"tractor.mass": tractor, "tractor.cog": cog, "hitch": hitch, "front": 0.0}
     if lengths.coupling is None:
-        result["coupling"] = moment / hitch
+        result["coupling"] = moment / hitch if hitch > 0 else math.inf
     else:
         result["front"] = (lengths.coupling * hitch - moment) / lengths.wheelbase
     trailer = hitch + x["laden.2"]

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -22,6 +22,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress
+from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.statements import require_signals
 
@@ -44,11 +45,13 @@ class IdentificationRun:
     conclusion: Conclusion
     performance: Assessment | None = None
     """What the identified truck does, by the cheap measures; None if none of them exists."""
+    note: Note | None = None
 
     def as_dict(self) -> dict[str, Any]:
         """Contents of identification.json."""
         contents: dict[str, Any] = json.loads(self.identification.to_json())
-        return contents | {"conclusion": self.conclusion.as_dict()}
+        note = {} if self.note is None else {"note": asdict(self.note)}
+        return contents | {"conclusion": self.conclusion.as_dict()} | note
 
 
 def run_identification(
@@ -124,7 +127,7 @@ def run_loads(
             validate=validate if start is starts[-1] else (),
             progress=progress,
         )
-        runs.append(run)
+        runs.append(replace(run, note=start.note))
         knowledge = run.identification.knowledge
     return runs
 

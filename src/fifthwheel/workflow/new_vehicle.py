@@ -10,17 +10,14 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
-from fifthwheel.vehicle.weighing import CONTRADICTION, Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
+from fifthwheel.vehicle.weighing import CONTRADICTION, COUPLING_RANGE, MAX_SOLO, Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
 TARE_SIGMA = 0.03
 """Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ. A load
 without a standard deviation has it too where it is compared with slips."""
-MAX_SOLO = 0.55
-"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
-COUPLING_RANGE = (0.6, 1.2)
-"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -33,15 +30,14 @@ class Description:
     trailer: str
     """Class of the semitrailer."""
     wheelbase: Number
-    """From the front axle to the first axle behind it, m. A standard deviation counts where this axle is the only one:
-    several axles share the error of a length, which `vehicle.changes` knows."""
-    tractor_spread: Number = (1.35, 0.03)
+    """From the front axle to the first axle behind it, m."""
+    tractor_spread: Number = (1.35, None)
     """Between the rear axles of a three-axle tractor, m."""
     fifth_wheel: Number | None = None
     """From the front axle to the kingpin, m; None: the slips determine it."""
     trailer_wheelbase: Number
     """From the kingpin to the middle of the trailer's axles, m."""
-    trailer_spread: Number = (1.31, 0.03)
+    trailer_spread: Number = (1.31, None)
     """Between neighbouring axles of the trailer, m."""
     slip: Slip = field(default_factory=Slip)
     """Loads by the weighbridge; paths as in the vehicle file."""
@@ -121,19 +117,17 @@ class _Builder:
         return axle
 
     def _rear_axles(self) -> Iterator[dict[str, Any]]:
-        (first, sigma), (spread, _) = self.known.wheelbase, self.known.tractor_spread
         count = CLASSES[self.known.tractor].axle_counts[1]
         names = ("drive",) if count == 1 else tuple(f"drive_{k + 1}" for k in range(count))
         for k, name in enumerate(names):
-            yield self._axle(TRACTOR, name, (-first - k * spread, sigma if count == 1 else None), MEASURED)
+            yield self._axle(TRACTOR, name, _position(self.known.wheelbase, self.known.tractor_spread, k), MEASURED)
 
     def _trailer_group(self) -> dict[str, Any]:
         count = CLASSES[self.known.trailer].axle_counts[0]
-        (middle, sigma), (spread, _) = self.known.trailer_wheelbase, self.known.trailer_spread
+        middle, spread = self.known.trailer_wheelbase, self.known.trailer_spread
         names = {1: ("axle",), 2: ("front", "rear"), 3: ("front", "middle", "rear")}[count]
-        positions = [-middle + spread * ((count - 1) / 2 - k) for k in range(count)]
-        own = sigma if count == 1 else None
-        axles = [self._axle(TRAILER, name, (x, own), MEASURED) for name, x in zip(names, positions, strict=True)]
+        positions = [_position(middle, spread, k - (count - 1) / 2) for k in range(count)]
+        axles = [self._axle(TRAILER, name, x, MEASURED) for name, x in zip(names, positions, strict=True)]
         group: dict[str, Any] = {"name": "axles", "axles": axles}
         if self.known.trailer_tyres:
             figure = TYRES[self.known.trailer_tyres]
@@ -170,8 +164,8 @@ class _Builder:
             trailer=known.trailer_wheelbase[0],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
-        _check_solo(known.slip.solo, *groups[:2])
         results = weigh(lengths, known.slip, groups, self._tares(lengths))
+        _check_solo(known.slip.solo, *groups[:2])
         if "coupling" in results:
             _check_coupling(results["coupling"][0], lengths.wheelbase, groups)
         _check_load(known, results)
@@ -217,11 +211,19 @@ class _Builder:
         }
 
 
+def _position(distance: Number, spread: Number, count: float) -> Number:
+    """Position of an axle, m, so many spreads behind a distance from the origin."""
+    (x, sigma), (step, sigma_step) = distance, spread
+    if sigma_step is not None and sigma is None:
+        sigma = DEFAULT_SIGMAS["axle_positions"].sigma
+    return -x - count * step, None if sigma is None else math.hypot(sigma, count * (sigma_step or 0.0))
+
+
 def _check_solo(loads: Mapping[str, float], front: str, drive: str) -> None:
     if {front, drive} <= loads.keys() and loads[drive] > MAX_SOLO * (loads[front] + loads[drive]):
         raise VehicleError(
             f"solo: expected less on {drive} than on {front}, got {loads[drive]:g} and {loads[front]:g} kg; correct"
-            " the order of the loads, front axle first"
+            " the loads"
         )
 
 
@@ -230,7 +232,7 @@ def _check_coupling(coupling: float, wheelbase: float, groups: tuple[str, ...]) 
     if not low <= coupling <= high:
         raise VehicleError(
             f"laden: expected a kingpin {low:.2f} to {high:.2f} m behind the front axle, got {coupling:.2f} m from the"
-            f" laden and solo loads; correct the order of the loads ({', '.join(groups)}), or the wheelbase"
+            f" laden and solo loads; correct the loads ({', '.join(groups)}), or the wheelbase"
         )
 
 

@@ -18,6 +18,7 @@ from fifthwheel.options import IdentifyOptions
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import read_knowledge, read_vehicle
+from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.settings import identification_settings
 
 
@@ -30,6 +31,7 @@ class Start:
     settings: CommonSettings
     knowledge: Knowledge | None = None
     occasion: Occasion | None = None
+    note: Note | None = None
 
     @property
     def folder(self) -> str:
@@ -75,7 +77,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     if chosen.earlier_result is not None:
         knowledge = read_knowledge(chosen.earlier_result)
         knowledge.require_used()
-    last = knowledge and knowledge.last
+    last, note = knowledge and knowledge.last, Note.of(chosen)
     starts = []
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
@@ -83,7 +85,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
         own = tuple(path for path in logs if loads[path] == load)
         if not isinstance(settings, OneStage):
-            starts.append(Start(logs=own, vehicle=vehicle, settings=settings))
+            starts.append(Start(logs=own, vehicle=vehicle, settings=settings, note=note))
             continue
         trailer, name = chosen.trailer or "", load
         if knowledge and last:
@@ -91,7 +93,8 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or (_another_load(knowledge) if chosen.suspension_from else last.load)
         occasion = Occasion(trailer=trailer, load=name, road=chosen.road or "", date=_date(own[0]) if own else None)
-        starts.append(Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion))
+        start = Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion, note=note)
+        starts.append(start)
     return starts
 
 

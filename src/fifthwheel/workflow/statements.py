@@ -25,6 +25,7 @@ from fifthwheel.identify.setup import with_tyre_law
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     group_paths,
+    guess_prior,
     longest_matching_key,
     prior_of_sensor_error,
 )
@@ -164,20 +165,32 @@ class _Result:
             self._set_value(stated)
         if sigma == 0:
             self.fixed.append(path)
+            self.priors.pop(path, None)
+            self.stated_priors.pop(path, None)
             if path in self.own:
                 self.sigmas[path] = 0.0
         elif stated.free:
             self._set_free(path, stated)
-        elif path in self.estimated and ParameterPath.of(path).is_payload_height:
-            self.stated_priors[path] = stated.value, self.settings.height_prior if sigma is None else sigma
+        elif path in self.estimated and (ParameterPath.of(path).is_payload_height or path in self.stated_priors):
+            self.stated_priors[path] = stated.value, self._default_sigma(path) if sigma is None else sigma
         elif sigma is None:
             return
         elif path == FRICTION:
             self.changes["friction_prior"] = stated.relative
-        elif path in self.estimated or path not in self.own:
+        elif path in self.estimated or path not in self.own or self._in_consider(path):
             self.priors[path] = stated.relative
         else:
             self.sigmas[path] = sigma
+
+    def _in_consider(self, path: str) -> bool:
+        """Whether settings that are not the default have a prior of an uncertain number."""
+        key = longest_matching_key(path, self.consider)
+        return key is not None and self.consider[key] != DEFAULT_CONSIDERED.get(key)
+
+    def _default_sigma(self, path: str) -> float:
+        """That of an estimated payload height or position: stated before, in the vehicle file, or by default."""
+        of_file = 0.0 if path in self.vehicle.assumed else self.vehicle.stated.get(path, 0.0)
+        return self.stated_priors.get(path, (0.0, of_file or self.settings.height_prior))[1]
 
     def _set_value(self, stated: Stated) -> None:
         if stated.name == FRICTION:
@@ -188,15 +201,22 @@ class _Result:
             raise refused(stated, "follows from the vehicle, or is one of all tyres; state only its sigma, or exact")
 
     def _set_free(self, path: str, stated: Stated) -> None:
-        if path in self.estimated or path == FRICTION:
+        if path == FRICTION:
             return
-        if path not in self.own:
+        if ParameterPath.of(path).is_payload_height:
+            self.stated_priors[path] = stated.value, self.settings.height_prior
+        elif path in self.estimated and path in self.stated_priors:
+            return
+        elif path not in self.own and path not in self.estimated:
             raise refused(stated, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
-        if unit_of(path) == "m" and ParameterPath.of(path).quantity in POSITIONS:
+        elif unit_of(path) == "m" and ParameterPath.of(path).quantity in POSITIONS:
             self.stated_priors[path] = stated.value, WIDE_POSITION
         elif stated.value <= 0:
             raise refused(stated, f"expected a value above 0 to be estimated, got {stated.value:g}; give one")
-        self.free.append(path)
+        elif self.vehicle.stated.get(path):
+            self.priors[path] = guess_prior(path, self.settings)  # instead of that of the vehicle file
+        if path not in self.estimated:
+            self.free.append(path)
 
     def finished(self) -> tuple[Vehicle, OneStage]:
         if self.factor_of_file:

@@ -13,7 +13,7 @@ from fifthwheel.settings import options_of
 from fifthwheel.units import quantity, uncertain_quantity
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TYRES
-from fifthwheel.vehicle.weighing import ACCURACY, Slip, fraction
+from fifthwheel.vehicle.weighing import ACCURACY, CONDITIONS, Slip, fraction
 from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
@@ -33,8 +33,8 @@ class Question:
     required: bool = False
     sigma: float | None = None
     """Standard deviation as a fraction where the answer states none."""
-    applies: Callable[[Mapping[str, str]], bool] = lambda answers: True
-    """Whether the earlier answers need this one."""
+    unused: Callable[[Mapping[str, str]], str] = lambda answers: ""
+    """Why the other answers leave no use for this one; "" if they do not."""
 
     @property
     def text(self) -> str:
@@ -46,6 +46,11 @@ class Question:
     def is_slip(self) -> bool:
         """Whether the answer is the loads of a slip."""
         return not self.unit and not self.choices
+
+    @property
+    def loads_example(self) -> str:
+        """Loads of a slip, kg, as many as the answer has."""
+        return "5200 2000" if self.key == "solo" else "6850 10500 22500"
 
     def parse(self, answer: str) -> Any:
         """The value of an answer: a choice, value and standard deviation, or loads by their paths.
@@ -84,8 +89,22 @@ def _loads(answer: str, paths: tuple[str, ...]) -> dict[str, float]:
     return {path: quantity(load, "kg") for path, load in zip(paths, loads, strict=True)}
 
 
-def _is_laden(answers: Mapping[str, str]) -> bool:
-    return uncertain_quantity(answers.get("load_mass", "1"), "kg")[0] > 0
+def _without_load(answers: Mapping[str, str]) -> str:
+    return "" if uncertain_quantity(answers.get("load_mass", "1"), "kg")[0] > 0 else "load_mass is 0"
+
+
+def _one_axle(unit: str) -> Callable[[Mapping[str, str]], str]:
+    """Whether the last group of a unit has one axle, so that there is no distance between axles."""
+    return lambda answers: "" if CLASSES[answers[unit]].axle_counts[-1] > 1 else f"{answers[unit]} has one axle there"
+
+
+def _given(other: str) -> Callable[[Mapping[str, str]], str]:
+    """Whether the loads of a slip give the number."""
+    return lambda answers: f"{other} gives it" if other in answers else ""
+
+
+def _without_laden(answers: Mapping[str, str]) -> str:
+    return "" if "laden" in answers else "there are no laden loads"
 
 
 SPREADS = (0.8, 3.5)
@@ -98,21 +117,21 @@ QUESTIONS = (
         key="tractor_spread",
         unit="m",
         limits=SPREADS,
-        applies=lambda answers: CLASSES[answers["tractor"]].axle_counts[-1] > 1,
+        unused=_one_axle(TRACTOR),
     ),
     Question(key="fifth_wheel", unit="m", limits=(1, 9)),
     Question(key="trailer_wheelbase", unit="m", limits=(3, 15), required=True),
-    Question(key="trailer_spread", unit="m", limits=SPREADS),
+    Question(key="trailer_spread", unit="m", limits=SPREADS, unused=_one_axle("trailer")),
     Question(key="laden"),
-    Question(key="solo"),
-    Question(key="empty"),
-    Question(key="tractor_tare", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA),
-    Question(key="trailer_tare", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA),
+    Question(key="solo", unused=_without_laden),
+    Question(key="empty", unused=_without_laden),
+    Question(key="tractor_tare", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA, unused=_given("solo")),
+    Question(key="trailer_tare", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA, unused=_given("empty")),
     Question(key="load_mass", unit="kg", limits=(0, 8e4)),
-    Question(key="load_height", unit="m", limits=(0.05, 4), applies=_is_laden),
-    Question(key="load_width", unit="m", limits=(0.2, 5), applies=_is_laden),
-    Question(key="floor_height", unit="m", limits=(0.2, 2), applies=_is_laden),
-    Question(key="load_shape", choices=("uniform", "point"), applies=_is_laden),
+    Question(key="load_height", unit="m", limits=(0.05, 4), unused=_without_load),
+    Question(key="load_width", unit="m", limits=(0.2, 5), unused=_without_load),
+    Question(key="floor_height", unit="m", limits=(0.2, 2), unused=_without_load),
+    Question(key="load_shape", choices=("uniform", "point"), unused=_without_load),
     Question(key="trailer_tyres", choices=tuple(TYRES)),
 )
 
@@ -126,7 +145,7 @@ def describe(answers: Mapping[str, str], *, slip: Path | None = None, accuracy: 
         accuracy: of the loads, such as "1 %".
 
     Raises:
-        VehicleError: an answer is not valid, or a required one is missing.
+        VehicleError: an answer is not valid or has no use, or a required one is missing.
     """
     values: dict[str, Any] = {}
     for question in QUESTIONS:
@@ -135,8 +154,20 @@ def describe(answers: Mapping[str, str], *, slip: Path | None = None, accuracy: 
         elif question.required:
             option = question.key.replace("_", "-")
             raise VehicleError(f"{question.key}: expected a value, got none; give --{option}, or answer on a terminal")
-    loads = {key: values.pop(key) for key in ("laden", "solo", "empty") if key in values}
-    if slip is not None and loads:
-        raise VehicleError(f"{next(iter(loads))}: given, and {slip} too; keep one of them")
+    loads = {key: values.pop(key) for key in CONDITIONS if key in values}
+    if slip is not None and (twice := [*loads, *(["accuracy"] if accuracy else [])]):
+        raise VehicleError(f"{twice[0]}: given, and {slip} too; keep one of them")
+    if accuracy and not (slip or loads):
+        raise VehicleError("accuracy: expected loads too, got none; give --laden, or remove --accuracy")
     weighed = Slip.load(slip) if slip is not None else Slip(**loads, accuracy=fraction(accuracy or ACCURACY))
+    given = {**dict.fromkeys(conditions(slip), ""), **answers}
+    for question in QUESTIONS:
+        if question.key in given and (reason := question.unused(given)):
+            raise VehicleError(f"{question.key}: has no use, because {reason}; remove it")
     return Description(**values, slip=weighed)
+
+
+def conditions(slip: Path | None) -> tuple[str, ...]:
+    """The conditions of which a slip file has the loads; a VehicleError if it cannot be read."""
+    weighed = Slip.load(slip) if slip is not None else Slip()
+    return tuple(condition for condition in CONDITIONS if getattr(weighed, condition))

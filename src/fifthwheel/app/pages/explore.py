@@ -32,6 +32,8 @@ FACTOR = 2.0
 """A slider reaches from the number of the vehicle file by this factor in both directions."""
 STEPS = 40
 """Of a slider in each direction."""
+SPEEDS = (20.0, 120.0)
+"""Least and largest speed, km/h."""
 REST = 0.4
 """s without a movement, after which the sliders are kept."""
 
@@ -193,15 +195,15 @@ class _Page:
     def _model_part(self) -> None:
         with ui.row().classes("items-center"):
             kind = ui.toggle(list(KINDS), value=self.kind).props('no-caps aria-label="Plot of the linear model"')
-            speed = ui.number("Speed, km/h", value=self.speed, min=20, max=120, step=5).classes("fw-field")
 
-        async def change(_: Any) -> None:
-            self.kind, self.speed = kind.value, float(speed.value or self.speed)
-            self._keep()
-            self._draw_model()
+            def change(speed: float | None = None) -> None:
+                self.kind, self.speed = kind.value, speed or self.speed
+                self._keep()
+                self._draw_model()
 
-        kind.on_value_change(change)
-        speed.on_value_change(change)
+            speed = layout.number_field("Speed, km/h", self.speed, change, limits=SPEEDS)
+            speed.props("debounce=600").classes("fw-field")
+            kind.on_value_change(lambda _: change())
         self._model_error = ui.label().classes("text-negative").props("role=alert")
         self._model_plot = ui.plotly({}).classes("w-full")
         self._model_plot.props["role"] = "img"

@@ -101,9 +101,15 @@ class _Settings:
             self._bind(ui.input(value=self._value(key, "")).props("debounce=600"), key, "", named)
 
     def _number(self, key: str, label: str, whole: bool, help: str) -> None:
+        def number(text: str) -> float | int | None:
+            value = layout.typed_number(text)
+            if whole and value is not None and value != round(value):
+                raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
+            return round(value) if whole and value is not None else value
+
         with self._place(label, help) as named:
-            field = ui.number(value=self._value(key, None), precision=0 if whole else None).props("clearable")
-            self._bind(field, key, None, named, round if whole else float)
+            field = ui.input(value=layout.shown_number(self._value(key, None)))
+            self._bind(field.props("clearable debounce=600 inputmode=decimal"), key, None, named, number)
 
     def _switch(self, key: str, label: str, default: bool, help: str) -> None:
         with self._place("", help):
@@ -130,7 +136,8 @@ class _Settings:
             try:
                 self._keep(key, default, default if event.value in ("", None) else convert(event.value))
             except FifthwheelError:
-                field.set_value(self._value(key, default))
+                kept = self._value(key, default)
+                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
                 raise
 
         field.on_value_change(change)
@@ -151,15 +158,21 @@ def _run(workspace: Workspace) -> None:
         elif job is not None and job.state == "cancelled":
             ui.label("Cancelled; no result was changed.").props("role=status")
     for left in runs.interrupted(workspace) if not running else ():
-        ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again.")
+        with ui.row().classes("items-center"):
+            ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again, or delete it.")
+            _delete_button(workspace, left)
     results = runs.results(workspace)
     if results:
         query = ui.context.client.request.query_params.get("run")
         _result(workspace, results, query if query in results else results[0])
 
 
-def _start(workspace: Workspace, name: str) -> None:
-    jobs.start(KEY, runs.identify, workspace.folder, plain_name(name))
+async def _start(workspace: Workspace, name: str) -> None:
+    plain, folder = plain_name(name), workspace.folder
+    question = f"There is a result {plain} already. Replace it? This cannot be undone."
+    if plain in runs.results(workspace) and not await layout.confirmed(question, "Replace"):
+        return
+    jobs.start(KEY, runs.identify, folder, plain, on_cancel=partial(runs.discard_empty, folder, plain))
     _run.refresh()
 
 
@@ -180,14 +193,40 @@ def _ended(workspace: Workspace, job: jobs.Job) -> None:
 def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
     layout.heading("Report")
     with ui.row().classes("items-center"):
-        select = ui.select(results, value=chosen, label="Result").classes("fw-field")
+        select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
         ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
         ui.link("vehicle.toml", result_files.address(chosen, "vehicle.toml"))
         ui.link("identification.json", result_files.address(chosen, "identification.json"))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
+        rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
+        rename.props["aria-label"] = f"Rename {printable(chosen)}"
+        _delete_button(workspace, chosen)
     result_files.show(chosen)
+
+
+def _delete_button(workspace: Workspace, name: str) -> None:
+    button = ui.button("Delete", on_click=lambda: _delete(workspace, name)).props("flat no-caps")
+    button.props["aria-label"] = f"Delete {printable(name)}"
+
+
+async def _delete(workspace: Workspace, name: str) -> None:
+    if await layout.confirmed(f"Delete the result {name} with all its files? This cannot be undone.", "Delete"):
+        workspace.remove_run(name)
+        ui.navigate.to(layout.address("identify"))
+
+
+async def _rename(workspace: Workspace, name: str) -> None:
+    with ui.dialog() as dialog, ui.card():
+        field = ui.input(f"New name of {printable(name)}", value=name).classes("fw-field")
+        with ui.row():
+            ui.button("Rename", on_click=lambda: dialog.submit(field.value)).props("no-caps")
+            ui.button("Keep", on_click=lambda: dialog.submit(None)).props("outline no-caps")
+    typed = await dialog
+    if typed and (new := plain_name(typed)) != name:
+        workspace.rename_run(name, new)
+        ui.navigate.to(f"{layout.address('identify')}?{layout.query(run=new)}")
 
 
 def _take(workspace: Workspace, name: str) -> None:

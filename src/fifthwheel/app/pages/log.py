@@ -72,12 +72,21 @@ class _Page:
             ui.label("No log yet.")
             return
         _read_next(self.workspace, logs)
+        self._leave_out_unreadable(logs)
         chosen = self._chosen()
         with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Logs"'):
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:
             layout.show_progress(_key(name), lambda job: self.refresh())
+
+    def _leave_out_unreadable(self, logs: list[str]) -> None:
+        """Untick the logs that cannot be read, so that no check or identification needs them."""
+        for name in logs:
+            job, choices = jobs.get(_key(name)), self.workspace.choices()
+            if job is not None and job.state == "failed" and choices.of(name).use:
+                self.workspace.write_choices(choices.with_log(name, use=False), f"leave out {name}")
+                layout.undo_buttons.refresh()
 
     @ui.refreshable_method
     def _channels(self) -> None:
@@ -98,6 +107,7 @@ class _Page:
             with ui.element("td"):
                 box = ui.checkbox(value=choices.of(name).use, on_change=use)
                 box.props["aria-label"] = f"Use {name}"
+                box.set_enabled(job is None or job.state != "failed")
             with ui.element("td"):
                 link = ui.link(name, f"?{layout.query(log=name)}")
                 if chosen:
@@ -117,17 +127,14 @@ class _Page:
                 remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
 
     def _read_again(self, name: str) -> None:
+        self.workspace.write_choices(self.workspace.choices().with_log(name, use=True), f"use {name}")
         jobs.start(_key(name), inputs.store, self.workspace.folder, name)
         self.refresh()
 
     async def _ask_to_remove(self, name: str) -> None:
         """Remove a log after a question, because this cannot be undone."""
-        with ui.dialog() as dialog, ui.card():
-            ui.label(f"Delete {name} from {self.workspace.folder / 'logs'}? This cannot be undone.")
-            with ui.row():
-                ui.button("Delete", on_click=lambda: dialog.submit(True)).props("color=negative")
-                ui.button("Keep", on_click=lambda: dialog.submit(False)).props("outline autofocus")
-        if await dialog:
+        question = f"Delete {name} from {self.workspace.folder / 'logs'}? This cannot be undone."
+        if await layout.confirmed(question, "Delete"):
             job = jobs.get(_key(name))
             if job is not None:
                 job.cancel()

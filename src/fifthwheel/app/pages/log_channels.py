@@ -25,6 +25,8 @@ FIRST = 4
 """Channels that are drawn at first."""
 MOST = 12
 """Channels that are drawn at the same time."""
+_INSTANT = ".3f"
+"""Form of an instant in a field, s."""
 _PANEL = 130
 """Height of the plot of a channel, pixels."""
 _EPOCH = 1e8
@@ -62,8 +64,12 @@ class _View:
         with ui.row().classes("items-center"):
             mode = ui.toggle({False: "Zoom", True: "Select"}, value=False, on_change=self._set_mode)
             mode.props('aria-label="What dragging in the plot does" dense no-caps')
-            self._from = ui.number("From, s", value=round(low, 3), format="%.3f").props("dense").classes("w-28")
-            self._to = ui.number("To, s", value=round(high, 3), format="%.3f").props("dense").classes("w-28")
+            self._from, self._to = (
+                layout.number_field(label, instant, form=_INSTANT)
+                for label, instant in (("From, s", low), ("To, s", high))
+            )
+            for field in (self._from, self._to):
+                field.props("dense").classes("w-28")
             for text, action in (
                 ("Show", self._show_window),
                 ("Whole log", self._show_all),
@@ -118,11 +124,12 @@ class _View:
 
     def _chosen(self) -> tuple[float, float]:
         """The window of the two fields, by the timestamps of the log."""
-        low, high = sorted((self._from.value or 0.0, self._to.value or 0.0))
+        low, high = sorted(layout.typed_number(field.value) or 0.0 for field in (self._from, self._to))
         return max(low + self._origin, self._whole[0]), min(high + self._origin, self._whole[1])
 
     def _choose(self, window: tuple[float, float]) -> None:
-        self._from.value, self._to.value = (round(instant, 3) for instant in self._relative(window))
+        for field, instant in zip((self._from, self._to), self._relative(window), strict=True):
+            field.value = layout.shown_number(instant, _INSTANT)
 
     async def _show(self, window: tuple[float, float]) -> None:
         self._range = window if window[1] > window[0] else self._whole

@@ -10,20 +10,20 @@ from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError, printable
-from fifthwheel.formatting import percent
+from fifthwheel.formatting import digits, percent
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.edited_map import with_channel, without_channel
+from fifthwheel.logs.mapping.propose import missing_signals
 from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import ChannelEvidence, SignalEvidence
 
 HEIGHT = 170
 """Height of the plot of a signal, pixels."""
 _WAIT = 500
 """ms after the last key before a field counts."""
-_BETTER = 0.05
-"""Fraction of the variance by which the inverted signal must fit better for the sign to be doubted."""
 
 
 def build(workspace: Workspace) -> None:
@@ -160,9 +160,12 @@ class _Page:
                     if finding.remedy and finding.signal in self.signal_map().signals:
                         button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
                         button.props["aria-label"] = f"Mend {finding.signal}"
-            if self.evidence is not None and not findings:
-                with ui.element("li"):
-                    ui.label("Nothing speaks against the map.")
+            if self.evidence is not None:
+                against = objections(self.evidence, self.signal_map(), self.workspace.vehicle())
+                nothing = [] if findings or against else ["Nothing speaks against the map."]
+                for text in against or nothing:
+                    with ui.element("li"):
+                        ui.label(text)
 
     @ui.refreshable_method
     def _rows(self) -> None:
@@ -192,10 +195,8 @@ class _Page:
                 sign = ui.toggle({1: "+", -1: "−"}, value=channel.sign).props("dense")
                 sign.props["aria-label"] = f"Sign of {signal}"
                 sign.on_value_change(partial(self._changed, signal, "sign"))
-                gain = ui.number("Gain", value=channel.gain, format="%.6g")
-                gain.on_value_change(partial(self._changed, signal, "gain"))
-                delay = ui.number("Delay, s", value=float(channel.delay), step=0.01, format="%.3f")
-                delay.on_value_change(partial(self._changed, signal, "delay"))
+                gain = layout.number_field("Gain", channel.gain, partial(self._set, signal, "gain"))
+                delay = layout.number_field("Delay, s", float(channel.delay), partial(self._set, signal, "delay"))
                 for field, key in ((text, "Unit"), (gain, "Gain"), (delay, "Delay")):
                     field.props(f"dense debounce={_WAIT}").classes("w-24")
                     field.props["aria-label"] = f"{key} of {signal}"
@@ -219,7 +220,11 @@ class _Page:
         value = event.value
         if key == "unit" and value == self._unit_in_log(self.signal_map().signals[signal]):
             value = None
-        await self.change(signal, **{key: value})
+        await self._set(signal, key, value)
+
+    async def _set(self, signal: str, key: str, value: Any) -> None:
+        if value != getattr(self.signal_map().signals[signal], key):
+            await self.change(signal, **{key: value})
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])
@@ -252,7 +257,7 @@ class _Page:
             return
         with ui.row().classes("items-center").props("aria-live=polite"):
             ui.label(_words(channel))
-            if channel.explained is not None and (channel.inverted or 0.0) > channel.explained + _BETTER:
+            if channel.is_inverted:
                 button = ui.button("Invert", on_click=partial(self.set_and_show, signal, sign=-mapped.sign))
                 button.props("outline dense no-caps").props["aria-label"] = f"Invert {signal}"
             if channel.offset is not None and abs(channel.offset.offset) > 2 * channel.offset.sigma:
@@ -278,11 +283,31 @@ def _remedy(finding: Finding, channel: Any) -> dict[str, Any]:
     return keys
 
 
+def objections(evidence: SignalEvidence, signal_map: SignalMap, truck: Vehicle | None) -> list[str]:
+    """What speaks against a map besides the findings: missing signals, and what the predictions say of each signal."""
+    units = ("tractor", "semitrailer") if truck is None else [unit.name for unit in truck.units]
+    reported = {name for finding in evidence.findings for name in (finding.signal, *finding.others)}
+    doubtful = {
+        name: channel
+        for name, channel in evidence.channels.items()
+        if name not in reported and (channel.is_inverted or channel.is_late or channel.is_scaled)
+    }
+    return missing_signals(signal_map, units) + [f"{name}: {_words(channel)}" for name, channel in doubtful.items()]
+
+
 def _words(channel: ChannelEvidence) -> str:
     if channel.explained is None:
         return "Cannot be compared: too few samples, or the truck does not turn."
     words = f"The prediction explains {percent(channel.explained)} of the variance"
-    if (channel.inverted or 0.0) > channel.explained + _BETTER:
+    if channel.is_scaled and channel.gain is not None:
+        larger = (
+            f"{digits(max(channel.gain, 1 / channel.gain), 2)} times too {'small' if channel.gain > 1 else 'large'}"
+        )
+        words = (
+            f"The prediction is {larger}: correct unit or gain of this signal, of the speed or of the steer angle. "
+            f"Times {digits(channel.gain, 2)}, it explains {percent(channel.explained)} of the variance"
+        )
+    if channel.is_inverted:
         words += f", with the sign inverted {percent(channel.inverted or 0.0)}"
     if channel.offset is not None:
         late = channel.offset.offset

@@ -14,6 +14,7 @@ from fifthwheel.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.report.vehicle import NOTHING_ASSUMED, assumed_blocks
 from fifthwheel.vehicle import Vehicle, catalogue
+from fifthwheel.vehicle.weighing import exchanged_loads
 from fifthwheel.workflow.new_vehicle import new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
 
@@ -31,6 +32,8 @@ def build(workspace: Workspace) -> None:
                 ui.label("None yet. Answer the questions, import a file, or take a published vehicle.")
             else:
                 _draw(current)
+                if exchanged := exchanged_loads(current):
+                    layout.failure(exchanged)
                 _numbers(current)
                 _assumed(current)
         with ui.element("section").classes("fw-form").props('aria-label="Questions"'):
@@ -180,7 +183,7 @@ def _known(key: str, text: str) -> bool:
 def _applies(question: Question, answers: Mapping[str, str]) -> bool:
     """Whether the answers need this question; not as long as an answer that decides is missing or wrong."""
     try:
-        return question.applies(answers)
+        return not question.unused(answers)
     except (KeyError, FifthwheelError):
         return False
 
@@ -203,7 +206,7 @@ def _field(question: Question, answer: str, keep: Any) -> None:
             field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
             field.on_value_change(lambda event: keep(event.value))
         else:
-            hint = "6850 10500 22500" if question.is_slip else _EXAMPLES[question.unit]
+            hint = question.loads_example if question.is_slip else _EXAMPLES[question.unit]
             field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
             field.on("change", lambda: keep(field.value))
         field.classes("w-full").props("dense outlined")

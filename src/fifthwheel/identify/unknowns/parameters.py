@@ -1,6 +1,5 @@
 """The unknowns of an identification: parameters, uncertain numbers and sensor errors."""
 
-import math
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -78,19 +77,19 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
 
 
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
-    """Paths of the parameters that one stage estimates.
+    """Paths of the parameters that one stage estimates; not those that the vehicle file states to be exact.
 
     Raises:
         VehicleError: a name in the settings is neither a parameter nor the end of one.
     """
     if settings.free is not None:
         names = expand_names(vehicle, settings.free, settings)
-    elif settings.uniform_payload:
-        names = [*stage_1_names(vehicle), *stage_2_names(vehicle)]
     else:
         bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
         separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
-        names = [*stage_1_names(vehicle), *separate]
+        names = [*stage_1_names(vehicle), *(stage_2_names(vehicle) if settings.uniform_payload else separate)]
+        uncertain = [name for name in names if vehicle.stated.get(name) != 0]
+        names = uncertain or names  # of a simulated vehicle every number is exact
     if settings.tyre_law == "saturating":
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
@@ -142,14 +141,11 @@ def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> 
 def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> list[Unknown]:
     """All unknowns of one stage but the initial states: parameters, uncertain numbers, sensor errors.
 
-    The values of the vehicle are the prior means. A VehicleError: a name in the settings is unknown, a parameter has a
-    prior in `consider`, which is for other numbers, or an estimated parameter is not above 0.
+    The values of the vehicle are the prior means. A VehicleError: a name in the settings is unknown, a prior in the
+    settings has no use, or an estimated parameter is not above 0.
     """
     estimated = estimated_parameters(vehicle, settings)
-    for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
-        paths = expand_names(vehicle, [name], settings)
-        if name in settings.consider and paths and all(path in estimated for path in paths):
-            raise VehicleError(f"{name}: is estimated; give its prior in priors, or remove it from consider")
+    _require_use(vehicle, estimated, settings)
     unknowns = [
         *_estimated_unknowns(vehicle, estimated, settings),
         *_vehicle_file_unknowns(vehicle, estimated, settings),
@@ -161,6 +157,23 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
         *sensor_error_unknowns(vehicle, outputs, settings),
         *_model_errors(vehicle, outputs, settings),
     ]
+
+
+def _require_use(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> None:
+    """Refuse a prior of the settings that would change nothing."""
+    known, fixed = given_parameters(vehicle, settings), expand_names(vehicle, settings.fixed, settings)
+    for name in {*settings.priors, *settings.consider} - {*DEFAULT_CONSIDERED}:
+        paths = expand_names(vehicle, [name], settings)
+        if name in settings.consider and paths and all(path in estimated for path in paths):
+            raise VehicleError(f"{name}: is estimated; give its prior in priors, or remove it from consider")
+        if name in settings.priors and name in fixed:
+            raise VehicleError(f"{name}: is fixed; remove it from priors or from fixed")
+    for name in settings.stated_priors:
+        if SensorErrorName.of(name) or name in (*estimated, *fixed) or ParameterPath.of(name).is_payload_height:
+            continue
+        if name in known:
+            raise VehicleError(f"{name}: is not estimated; give its prior in priors, as a fraction, or add it to free")
+        raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, known)}")
 
 
 def time_base_delays(
@@ -325,24 +338,38 @@ def softening(vehicle: Vehicle) -> dict[str, float]:
 
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
+    """The estimated parameters: with the prior of the settings, else with that of the vehicle file, else as a guess."""
     values = given_parameters(vehicle, settings)
     unknowns = []
     for name in estimated:
+        value, key = values[name], longest_matching_key(name, settings.priors)
+        fraction = settings.priors[key] if key else _fraction_of_file(vehicle, name)
         stated = settings.stated_priors.get(name)
         if ParameterPath.of(name).is_payload_height:
-            unknown = height_unknown(name, values[name], settings)
-            unknowns.append(replace(unknown, centre=stated[0], scale=stated[1]) if stated else unknown)
+            unknown = height_unknown(name, value, settings)
+            centre, scale = stated or ((value, fraction * value) if fraction else (unknown.centre, unknown.scale))
+            unknowns.append(replace(unknown, centre=centre, scale=scale))
         elif stated:
             unknowns.append(position_unknown(name, *stated))
+        elif fraction or name == FRICTION:
+            unknowns.append(logarithmic_unknown(name, value, fraction or settings.friction_prior))
         else:
-            roll_inertia = ends_with(name, "sprung.roll_inertia")
-            default = settings.roll_inertia_prior if roll_inertia else settings.prior
-            default = settings.friction_prior if name == FRICTION else default
-            guess = name not in settings.priors and name != FRICTION
-            tail = settings.guess_tail if guess else math.inf
-            sigma = settings.priors.get(name, default)
-            unknowns.append(logarithmic_unknown(name, values[name], sigma, tail=tail))
+            unknowns.append(logarithmic_unknown(name, value, guess_prior(name, settings), tail=settings.guess_tail))
     return unknowns
+
+
+def guess_prior(name: str, settings: OneStage) -> float:
+    """Prior standard deviation of an estimated parameter on which nothing is stated, as a fraction of its value."""
+    return settings.roll_inertia_prior if ends_with(name, "sprung.roll_inertia") else settings.prior
+
+
+def _fraction_of_file(vehicle: Vehicle, name: str) -> float | None:
+    """The standard deviation that the vehicle file states of a number, as a fraction of its value; None or 0 if none.
+
+    What the class of a unit gives is a guess.
+    """
+    value = vehicle.parameters().get(name)
+    return vehicle.stated.get(name, 0.0) / abs(value) if value and name not in vehicle.assumed else None
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:

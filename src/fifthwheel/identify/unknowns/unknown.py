@@ -11,6 +11,7 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
+from fifthwheel.formatting import percent
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.names import ends_with
 from fifthwheel.vehicle.parameters import POSITIONS
@@ -149,11 +150,15 @@ def logarithmic_unknown(
     """A parameter above 0, with sigma as a fraction of its value.
 
     Raises:
-        VehicleError: the value is not above 0.
+        VehicleError: the value is not above 0, or sigma is not below it.
     """
     if value <= 0:
         raise VehicleError(
             f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
+        )
+    if sigma >= 1:
+        raise VehicleError(
+            f"{name}: expected a standard deviation below 100 % of the value, got {percent(sigma)}; give a smaller one"
         )
     return Unknown(
         name=name,

@@ -91,7 +91,7 @@ def propose_map(
         signals=proposed,
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
-        missing=tuple(_missing(proposed, units, survey)),
+        missing=(*missing_signals(proposed, units), *_rates_of_unknown_axes(proposed, survey)),
         findings=findings,
     )
 
@@ -247,15 +247,20 @@ def _rank(hint: ColumnHint, content: ColumnContent) -> tuple[bool, bool, bool, f
     return present > 0.5, not hint.steering_wheel, hint.trailing is not None, min(rate, 100.0), content.sigma
 
 
-def _missing(proposed: SignalMap, units: Sequence[str], survey: LogSurvey) -> list[str]:
-    """Sentences on the signals that an estimator needs and the map does not have; a rate may be of an unknown axis."""
+def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:
+    """A sentence on columns with the unit of a rate, if the map has no yaw rate."""
+    contents = survey.contents.items()
+    rates = [name for name, content in contents if is_rate_by_unit(name, content.column.unit) and content.alive]
+    if not rates or any(is_of(name, YAW_RATE) for name in proposed.signals):
+        return []
+    return [f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}"]
+
+
+def missing_signals(proposed: SignalMap, units: Sequence[str]) -> list[str]:
+    """Sentences on the signals that an estimator needs and the map does not have."""
     steered = any(is_of(name, STEER) for name in proposed.signals)
     needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
     missing = [f"{name}: not found; every estimator needs it" for name in needed if name not in proposed.signals]
-    contents = survey.contents.items()
-    rates = [name for name, content in contents if is_rate_by_unit(name, content.column.unit) and content.alive]
-    if rates and not any(is_of(name, YAW_RATE) for name in proposed.signals):
-        missing.append(f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}")
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:
