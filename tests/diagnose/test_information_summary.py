@@ -9,6 +9,7 @@ from fifthwheel import vehicle
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
+from fifthwheel.diagnose.words import named
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.design.assess import assess_information
@@ -50,7 +51,7 @@ def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight
     assert set(first.parameters) == {e.name for e in identification.parameters}
     assert second.message.startswith("Predicted sigma if one more lane change (SAE J2179) at 88 km/h is driven")
     sigma = outlook["tractor.front.cornering_stiffness"].remedies[0].sigma / 4.75e5
-    assert f"tractor.front.cornering_stiffness {100 * sigma:.2g} %" in second.message
+    assert f"{100 * sigma:.2g} % for {named('tractor.front.cornering_stiffness')}" in second.message
 
 
 def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):

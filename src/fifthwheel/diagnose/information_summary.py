@@ -1,5 +1,6 @@
 """How much information the logs contain on each parameter, what limits its sigma, and what would reduce it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -172,8 +173,14 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     return (covariance.names[j], float(magnitude[j])) if notable else None
 
 
-def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -> str:
-    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged"."""
+def describe_remedy(
+    remedy: Remedy, lane_change: str = "one more lane change", naming: Callable[[str], str] = str
+) -> str:
+    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged".
+
+    Args:
+        naming: the words for a channel, such as `words.named`; by default its name.
+    """
     if remedy.known:
         manners: dict[str, list[str]] = {}
         for name in remedy.known:
@@ -190,7 +197,7 @@ def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -
             f"its roll axis to {100 * TESTED_AXIS:g} cm",
         )
         return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
-    changes = [f"{remedy.channel} is logged"] if remedy.channel else []
+    changes = [f"{naming(remedy.channel)} is logged"] if remedy.channel else []
     if remedy.drive:
         changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
     return f"if {' and '.join(changes)}"

@@ -128,7 +128,7 @@ class Headline:
 
     text: str
     good: bool = True
-    columns: Sequence[Sequence[Items | Paragraph]] = ()
+    columns: "Sequence[Sequence[Block]]" = ()
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,6 @@
 """The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -8,19 +8,23 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
-from fifthwheel.diagnose.advice import next_steps
+from fifthwheel.diagnose.advice import Advice, next_steps
 from fifthwheel.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
+from fifthwheel.diagnose.words import named, named_unit, spoken
 from fifthwheel.formatting import approximate, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
-from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
+from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
 from fifthwheel.vehicle.parameters import FRICTION
+
+SHOWN = 3
+"""Steps and cautions that are not folded away."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,26 +36,54 @@ class Conclusion:
     results: tuple[str, ...] = ()
     not_identified: tuple[str, ...] = ()
     cautions: tuple[str, ...] = ()
-    next_steps: tuple[str, ...] = ()
+    steps: tuple[Advice, ...] = ()
+    """What to do next, the most useful step first."""
     notes: tuple[str, ...] = ()
 
-    def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+    @property
+    def next_steps(self) -> tuple[str, ...]:
+        """The steps in words, without their options."""
+        return tuple(step.message for step in self.steps)
 
-    def box(self) -> pages.Headline:
-        """The headline with all lists, at the top of a page."""
-        found = (pages.Items(self.results, "Result"), pages.Items(self.not_identified, "Not identified"))
-        advice = (
-            pages.Items(self.next_steps, "Next steps", ordered=True),
+    def as_dict(self) -> dict[str, Any]:
+        return asdict(self) | {"next_steps": list(self.next_steps)}
+
+    def box(self, first: Sequence[pages.Block] = ()) -> pages.Headline:
+        """The headline with what to rely on and what to do, at the top of a page; `first` comes before the lists."""
+        found = (*first, *_leading(self.cautions, "Cautions", "more cautions"))
+        missing = (pages.Items(self.not_identified, "Not identified"), *self._steps())
+        return pages.Headline(self.headline, self.good, (found, missing))
+
+    def _steps(self) -> Iterator[pages.Block]:
+        """The first steps in words; behind them the options of all, and the other steps."""
+        yield pages.Items(self.next_steps[:SHOWN], "Next steps", ordered=True)
+        rows = [
+            (str(k), step.message if k > SHOWN else "", pages.Code(step.option) if step.option else "")
+            for k, step in enumerate(self.steps, 1)
+            if step.option or k > SHOWN
+        ]
+        more = len(self.steps) - SHOWN
+        if rows:
+            title = "Options of these steps" + (f", and {counted(more, 'other step')}" if more > 0 else "")
+            yield pages.Folded(title, [pages.Table(("Step", "What|full", "Option|full"), rows)])
+
+    def advice(self) -> tuple[pages.Block, ...]:
+        """The lists at the end of an output on a terminal."""
+        more = len(self.steps) - SHOWN
+        where = f"{f'{more} more and the' if more > 0 else 'The'} options for them: report.html, Next steps."
+        return (
             pages.Items(self.cautions, "Cautions"),
+            pages.Items(self.next_steps[:SHOWN], "Next steps"),
+            *([pages.Paragraph(where)] if more > 0 or any(step.option for step in self.steps) else []),
             pages.Items(self.notes, "Notes"),
         )
-        return pages.Headline(self.headline, self.good, (found, advice))
 
-    def advice(self) -> tuple[pages.Items, ...]:
-        """The lists at the end of an output on a terminal."""
-        lists = {"Cautions": self.cautions, "Next steps": self.next_steps, "Notes": self.notes}
-        return tuple(pages.Items(lines, title) for title, lines in lists.items())
+
+def _leading(lines: Sequence[str], title: str, rest: str) -> Iterator[pages.Block]:
+    """The first lines of a list, and the others folded."""
+    yield pages.Items(lines[:SHOWN], title)
+    if lines[SHOWN:]:
+        yield pages.Folded(f"{len(lines) - SHOWN} {rest}", [pages.Items(lines[SHOWN:])])
 
 
 def conclude_identification(
@@ -81,7 +113,7 @@ def conclude_identification(
         ),
         not_identified=tuple(_not_identified(identification)),
         cautions=tuple(map(str, identification_cautions(identification, runs, states))),
-        next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
+        steps=tuple(next_steps(identification, runs, outlook)),
         notes=identification.notes,
     )
 
@@ -157,7 +189,7 @@ def _not_identified(identification: Identification) -> list[str]:
     for e in identification.parameters:
         if e.verdict is not Verdict.CONVERGED:
             names.setdefault(f"({spoken_verdict(e.verdict)}): {_reason(identification, e)}", []).append(spoken(e.name))
-    return [sentence(f"{', '.join(same)} {reason}") for reason, same in names.items()]
+    return [sentence(f"{'; '.join(same)} {reason}") for reason, same in names.items()]
 
 
 def _reason(identification: Identification, e: Estimate) -> str:
@@ -176,13 +208,13 @@ def _reason(identification: Identification, e: Estimate) -> str:
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:
-            others = " and ".join(spoken(name) for name in e.correlated_with)
+            others = " and ".join(named(name) for name in e.correlated_with)
             return f"strongly correlated with {others}; {origin}"
         if e.name == FRICTION:
             return f"the run uses too little of it; {origin}"
-        return f"the roll rate of the {unit} is not logged; {origin}"
+        return f"the roll rate of the {named_unit(unit)} is not logged; {origin}"
     if e.sigma is None:
-        return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
+        return f"it was not estimated, because no roll rate of the {named_unit(unit)} was logged; {origin}"
     prior = e.prior if e.prior is not None else e.sigma
     limit = identification.settings.excited * prior
 
@@ -221,8 +253,8 @@ def conclude_states(states: Sequence[States], records: Sequence[Record]) -> Conc
         headline=_states_headline(valid, summaries, doubtful, lifting),
         results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
         cautions=tuple(map(str, cautions)),
-        next_steps=tuple(
-            f"Cut {s.name} to the part in which the truck drives, or map the missing channels."
+        steps=tuple(
+            Advice(f"Cut {s.name} to the part in which the truck drives, or map the missing channels.")
             for s in summaries
             if s.valid < USABLE
         ),
