@@ -87,7 +87,7 @@ def test_a_straight_run_identifies_nothing():
 def test_three_steps_are_shown_and_the_options_are_behind_them(result):
     steps = tuple(Advice(f"Step {k}.", f"--option-{k}" if k % 2 else "") for k in range(1, 6))
     conclusion = Conclusion(good=True, headline="Good.", steps=steps)
-    items, folded = conclusion.box().columns[1][1:]
+    items, folded = conclusion.box().columns[-1]
     assert items.lines == ("Step 1.", "Step 2.", "Step 3.")
     assert folded.summary == "Options of these steps, and 2 other steps"
     assert [row[:2] for row in folded.blocks[0].rows] == [("1", ""), ("3", ""), ("4", "Step 4."), ("5", "Step 5.")]

@@ -50,9 +50,9 @@ class Conclusion:
 
     def box(self, first: Sequence[pages.Block] = ()) -> pages.Headline:
         """The headline with what to rely on and what to do, at the top of a page; `first` comes before the lists."""
-        found = (*first, *_leading(self.cautions, "Cautions", "more cautions"))
-        missing = (pages.Items(self.not_identified, "Not identified"), *self._steps())
-        return pages.Headline(self.headline, self.good, (found, missing))
+        cautions = (*_leading(self.cautions, "Cautions", "more cautions"),)
+        missing = (pages.Items(self.not_identified, "Not identified"),)
+        return pages.Headline(self.headline, self.good, (first, cautions, missing, tuple(self._steps())))
 
     def _steps(self) -> Iterator[pages.Block]:
         """The first steps in words; behind them the options of all, and the other steps."""
@@ -65,7 +65,7 @@ class Conclusion:
         more = len(self.steps) - SHOWN
         if rows:
             title = "Options of these steps" + (f", and {counted(more, 'other step')}" if more > 0 else "")
-            yield pages.Folded(title, [pages.Table(("Step", "What|full", "Option|full"), rows)])
+            yield pages.Folded(title, [pages.Table(("Step|w|Step ", "What|name", "Option|name"), rows)])
 
     def advice(self) -> tuple[pages.Block, ...]:
         """The lists at the end of an output on a terminal."""
