@@ -138,7 +138,7 @@ def test_dominant_uncertainties_are_one_step_for_each_parameter(result):
         "Or calibrate the suspension: by a log with a known payload, or by a static test."
     )
     assert both.option == (
-        f"--set {AXIS}='+- 5 %', mass_scale in the vehicle file, --knowledge RESULT --load NAME, fifthwheel roll-test"
+        f"--set {AXIS}='+- 5 %'\nmass_scale in the vehicle file\n--knowledge RESULT --load NAME\nfifthwheel roll-test"
     )
     masses = step({"mass_scale": 0.6})
     assert masses.message == f"Measure the scale of all masses: about 60 % of the variance of {height} comes from it."

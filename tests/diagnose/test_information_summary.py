@@ -108,22 +108,23 @@ def test_the_part_of_the_prior_that_remains():
 
 
 def test_messages_of_the_information_summary():
+    rear, axis = named(REAR), named(AXIS)
     correlated = estimate(FRONT, sigma=0.0499, correlated_with=(REAR, AXIS))
-    accurate = f"Accurate. Its error is correlated with the errors of {REAR} and {AXIS}."
-    strong = f"Strongly correlated with {REAR} and {AXIS}."
+    accurate = f"Accurate. Its error is correlated with the errors of {rear} and {axis}."
+    strong = f"Strongly correlated with {rear} and {axis}."
     assert information(correlated).messages == (accurate,)
     assert information(replace(correlated, value=-1.0)).messages == (accurate,)
     for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
         assert information(replace(correlated, **changes)).messages == (strong,)
-    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {REAR} (0.61).",)
+    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
     terms = tuple(
         VarianceTerm(parameter=FRONT, source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1))
     )
     assert information(estimate(FRONT), budget=terms[:1]).messages == (
-        f"Its variance would be 50 % smaller if {AXIS} were exact.",
+        f"Its variance would be 50 % smaller if {axis} were exact.",
     )
     assert information(estimate(FRONT), budget=terms).messages == (
-        f"Its variance would be 50 % smaller if {AXIS} were exact, 30 % if {REAR} were.",
+        f"Its variance would be 50 % smaller if {axis} were exact, 30 % if {rear} were.",
     )
     (noise,) = information(estimate(FRONT, sigma=0.2), noise_sigma=0.1).messages
     assert noise.startswith("Sigma is 2.0 times the sigma from sensor noise alone")

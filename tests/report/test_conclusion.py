@@ -90,8 +90,9 @@ def test_three_steps_are_shown_and_the_options_are_behind_them(result):
     items, folded = conclusion.box().columns[-1]
     assert items.lines == ("Step 1.", "Step 2.", "Step 3.")
     assert folded.summary == "Options of these steps, and 2 other steps"
-    assert [row[:2] for row in folded.blocks[0].rows] == [("1", ""), ("3", ""), ("4", "Step 4."), ("5", "Step 5.")]
-    assert [row[2] for row in folded.blocks[0].rows] == ["--option-1", "--option-3", "", "--option-5"]
+    others, table = folded.blocks
+    assert others.lines == ["Step 4: Step 4.", "Step 5: Step 5."]
+    assert table.rows == [("1", "--option-1"), ("3", "--option-3"), ("5", "--option-5")]
     terminal = "\n".join(pages.Document("", conclusion.advice()).__str__().splitlines())
     assert "Step 3." in terminal
     assert "Step 4." not in terminal

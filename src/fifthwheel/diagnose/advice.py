@@ -52,7 +52,7 @@ class Advice:
     """One step that improves an identification."""
 
     message: str  # in words, without options
-    option: str = ""  # of the command line, or the key of a file, that does it
+    option: str = ""  # of the command line, or the key of a file, that does it; of several each on a line
     parameters: tuple[str, ...] = ()  # that it improves
     signals: tuple[str, ...] = ()  # to log
     logs: tuple[str, ...] = ()  # to use for the identification
@@ -194,7 +194,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         ):
             message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
             options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
-        yield Advice(message, ", ".join(options), parameters=(name,))
+        yield Advice(message, "\n".join(options), parameters=(name,))
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -11,7 +11,9 @@ ORDINALS = ("first", "second", "third", "lead")
 PARTS = {
     **dict.fromkeys(("cornering_stiffness", "relaxation_length", "pneumatic_trail", "softening"), "tyres"),
     "tyre_roll_stiffness": "tyres",
+    "relative_friction": "tyres",
     **dict.fromkeys(("roll_stiffness", "roll_damping"), "suspension"),
+    **dict.fromkeys(("static_load", "self_steering", "command_steering"), "axle"),
 }
 """Quantity -> the part of an axle group that has it."""
 COMPONENTS = {"sprung": "body", "accelerometer": "accelerometer"}

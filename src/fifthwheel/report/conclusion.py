@@ -57,15 +57,13 @@ class Conclusion:
     def _steps(self) -> Iterator[pages.Block]:
         """The first steps in words; behind them the options of all, and the other steps."""
         yield pages.Items(self.next_steps[:SHOWN], "Next steps", ordered=True)
-        rows = [
-            (str(k), step.message if k > SHOWN else "", pages.Code(step.option) if step.option else "")
-            for k, step in enumerate(self.steps, 1)
-            if step.option or k > SHOWN
-        ]
-        more = len(self.steps) - SHOWN
-        if rows:
-            title = "Options of these steps" + (f", and {counted(more, 'other step')}" if more > 0 else "")
-            yield pages.Folded(title, [pages.Table(("Step|w|Step ", "What|name", "Option|name"), rows)])
+        more = self.steps[SHOWN:]
+        rows = [(str(k), pages.Code(step.option)) for k, step in enumerate(self.steps, 1) if step.option]
+        if rows or more:
+            title = "Options of these steps" + (f", and {counted(len(more), 'other step')}" if more else "")
+            others = [f"Step {k}: {step.message}" for k, step in enumerate(more, SHOWN + 1)]
+            table = [pages.Table(("Step|w|Step ", "Option|name"), rows)] if rows else []
+            yield pages.Folded(title, [pages.Items(others), *table])
 
     def advice(self) -> tuple[pages.Block, ...]:
         """The lists at the end of an output on a terminal."""
