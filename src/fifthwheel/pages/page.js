@@ -78,15 +78,16 @@
     legend.members.push(place);
     for (const trace of traces) {
       if (trace.showlegend === false) continue;
-      if (trace.name in legend.keys) {
-        if (legend.keys[trace.name].getAttribute("aria-pressed") === "false") show(place, trace.name, false);
+      const look = trace.name + swatch(trace);  // a line of another colour has a key of its own
+      if (look in legend.keys) {
+        if (legend.keys[look].getAttribute("aria-pressed") === "false") show(place, trace.name, false);
         continue;
       }
       if (!legend.row.isConnected) {
         legend.row.className = "trace-legend";
         (part.localName === "main" ? place.closest("main > *") : place.closest(".plots")).before(legend.row);
       }
-      const key = legend.keys[trace.name] = document.createElement("button");
+      const key = legend.keys[look] = document.createElement("button");
       key.type = "button";
       key.innerHTML = swatch(trace);
       key.append(" " + trace.name);

@@ -111,7 +111,7 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
         )
     yield pages.Table(ESTIMATES, rows, label="Estimates")
     yield pages.Markup(
-        f'<p class="hint">{_symbol(_whisker(8, 2, 14, GREY))} prior ± sigma, '
+        f'<p class="hint key">{_symbol(_whisker(8, 2, 14, GREY))} prior ± sigma, '
         f"{_symbol(_diamond(8))} vehicle file, {_symbol(_dot(8) + _whisker(8, 1, 15, BLUE))} estimate ± sigma. "
         "Each row has its own scale.</p>"
     )

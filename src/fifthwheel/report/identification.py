@@ -21,7 +21,7 @@ from fifthwheel.identify.result import display
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import cell, prose, text
-from fifthwheel.plots import Panel, Plot
+from fifthwheel.plots import Axis, Panel, Plot
 from fifthwheel.record import Record
 from fifthwheel.report import assessment, consistency, front_page
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
@@ -337,7 +337,8 @@ def _fit_panel(fit: Fit) -> Panel:
 
 def _residual_panel(fit: Fit) -> Panel:
     unit = si_unit(fit.signal)
-    return replace(display.residual_panel(fit), title=f"{spoken(fit.signal)}: {approximate(fit.rms, unit)} rms")
+    title = f"{spoken(fit.signal)}: {approximate(fit.rms, unit)} rms"
+    return replace(display.residual_panel(fit), title=title, y=Axis(unit=shown(unit).name))
 
 
 def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
