@@ -116,6 +116,8 @@ def test_no_texts_of_a_drawing_overlap(result, name):
         for x2, y2, other in texts[k + 1 :]:
             apart = abs(int(x) - int(x2)) >= half + CHARACTER * len(other) / 2 - 1
             assert apart or abs(int(y) - int(y2)) >= 15, (line, other)
+    below = {int(y) for _, y, line in texts if line.endswith("tyres")}
+    assert len(below) <= 3, "texts stay near their axles"
 
 
 def test_what_was_driven(result):

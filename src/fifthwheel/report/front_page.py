@@ -39,7 +39,11 @@ LEAST_SPEED_RANGE = 5.0
 def main_numbers(identification: Identification, performance: Assessment | None) -> pages.Markup:
     """CoG heights and rollover threshold, which most readers look for."""
     numbers = [
-        (spoken(e.name), with_sigma(e.value, e.sigma, e.unit) + ("" if e.verdict is Verdict.CONVERGED else " (prior)"))
+        (
+            spoken(e.name),
+            with_sigma(e.value, e.sigma, e.unit)
+            + ("" if e.verdict is Verdict.CONVERGED else f" ({spoken_verdict(e.verdict)})"),
+        )
         for e in identification.derived
         if e.name.endswith(".cog_height")
     ]

@@ -20,7 +20,7 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 WIDTH, MARGIN, MAX_SCALE = 480.0, 14.0, 40.0
 """Of the drawing and its edge, in units of the SVG; the largest number of units for a metre."""
-LINE_HEIGHT, CHARACTER = 16.0, 6.7
+LINE_HEIGHT, CHARACTER = 16.0, 7.3
 """Of a text, in units of the SVG."""
 TYRES = ".cornering_stiffness"
 SHOWN = {"yaw_inertia": "Yaw inertia", "cog_height": "CoG height", "height": "Payload height"}
@@ -51,18 +51,17 @@ def truck_drawing(vehicle: Vehicle, estimates: Iterable[Estimate]) -> pages.Mark
     for unit, origin in zip(vehicle.units, origins(vehicle.couplings), strict=True):
         for group in unit.axle_groups:
             if e := by_name.get(unit.group_path(group) + TYRES):
-                number, _, name = with_sigma(e.value, _sigma(e), e.unit).rpartition(" ")
+                number, _, name = _number(e).rpartition(" ")
                 tyres = spoken(e.name).partition(",")[0]
                 below.append(_Words(across(origin + group.position), _lines(e, (tyres, number, name))))
         of_unit = [e for e in by_name.values() if e.name.startswith(f"{unit.name}.") and _quantity(e) in SHOWN]
         if of_unit:
             lines = [(named_unit(unit.name).capitalize(), "head", unit.name)]
             for e in of_unit:
-                lines += _lines(e, [f"{SHOWN[_quantity(e)]} {with_sigma(e.value, _sigma(e), e.unit)}"])
+                lines += _lines(e, [f"{SHOWN[_quantity(e)]} {_number(e)}"])
             above.append(_Words(across(origin + unit.cog), lines))
     if road := by_name.get(FRICTION):
-        friction = with_sigma(road.value, _sigma(road), road.unit)
-        below.append(_Words(WIDTH / 2, _lines(road, [f"Friction of the road {friction}"])))
+        below.append(_Words(WIDTH / 2, _lines(road, [f"Friction of the road {_number(road)}"])))
     over, under = list(_placed(above)), list(_placed(below))
     height = max((y + LINE_HEIGHT * len(w.lines) for w, y in over), default=0.0) + MARGIN
     ground = height + scale * top
@@ -78,8 +77,11 @@ def _quantity(e: Estimate) -> str:
     return e.name.rpartition(".")[2]
 
 
-def _sigma(e: Estimate) -> float | None:
-    return e.sigma if e.verdict is Verdict.CONVERGED else None
+def _number(e: Estimate) -> str:
+    """Value and unit, with sigma if it is identified."""
+    number, _, rest = with_sigma(e.value, e.sigma, e.unit).partition(" ± ")
+    sigma, _, unit = rest.partition(" ")
+    return " ".join(filter(None, (number, f"± {sigma}" if sigma and e.verdict is Verdict.CONVERGED else "", unit)))
 
 
 def _lines(e: Estimate, lines: Sequence[str]) -> list[tuple[str, str, str]]:
@@ -91,16 +93,19 @@ def _lines(e: Estimate, lines: Sequence[str]) -> list[tuple[str, str, str]]:
 
 def _placed(words: Sequence[_Words]) -> Iterator[tuple[_Words, float]]:
     """Each text with its distance from the truck: the next one farther away where they would overlap."""
-    placed: list[tuple[float, float, float]] = []
+    placed: list[tuple[float, float, float, float]] = []
     for each in words:
         half = CHARACTER * max(len(line) for line, *_ in each.lines) / 2
-        x = min(max(each.x, half), max(WIDTH - half, half))
-        height, y = LINE_HEIGHT * (len(each.lines) + 0.4), 0.0
-        for start, stop, end in sorted(placed, key=lambda other: other[2]):
-            if start < x + half + CHARACTER and stop > x - half - CHARACTER and y < end:
-                y = end
-        placed.append((x - half, x + half, y + height))
+        x, height = min(max(each.x, half), max(WIDTH - half, half)), LINE_HEIGHT * (len(each.lines) + 0.4)
+        beside = [(near, far) for start, stop, near, far in placed if start < x + half and stop > x - half]
+        free = (y for y in sorted([0.0, *(far for _, far in beside)]) if _is_free(y, y + height, beside))
+        y = next(free)
+        placed.append((x - half, x + half, y, y + height))
         yield each._replace(x=x), y
+
+
+def _is_free(near: float, far: float, taken: Sequence[tuple[float, float]]) -> bool:
+    return not any(near < stop and far > start for start, stop in taken)
 
 
 def _text(words: _Words, y: float) -> str:
