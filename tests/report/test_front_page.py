@@ -164,6 +164,17 @@ def test_of_many_logs_three_are_drawn_before_the_appendix(result, tmp_path):
     assert "<figcaption>log3<" in appendix
 
 
+def test_logs_with_many_channels_leave_room_for_fewer(result, tmp_path):
+    identification, fit = result.identification, result.identification.fits[0]
+    names, log = ["log0", "log1", "log2"], result.identification.logs[0]
+    fits = [replace(fit, log=name, signal=f"roll_rate.unit{k}") for name in names for k in range(8)]
+    many = replace(identification, fits=tuple(fits), logs=tuple(replace(log, name=name) for name in names))
+    write_report(tmp_path / "report.html", many, [], [], title="truck")
+    main, appendix = (tmp_path / "report.html").read_text(encoding="utf-8").split('<section id="appendix">')
+    assert [name for name in names if f"<figcaption>{name}" in main] == ["log0", "log1"]
+    assert "Measured and predicted, 1 more log<" in appendix
+
+
 def test_without_fits_and_states_the_sections_are_left_out(result, tmp_path):
     write_report(tmp_path / "report.html", replace(result.identification, fits=()), [], [], title="truck")
     assert heads((tmp_path / "report.html").read_text(encoding="utf-8")) == ["Parameters", "Appendix"]

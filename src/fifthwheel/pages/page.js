@@ -141,7 +141,7 @@
   document.body.dataset.drawn = "yes";
 
   const drawn = () => [...document.querySelectorAll("div.plot[data-drawn]")].filter((p) => !p.closest("details:not([open])"));
-  const printed = { wide: (p) => [680, 40 + 85 * p.style.getPropertyValue("--panels")], tall: () => [330, 290], small: () => [215, 165] };
+  const printed = { wide: (p) => [680, Math.min(40 + 85 * p.style.getPropertyValue("--panels"), 900)], tall: () => [330, 290], small: () => [215, 165] };
   window.addEventListener("beforeprint", () => {
     drawVisible();
     drawn().forEach((p) => {

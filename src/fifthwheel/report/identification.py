@@ -32,6 +32,8 @@ from fifthwheel.vehicle import Vehicle, unit_of
 
 DRAWN = 3
 """Logs whose measurements and states are drawn before the appendix."""
+DRAWN_CHANNELS = 16
+"""Of these logs together."""
 UNCERTAIN = ("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Prior>|full", "Remains>")
 
 
@@ -92,7 +94,11 @@ def write_report(
     ]
     appendix = [
         *pages.folded(assessment.section(performance) if performance is not None else ()),
-        *([pages.Folded(f"Measured and predicted, {len(others)} more logs", [_fit_figures(others)])] if others else []),
+        *(
+            [pages.Folded(f"Measured and predicted, {counted(len(others), 'more log')}", [_fit_figures(others)])]
+            if others
+            else []
+        ),
         *pages.folded(_information(identification, outlook)),
         *pages.folded(_sensors(identification)),
         *_uncertain_numbers(identification),
@@ -112,10 +118,12 @@ def write_report(
 
 
 def _first_logs(identification: Identification) -> set[str]:
-    """The logs that are drawn before the appendix: up to three, of which one is a validation log where there is one."""
-    own = [log.name for log in identification.logs]
-    others = [log for log in _fits_by_log(identification) if log not in own]
-    return set([*others[:1], *own, *others[1:]][:DRAWN])
+    """The logs that are drawn before the appendix: up to three, of which one is a validation log where there is one,
+    and fewer where they have many channels."""
+    own, fits = [log.name for log in identification.logs], _fits_by_log(identification)
+    others = [log for log in fits if log not in own]
+    channels = max(map(len, fits.values()), default=1)
+    return set([*others[:1], *own, *others[1:]][: min(DRAWN, max(DRAWN_CHANNELS // channels, 1))])
 
 
 def show_identification(
