@@ -56,6 +56,11 @@ def test_note_date_headline_and_main_numbers_come_first(result, text):
     assert places == sorted(places)
 
 
+def test_a_report_from_python_has_no_date(result, tmp_path):
+    write_report(tmp_path / "report.html", result.identification, [], [], title="truck", provenance=Provenance())
+    assert '<p class="subtitle">Identification: one-stage' in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
 def test_everything_but_three_sections_is_folded_in_the_appendix(text):
     assert heads(text) == SECTIONS
     main, appendix = text.split('<section id="appendix">')

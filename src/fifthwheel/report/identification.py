@@ -85,6 +85,8 @@ def write_report(
     )
     fits, first = _fits_by_log(identification), _first_logs(identification)
     others = {log: fits[log] for log in fits if log not in first}
+    title_of_others = f"Measured and predicted, {counted(len(others), 'more log')}"
+    more_fits = [pages.Folded(title_of_others, [_fit_figures(others)])] if others else []
     blocks: list[pages.Block] = [
         conclusion.box([front_page.main_numbers(identification, performance)]),
         *front_page.truck_and_runs(identification, records, runs),
@@ -94,11 +96,7 @@ def write_report(
     ]
     appendix = [
         *pages.folded(assessment.section(performance) if performance is not None else ()),
-        *(
-            [pages.Folded(f"Measured and predicted, {counted(len(others), 'more log')}", [_fit_figures(others)])]
-            if others
-            else []
-        ),
+        *more_fits,
         *pages.folded(_information(identification, outlook)),
         *pages.folded(_sensors(identification)),
         *_uncertain_numbers(identification),
@@ -113,7 +111,7 @@ def write_report(
     ]
     subtitle = f"Identification: {method}, fifthwheel {identification.version}"
     if provenance is not None:
-        subtitle = "\n".join(filter(None, (provenance.note, f"{provenance.time}. {subtitle}")))
+        subtitle = "\n".join(filter(None, (provenance.note, ". ".join(filter(None, (provenance.time, subtitle))))))
     return page.write(Path(path), pages.Document(title, blocks, subtitle, appendix), images=figures)
 
 
