@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+import fifthwheel as fw
 from fifthwheel import cli
 from fifthwheel.logs import write_record
 from tests.report.conftest import Page
@@ -25,17 +26,22 @@ def ran(*arguments) -> dict:
 
 
 def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
-    told = ran("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
+    note = "J. Smith, dry"
+    told = ran("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--note", note)
     conclusion = told["conclusion"]
-    assert conclusion.keys() == {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}
+    assert conclusion.keys() >= {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}
+    assert conclusion["next_steps"] == [step["message"] for step in conclusion["steps"]]
     assert conclusion["headline"].startswith("All 5 parameters are identified")
     assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
+    assert json.loads((tmp_path / "identification.json").read_text())["note"] == note
+    assert fw.Identification.load(tmp_path).method == "one-stage"
     assert "figures" not in told["files"]
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert conclusion["headline"] in page.text
     assert "Reproduce this result" in page.text
     assert "cheng_cebon_2011 (catalogue)" in page.text
     assert "information" in page.ids
+    assert page.text.index(note) < page.text.index(conclusion["headline"])
 
 
 def test_states_concludes_and_draws(log, tmp_path):

@@ -9,6 +9,7 @@ from fifthwheel.diagnose.advice import LANE_CHANGE, next_steps
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.summaries import RunSummary
+from fifthwheel.diagnose.words import named
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.doubts import Cause
@@ -61,7 +62,7 @@ def test_more_excitation_by_the_quantity_that_is_missing(result):
     wide = [estimate(name, sigma=0.2) for name in (FRONT, REAR, INERTIA, HEIGHT)]
     steps = {step.parameters: step.message for step in next_steps(of(result, *wide)) if "To improve" in step.message}
     assert list(steps) == [(FRONT, REAR), (INERTIA,), (HEIGHT,)]
-    assert steps[FRONT, REAR].startswith(f"To improve {FRONT} and {REAR}, add a log with a lane change")
+    assert steps[FRONT, REAR].startswith(f"To improve {named(FRONT)} and {named(REAR)}, add a log with a lane change")
     assert "fast lane changes or a slalom" in steps[INERTIA,]
     assert "more roll" in steps[HEIGHT,]
     not_excited = estimate(FRONT, Verdict.NOT_EXCITED, sigma=0.3)
@@ -98,8 +99,9 @@ def test_a_missing_roll_rate(result):
         steps = next_steps(of(result, estimate(HEIGHT, verdict, sigma=sigma), estimate(FRONT)))
         (step,) = (step for step in steps if step.signals)
         assert (step.signals, step.parameters) == (("roll_rate.semitrailer",), (HEIGHT,))
-        assert step.message.startswith("Log the roll rate of the semitrailer (roll_rate.semitrailer)")
-        assert f"do not determine {HEIGHT}, nor" in step.message
+        assert step.message.startswith("Log the roll rate of the trailer and identify again.")
+        assert f"do not determine {named(HEIGHT)}, nor" in step.message
+        assert step.option == "roll_rate.semitrailer"
     for other in (
         estimate(HEIGHT, Verdict.NOT_EXCITED, sigma=0.3),
         estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(AXIS,)),
@@ -109,38 +111,51 @@ def test_a_missing_roll_rate(result):
 
 
 def test_what_separates_correlated_parameters(result):
-    stated = f"state {AXIS} with its uncertainty from another source (--set)"
-    for other, cure in ((AXIS, stated), ("steer.x.gain", "calibration")):
+    stated = f"state {named(AXIS)} with its uncertainty from another source"
+    for other, cure, option in ((AXIS, stated, f"--set {AXIS}='VALUE +- SIGMA'"), ("steer.x.gain", "calibration", "")):
         correlated = estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(other, REAR))
         (step,) = (s for s in next_steps(of(result, correlated)) if "To identify" in s.message)
         assert step.parameters == (HEIGHT,)
-        assert step.message.startswith(f"To identify {HEIGHT}, ")
+        assert step.message.startswith(f"To identify {named(HEIGHT)}, ")
         assert cure in step.message
-        assert other in step.message
+        assert named(other) in step.message
+        assert step.option == option
     assert not any("To identify" in m for m in messages(of(result, estimate(HEIGHT, correlated_with=(AXIS,)))))
 
 
-def test_dominant_uncertainties(result):
+def test_dominant_uncertainties_are_one_step_for_each_parameter(result):
     axis = estimate(AXIS, Verdict.NOT_EXCITED, value=-2.0, sigma=0.3, initial=-1.5, prior=0.3)
-    wide = estimate(HEIGHT, sigma=0.1)
-    for source, uncertain, text in (
-        (
-            AXIS,
-            (axis,),
-            f"The variance of {HEIGHT} would be 60 % smaller if {AXIS} were exact (known to ±20 %, with the logs to "
-            "±15 %). Measure it, or ",
-        ),
-        (AXIS, (axis,), f"--set {AXIS}='+- 5 %'"),
-        (
-            AXIS,
-            (axis,),
-            "Or calibrate the suspension with a log with a known payload (--knowledge), or by a static test",
-        ),
-        (SOFTENING, (), f"if {SOFTENING} were exact. Tyres soften with the slip angle"),
-        ("mass_scale", (), "if mass_scale were exact. Measure it, and state its uncertainty in the vehicle file."),
-    ):
-        steps = next_steps(of(result, wide, variance_budget={HEIGHT: {source: 0.6}}, uncertain=uncertain))
-        assert [step.parameters for step in steps if text in step.message] == [(HEIGHT,)]
+    wide, height = estimate(HEIGHT, sigma=0.1), named(HEIGHT)
+
+    def step(budget):
+        identification = of(result, wide, variance_budget={HEIGHT: budget}, uncertain=(axis,))
+        (found,) = (s for s in next_steps(identification) if s.parameters == (HEIGHT,))
+        return found
+
+    both = step({AXIS: 0.4, "mass_scale": 0.2})
+    assert both.message == (
+        f"Measure {named(AXIS)} and the scale of all masses: about 60 % of the variance of {height} comes from them. "
+        "Or calibrate the suspension: by a log with a known payload, or by a static test."
+    )
+    assert both.option == (
+        f"--set {AXIS}='+- 5 %'\nmass_scale in the vehicle file\n--knowledge RESULT --load NAME\nfifthwheel roll-test"
+    )
+    masses = step({"mass_scale": 0.6})
+    assert masses.message == f"Measure the scale of all masses: about 60 % of the variance of {height} comes from it."
+    softening = step({SOFTENING: 0.6})
+    assert softening.message.startswith("Drive with less lateral acceleration: 60 % of the variance of")
+    assert softening.option == "--tyres saturating"
+
+
+def test_no_step_has_an_option_or_a_path_in_its_words(result):
+    verdicts = [Verdict.NOT_IDENTIFIABLE, Verdict.AT_BOUND, Verdict.NOT_CONVERGED, Verdict.NOT_EXCITED]
+    estimates = [estimate(n, v, sigma=0.3) for n, v in zip((HEIGHT, FRONT, REAR, INERTIA), verdicts, strict=True)]
+    steps = [
+        *next_steps(of(result, *estimates)),
+        *next_steps(of(result, estimate(HEIGHT, sigma=0.1), variance_budget={HEIGHT: {AXIS: 0.6}})),
+    ]
+    assert len(steps) >= 6
+    assert not [step for step in steps if "--" in step.message or "_" in step.message]
 
 
 def test_the_predicted_effect_of_changes(result):
@@ -153,11 +168,11 @@ def test_the_predicted_effect_of_changes(result):
     predicted = [s for s in next_steps(of(result, *estimates), (), future) if "Predicted" in s.message]
     assert [(s.message, s.parameters) for s in predicted] == [
         (
-            "Predicted sigma if one more lane change (SAE J2179) at 90 km/h is driven (lower limit): "
-            f"{FRONT} 5 % and {REAR} 5 %.",
+            "Predicted sigma if one more lane change (SAE J2179) at 90 km/h is driven, at best: "
+            f"5 % for {named(FRONT)} and 5 % for {named(REAR)}.",
             (FRONT, REAR),
         ),
-        (f"Predicted sigma if roll_rate.semitrailer is logged (lower limit): {REAR} 15 %.", (REAR,)),
+        (f"Predicted sigma if the roll rate of the trailer is logged, at best: 15 % for {named(REAR)}.", (REAR,)),
     ]
 
 

@@ -9,6 +9,7 @@ from fifthwheel import vehicle
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
+from fifthwheel.diagnose.words import named
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.design.assess import assess_information
@@ -50,7 +51,7 @@ def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight
     assert set(first.parameters) == {e.name for e in identification.parameters}
     assert second.message.startswith("Predicted sigma if one more lane change (SAE J2179) at 88 km/h is driven")
     sigma = outlook["tractor.front.cornering_stiffness"].remedies[0].sigma / 4.75e5
-    assert f"tractor.front.cornering_stiffness {100 * sigma:.2g} %" in second.message
+    assert f"{100 * sigma:.2g} % for {named('tractor.front.cornering_stiffness')}" in second.message
 
 
 def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):
@@ -107,22 +108,23 @@ def test_the_part_of_the_prior_that_remains():
 
 
 def test_messages_of_the_information_summary():
+    rear, axis = named(REAR), named(AXIS)
     correlated = estimate(FRONT, sigma=0.0499, correlated_with=(REAR, AXIS))
-    accurate = f"Accurate. Its error is correlated with the errors of {REAR} and {AXIS}."
-    strong = f"Strongly correlated with {REAR} and {AXIS}."
+    accurate = f"Accurate. Its error is correlated with the errors of {rear} and {axis}."
+    strong = f"Strongly correlated with {rear} and {axis}."
     assert information(correlated).messages == (accurate,)
     assert information(replace(correlated, value=-1.0)).messages == (accurate,)
     for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
         assert information(replace(correlated, **changes)).messages == (strong,)
-    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {REAR} (0.61).",)
+    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
     terms = tuple(
         VarianceTerm(parameter=FRONT, source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1))
     )
     assert information(estimate(FRONT), budget=terms[:1]).messages == (
-        f"Its variance would be 50 % smaller if {AXIS} were exact.",
+        f"Its variance would be 50 % smaller if {axis} were exact.",
     )
     assert information(estimate(FRONT), budget=terms).messages == (
-        f"Its variance would be 50 % smaller if {AXIS} were exact, 30 % if {REAR} were.",
+        f"Its variance would be 50 % smaller if {axis} were exact, 30 % if {rear} were.",
     )
     (noise,) = information(estimate(FRONT, sigma=0.2), noise_sigma=0.1).messages
     assert noise.startswith("Sigma is 2.0 times the sigma from sensor noise alone")

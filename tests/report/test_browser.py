@@ -1,4 +1,4 @@
-"""The page in headless Chromium: it draws every plot, uses no network, fits a narrow screen, and prints."""
+"""The page in headless Chromium: it draws every plot, uses no network, fits a narrow or dark screen, and prints."""
 
 import json
 import re
@@ -26,35 +26,51 @@ FLAGS = [
     "--disable-component-update",
     "--disable-sync",
     "--enable-logging=stderr",
-    "--virtual-time-budget=60000",
 ]
+TIME = "--virtual-time-budget=60000"
+"""Of a page that waits for its own scripts."""
+DARK = "--blink-settings=preferredColorScheme=0"
 
-PROBE = """
+PROBE = r"""
 <script>
 addEventListener("load", async () => {
   const wait = (ms) => new Promise((done) => setTimeout(done, ms));
   const state = {};
-  for (let k = 0; k < 600 && !document.body.dataset.drawn; k++) await wait(50);
-  const plots = () => [...document.querySelectorAll(".plot")];
+  state.synchronous = document.body.dataset.drawn === "yes";
+  const plots = () => [...document.querySelectorAll("div.plot")];
   const open = plots().filter((p) => !p.closest("details"));
   state.drawn = open.every((p) => p.querySelector("svg.main-svg"));
   state.waiting = plots().some((p) => p.closest("details") && !p.dataset.drawn);
   state.width = document.documentElement.scrollWidth;
   state.window = innerWidth;
+  state.appendix = document.getElementById("appendix").getBoundingClientRect().top + scrollY;
+  const luminance = (colour) => colour.match(/[\d.]+/g).slice(0, 3).reduce((sum, part) => sum + part / 765, 0);
+  state.page = luminance(getComputedStyle(document.body).backgroundColor);
+  const styles = (selector) => [...document.querySelectorAll(selector)].map((element) => getComputedStyle(element));
+  state.words = styles("div.plot text, svg.truck text").map((style) => luminance(style.fill));
+  state.behind = styles("div.plot svg.main-svg").map((style) => style.backgroundColor);
+  state.legends = document.querySelectorAll("main .trace-legend").length;
+  const wide = [...document.querySelectorAll("main div.plot.wide")];
+  const [fit, , main] = wide;  // of the first log
+  fit.emit("plotly_hover", { xvals: [4] });
+  state.cursors = wide.map((p) => !p.cursor.hidden);
+  const keys = [...document.querySelectorAll("main .trace-legend button")];
+  keys.find((key) => key.textContent.trim() === "measured").click();
+  await wait(300);
+  state.hidden = wide.flatMap((p) => p.data).filter((trace) => trace.name === "measured").map((trace) => trace.visible);
   state.wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
   document.querySelectorAll("details").forEach((d) => { d.open = true; });
   await wait(1500);
   state.folded = plots().every((p) => p.querySelector("svg.main-svg"));
   state.open = document.documentElement.scrollWidth;
-  const tall = plots().filter((p) => p.classList.contains("tall"));
   const range = (p) => p._fullLayout.xaxis.range.map((v) => Math.round(100 * v) / 100);
-  const before = range(tall[1]);
-  await Plotly.relayout(tall[0], { "xaxis.range[0]": 3, "xaxis.range[1]": 5 });
+  const before = range(main);
+  await Plotly.relayout(fit, { "xaxis.range[0]": 3, "xaxis.range[1]": 5 });
   await wait(300);
-  state.zoomed = range(tall[1]);
-  tall[0].emit("plotly_doubleclick");
+  state.zoomed = range(main);
+  fit.emit("plotly_doubleclick");
   await wait(500);
-  state.reset = JSON.stringify(range(tall[1])) === JSON.stringify(before);
+  state.reset = JSON.stringify(range(main)) === JSON.stringify(before);
   const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
   state.network = loaded.filter((name) => !/^(data|blob):/.test(name));
   parent.document.title = JSON.stringify(state);
@@ -84,7 +100,7 @@ def report(result, tmp_path_factory) -> Path:
     return path
 
 
-def open_page(report: Path, width: int) -> Observation:
+def open_page(report: Path, width: int, *flags: str) -> Observation:
     """Open a copy with a probe in a frame, because a headless window is at least 500 px wide."""
     folder = report.parent
     text = report.read_text(encoding="utf-8")
@@ -94,6 +110,8 @@ def open_page(report: Path, width: int) -> Observation:
     ran = browse(
         folder / "profile",
         "--allow-file-access-from-files",
+        TIME,
+        *flags,
         f"--window-size={max(width, 500) + 50},1000",
         "--dump-dom",
         (folder / "frame.html").as_uri(),
@@ -109,6 +127,7 @@ def test_the_page_in_a_browser(report, width):
     observation = open_page(report, width)
     state = observation.state
     assert observation.errors == []
+    assert state["synchronous"], "a page that is printed at once would have no plots"
     assert state["drawn"], "a plot that is not folded away was not drawn"
     assert state["waiting"], "folded plots are drawn when they are opened, not before"
     assert state["folded"], "a plot that was opened was not drawn"
@@ -117,15 +136,28 @@ def test_the_page_in_a_browser(report, width):
     assert state["width"] <= width
     assert state["open"] <= width
     assert state["wide"] == 0, "a table has to be scrolled sideways"
+    assert state["appendix"] <= 5000 or width < 1400
+    assert state["legends"] == 1
+    assert state["cursors"] == [True, False, True, False], "one cursor for all plots of a log"
+    assert state["hidden"] == [False] * len(state["hidden"]) != [], "a key of the legend hides its line everywhere"
     assert state["zoomed"] == [3, 5], "the plots of a log zoom together"
     assert state["reset"], "a double click shows all again"
 
 
-def test_it_prints(report):
+@pytest.mark.parametrize("flags", [(), (DARK,)])
+def test_texts_of_plots_and_drawings_can_be_read_on_light_and_dark(report, flags):
+    state = open_page(report, 1400, *flags).state
+    dark = bool(flags)
+    assert (state["page"] < 0.2) is dark
+    assert all(abs(words - state["page"]) > 0.45 for words in state["words"])
+    assert set(state["behind"]) == {"rgba(0, 0, 0, 0)"}
+
+
+@pytest.mark.parametrize("flags", [(), (DARK,)])
+def test_it_prints_at_once_what_is_not_folded(report, flags):
     pdf = report.with_name("report.pdf")
-    browse(report.parent / "profile", "--no-pdf-header-footer", f"--print-to-pdf={pdf}", report.as_uri())
+    browse(report.parent / "profile", *flags, "--no-pdf-header-footer", f"--print-to-pdf={pdf}", report.as_uri())
     data = pdf.read_bytes()
     assert data.startswith(b"%PDF")
-    pages = len(re.findall(rb"/Type\s*/Page\b", data))
-    assert 8 <= pages <= 40
-    assert len(data) > 2e5, "the plots are not in it"
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 6
+    assert len(data) > 1e5, "the plots are not in it"

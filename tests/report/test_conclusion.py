@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel import vehicle
+from fifthwheel import pages, vehicle
+from fifthwheel.diagnose import Advice
 from fifthwheel.identify import SensorError, identify
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.report import StateConditions, conclude_identification, conclude_states
-from fifthwheel.report.words import counted, spoken
+from fifthwheel.report import Conclusion, StateConditions, conclude_identification, conclude_states
+from fifthwheel.report.words import counted
 from fifthwheel.simulate import simulate
 from tests.report.conftest import NASTY
 
@@ -28,13 +29,13 @@ def test_all_identified(result):
     assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
     assert any("CoG height, derived" in line for line in conclusion.results)
     (line,) = conclusion.not_identified  # the tyres of this truck are linear
-    assert line.startswith("Road friction (not identifiable): the run uses too little of it")
+    assert line.startswith("Road, friction (not identifiable): the run uses too little of it")
 
 
 def test_a_wide_sigma_calls_for_more_excitation(result):
     conclusion = conclude_identification(with_verdict(result.identification, Verdict.CONVERGED, sigma=2e5))
     assert "2 parameters have a sigma above 15 % of their value" in conclusion.headline
-    assert any("To improve tractor.front.cornering_stiffness" in line for line in conclusion.next_steps)
+    assert any("To improve the cornering stiffness of the front tyres" in line for line in conclusion.next_steps)
 
 
 @pytest.mark.parametrize(
@@ -54,8 +55,8 @@ def test_a_wide_sigma_calls_for_more_excitation(result):
         (
             Verdict.NOT_IDENTIFIABLE,
             {"correlated_with": ("semitrailer.yaw_inertia",)},
-            "strongly correlated with semitrailer yaw inertia",
-            "state semitrailer.yaw_inertia with its uncertainty",
+            "strongly correlated with the yaw inertia of the trailer",
+            "state the yaw inertia of the trailer with its uncertainty",
         ),
         (
             Verdict.NOT_IDENTIFIABLE,
@@ -81,6 +82,30 @@ def test_a_straight_run_identifies_nothing():
         assert conclusion.headline == "No parameter is identified from 1 log: the excitation is too small."
         assert "two or more lane changes" in conclusion.next_steps[0]
         assert "almost straight running" in conclusion.next_steps[0]
+
+
+def test_three_steps_are_shown_and_the_options_are_behind_them(result):
+    steps = tuple(Advice(f"Step {k}.", f"--option-{k}" if k % 2 else "") for k in range(1, 6))
+    conclusion = Conclusion(good=True, headline="Good.", steps=steps)
+    items, folded = conclusion.box().columns[-1]
+    assert items.lines == ("Step 1.", "Step 2.", "Step 3.")
+    assert folded.summary == "Options of these steps, and 2 other steps"
+    others, table = folded.blocks
+    assert others.lines == ["Step 4: Step 4.", "Step 5: Step 5."]
+    assert table.rows == [("1", "--option-1"), ("3", "--option-3"), ("5", "--option-5")]
+    terminal = "\n".join(pages.Document("", conclusion.advice()).__str__().splitlines())
+    assert "Step 3." in terminal
+    assert "Step 4." not in terminal
+    assert "--option" not in terminal
+    assert "2 more and the options for them: report.html, Next steps." in terminal
+    assert conclusion.as_dict()["next_steps"] == [step.message for step in steps]
+    assert conclusion.as_dict()["steps"][0]["option"] == "--option-1"
+
+
+def test_without_steps_nothing_points_to_them():
+    conclusion = Conclusion(good=True, headline="Good.")
+    assert not any(isinstance(block, pages.Paragraph) for block in conclusion.advice())
+    assert not any(isinstance(block, pages.Folded) for column in conclusion.box().columns for block in column)
 
 
 def test_everything_fixed(result):
@@ -156,5 +181,4 @@ def test_what_the_bands_include():
 
 
 def test_words():
-    assert spoken("semitrailer.cog_height") == "semitrailer CoG height"
     assert (counted(1, "log"), counted(2, "log")) == ("1 log", "2 logs")

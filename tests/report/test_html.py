@@ -45,9 +45,9 @@ def drawn(parsed: Page) -> list:
     return json.loads(parsed.data("figures"), parse_constant=pytest.fail)
 
 
-def over_time(plots: list) -> list:
-    """The plots that are not folded away."""
-    return [plot for plot in plots if plot["name"][1] != "consistency"]
+def of_section(plots: list, *sections: str) -> list:
+    """The plots of these sections."""
+    return [plot for plot in plots if plot["name"][1] in sections]
 
 
 def test_every_value_is_there(result, parsed):
@@ -89,15 +89,18 @@ def test_every_plot_has_its_place(parsed, plots):
 
 
 def test_every_history_channel_and_state_has_a_plot(result, plots):
-    identification, groups = result.identification, [plot["group"] for plot in over_time(plots)]
+    identification = result.identification
     histories = sum(len(h.names) for h in identification.histories.values())
-    assert sum(group.startswith("history") for group in groups) == histories == 6
-    per_log = {f"log {r.name}": 0 for r in result.records}
-    for fit in identification.fits:
-        per_log[f"log {fit.log}"] += 1
-    for states in result.states:
-        per_log[f"log {states.name}"] += len(states.values) + len(states.innovation)
-    assert {group: groups.count(group) for group in per_log} == per_log
+    assert len(of_section(plots, "history")) == histories == 6
+    for name, states in zip((r.name for r in result.records), result.states, strict=True):
+        own = [plot for plot in plots if plot["group"] == f"log {name}"]
+        assert len(of_section(own, "states")) == 1 + len(states.values)
+        assert len(of_section(own, "innovations")) == len(states.innovation)
+        (fit,), (residual,) = of_section(own, "fit"), of_section(own, "residual")
+        channels = [f for f in identification.fits if f.log == name]
+        axes = [key for key in fit["layout"] if key.startswith("yaxis")]
+        assert len(axes) == len(channels) == len([key for key in residual["layout"] if key.startswith("yaxis")])
+        assert [key for key in fit["layout"] if key.startswith("xaxis")] == ["xaxis"]
 
 
 def test_lines_are_short_and_as_long_as_their_time(plots):
@@ -107,13 +110,13 @@ def test_lines_are_short_and_as_long_as_their_time(plots):
 
 
 def test_histories_have_band_levels_and_passes(result, plots):
-    history = result.identification.histories["one stage"]
-    names = [line["name"] for line in plots[0]["data"]]
+    history, plot = result.identification.histories["one stage"], of_section(plots, "history")[0]
+    names = [line["name"] for line in plot["data"]]
     assert names == [display.FILTER_BAND, "initial", "final", "estimate", display.FINAL_SIGMA]
-    assert len(plots[0]["layout"]["shapes"]) == history.passes - 1
+    assert len(plot["layout"]["shapes"]) == history.passes - 1
     estimate = result.identification[history.names[0]]
-    assert plots[0]["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
-    assert plots[0]["layout"]["yaxis"]["title"]["text"] == "kN/rad"
+    assert plot["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
+    assert plot["layout"]["yaxis"]["title"]["text"] == "kN/rad"
 
 
 def test_angles_are_in_degrees(result):
@@ -148,8 +151,8 @@ def test_gaps_are_null(result):
 
 def test_predicted_logs_are_marked(text):
     section = text[text.index('id="fits"') : text.index('id="states"')]
-    assert section.count("validation log</span>") == 1
-    assert section.index("lane changes") < section.index("validation log</span>")
+    assert section.count(": validation log</figcaption>") == 1
+    assert section.index("lane changes") < section.index("validation log</figcaption>")
 
 
 def test_states_alone(result, tmp_path):
@@ -160,7 +163,9 @@ def test_states_alone(result, tmp_path):
     assert "too slow for the model" in parsed.text
     assert "rms difference from the reference" in parsed.text
     assert "parameters" not in parsed.ids
-    assert len(over_time(drawn(parsed))) == sum(len(s.values) + len(s.innovation) for s in result.states)
+    plots = drawn(parsed)
+    assert len(of_section(plots, "states")) == sum(1 + len(s.values) for s in result.states)
+    assert len(of_section(plots, "innovations")) == sum(len(s.innovation) for s in result.states)
 
 
 def test_a_channel_without_samples(result, tmp_path):

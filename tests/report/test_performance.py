@@ -1,5 +1,6 @@
 """An assessment on a page, in the report of an identification, in words and on a terminal."""
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -59,6 +60,14 @@ def test_the_page_has_every_measure_and_every_figure(assessment, tmp_path):
         "low-speed turn",
         "roll in a steady turn",
     }
+
+
+def test_a_line_has_the_same_colour_in_all_plots(assessment, tmp_path):
+    path = tmp_path / "assess.html"
+    write_assessment_report(path, assessment)
+    traces = [t for plot in json.loads(Page(path.read_text(encoding="utf-8")).data("figures")) for t in plot["data"]]
+    looks = {(t["name"].partition(",")[0], t["line"]["color"]) for t in traces if t["name"]}
+    assert len(looks) == len({name for name, _ in looks}) >= 4
 
 
 def test_the_report_of_an_identification_says_what_the_truck_will_do(result, tmp_path):

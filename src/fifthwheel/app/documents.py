@@ -32,6 +32,8 @@ def show(*blocks: pages.Block) -> None:
             case pages.Folded():
                 with ui.expansion(block.summary).classes("w-full"):
                     show(*block.blocks)
+            case pages.Beside():
+                show(*block.blocks)
             case pages.Plots():
                 for each in block.plots:
                     show_plot(each.plot)

@@ -14,6 +14,7 @@ from fifthwheel.diagnose.information_summary import (
 )
 from fifthwheel.diagnose.log_prediction import LogPrediction
 from fifthwheel.diagnose.summaries import RunSummary, StateSummary, summarise_records, summarise_runs, summarise_states
+from fifthwheel.diagnose.words import named, spoken
 
 __all__ = [
     "Advice",
@@ -33,9 +34,11 @@ __all__ = [
     "fit_quality",
     "identification_cautions",
     "information_summary",
+    "named",
     "next_steps",
     "predicted_logs",
     "ranked",
+    "spoken",
     "state_cautions",
     "summarise_records",
     "summarise_runs",

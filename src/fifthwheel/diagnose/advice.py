@@ -7,11 +7,12 @@ import numpy as np
 
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
-from fifthwheel.diagnose.information_summary import describe_remedy, dominant_terms
+from fifthwheel.diagnose.information_summary import VarianceTerm, describe_remedy, dominant_terms
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
+from fifthwheel.diagnose.words import named, named_unit
 from fifthwheel.formatting import enumerated, percent, relative
-from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle.parameters import FRICTION
@@ -24,31 +25,34 @@ EXCITATION = {
     "height": f"add lane changes with more roll ({LANE_CHANGE}).",
 }
 """Quantity of a parameter -> the excitation that it needs."""
-CALIBRATION = (
-    "Or calibrate the suspension with a log with a known payload (--knowledge), or by a static test (roll-test)."
-)
-"""Of a suspension, for the payload height."""
 OF_SUSPENSION = (
     *("roll_stiffness", "tyre_roll_stiffness", "roll_damping", "roll_axis_height"),
     *("sprung.cog_height", "sprung.roll_inertia"),
 )
 """Ends of paths, of numbers that act on the roll rate as the payload height does, and stay with another payload."""
 VERDICTS = {
-    Verdict.AT_BOUND: "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, "
-    "axle positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
-    Verdict.DOUBTFUL: "Check the numbers that the cautions name, correct what is wrong, and identify again.",
-    Verdict.NOT_CONVERGED: "Parameters that did not converge may compensate each other. Add another log of this truck, "
-    "allow more passes, or fix a parameter whose value is known from another source (--set). If the model does not "
-    "explain the log either, check signs, units and positions of the signals first.",
+    Verdict.AT_BOUND: (
+        "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, axle "
+        "positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
+        "",
+    ),
+    Verdict.DOUBTFUL: ("Check the numbers that the cautions name, correct what is wrong, and identify again.", ""),
+    Verdict.NOT_CONVERGED: (
+        "Parameters that did not converge may compensate each other. Add another log of this truck, allow more "
+        "passes, or fix a parameter whose value is known from another source. If the model does not explain the log "
+        "either, check signs, units and positions of the signals first.",
+        "--set NAME='VALUE exact'",
+    ),
 }
-"""Verdict -> what to do."""
+"""Verdict -> what to do, and the option for it."""
 
 
 @dataclass(frozen=True)
 class Advice:
     """One step that improves an identification."""
 
-    message: str
+    message: str  # in words, without options
+    option: str = ""  # of the command line, or the key of a file, that does it; of several each on a line
     parameters: tuple[str, ...] = ()  # that it improves
     signals: tuple[str, ...] = ()  # to log
     logs: tuple[str, ...] = ()  # to use for the identification
@@ -71,12 +75,14 @@ def next_steps(
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
     steps += [*_separation(identification), *_dominant_uncertainties(identification), *_friction(identification)]
-    for verdict, message in VERDICTS.items():
+    for verdict, (message, option) in VERDICTS.items():
         names = tuple(e.name for e in identification.parameters if e.verdict == verdict)
-        steps += [Advice(message, names)] if names else []
+        steps += [Advice(message, option, parameters=names)] if names else []
     converged = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
     if converged and all(fit.identified_on for fit in identification.fits):
-        steps.append(Advice("Validate the result with a log that is not used for the identification (--validate LOG)."))
+        steps.append(
+            Advice("Validate the result with a log that is not used for the identification.", "--validate LOG")
+        )
     return steps
 
 
@@ -93,13 +99,13 @@ def _more_excitation(identification: Identification, runs: Sequence[RunSummary])
         yield Advice(
             f"Drive two or more lane changes ({LANE_CHANGE}) and add that log. The present logs reach a lateral "
             f"acceleration of only {max(accelerations):.2f} m/s²: this is almost straight running.",
-            missing,
+            parameters=missing,
         )
         return
     for quantity, excitation in EXCITATION.items():
         names = tuple(name for name in missing if ParameterPath.of(name).quantity == quantity)
         if names:
-            yield Advice(f"To improve {enumerated(names)}, {excitation}", names)
+            yield Advice(f"To improve {_listed(names)}, {excitation}", parameters=names)
 
 
 def _roll_rates(identification: Identification) -> Iterator[Advice]:
@@ -112,9 +118,10 @@ def _roll_rates(identification: Identification) -> Iterator[Advice]:
             missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
     for unit, names in missing.items():
         yield Advice(
-            f"Log the roll rate of the {unit} (roll_rate.{unit}) and identify again. Without it, the logs do not "
-            f"determine {enumerated(names)}, nor the CoG height and the roll inertia.",
-            tuple(names),
+            f"Log the roll rate of the {named_unit(unit)} and identify again. Without it, the logs do not determine "
+            f"{_listed(names)}, nor the CoG height and the roll inertia.",
+            f"roll_rate.{unit}",
+            parameters=tuple(names),
             signals=(f"roll_rate.{unit}",),
         )
 
@@ -123,9 +130,9 @@ def _friction(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
         if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
             yield Advice(
-                "The logs use little of the friction of the road, so that road.friction keeps its prior. To estimate "
-                "it, add a run with a lateral acceleration of 2 m/s² or more on a dry road, 1 m/s² on snow.",
-                (FRICTION,),
+                "The logs use little of the friction of the road, so that it keeps its prior. To estimate it, add a "
+                "run with a lateral acceleration of 2 m/s² or more on a dry road, 1 m/s² on snow.",
+                parameters=(FRICTION,),
             )
 
 
@@ -142,49 +149,57 @@ def _predicted_improvements(identification: Identification, outlook: Information
     for assessment in outlook.parameters:
         for remedy in assessment.remedies:
             if assessment.name in missing and not remedy.known:
-                effect = f"{assessment.name} {relative(assessment.value, remedy.sigma)}"
-                effects.setdefault(describe_remedy(remedy, lane_change), {})[assessment.name] = effect
+                effect = f"{relative(assessment.value, remedy.sigma)} for {named(assessment.name)}"
+                effects.setdefault(describe_remedy(remedy, lane_change, named), {})[assessment.name] = effect
     for change, sigmas in effects.items():
-        message = f"Predicted sigma {change} (lower limit): {enumerated(list(sigmas.values()))}."
-        yield Advice(message, tuple(sigmas))
+        message = f"Predicted sigma {change}, at best: {enumerated(list(sigmas.values()))}."
+        yield Advice(message, parameters=tuple(sigmas))
 
 
 def _separation(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
         if e.verdict is Verdict.NOT_IDENTIFIABLE and e.correlated_with and e.name != FRICTION:
-            other = e.correlated_with[0]
-            cure = f"determine {other} by calibration, or add a run with another manoeuvre."
+            other, option = e.correlated_with[0], ""
+            cure = f"determine {named(other)} by calibration, or add a run with another manoeuvre."
             if other in identification.initial_vehicle.parameters():
-                cure = f"state {other} with its uncertainty from another source (--set)."
-            yield Advice(f"To identify {e.name}, {cure}", (e.name,))
+                cure = f"state {named(other)} with its uncertainty from another source."
+                option = f"--set {other}='VALUE +- SIGMA'"
+            yield Advice(f"To identify {named(e.name)}, {cure}", option, parameters=(e.name,))
 
 
 def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
-    uncertain, calibrated = {e.name: e for e in identification.uncertain}, set[str]()
+    """One step for each parameter whose sigma comes from a few uncertain numbers: which ones to measure."""
+    stated, limits = {e.name for e in identification.uncertain}, dict[str, list[VarianceTerm]]()
     for term in dominant_terms(identification):
-        source, known = uncertain.get(term.source), ""
-        cure = "Measure it, and state its uncertainty in the vehicle file."
-        if source:
-            known = f" ({_known_to(source)})"
-            cure = f"Measure it, or give its real uncertainty: --set {term.source}='+- 5 %'."
-            of_suspension = any(ends_with(term.source, end) for end in OF_SUSPENSION)
-            if (
-                ParameterPath.of(term.parameter).is_payload_height
-                and of_suspension
-                and term.parameter not in calibrated
-            ):
-                cure += f" {CALIBRATION}"
-                calibrated.add(term.parameter)
-        elif term.source.endswith(".softening"):
-            cure = "Tyres soften with the slip angle: drive with less lateral acceleration, or use --tyres saturating."
-        yield Advice(
-            f"The variance of {term.parameter} would be {percent(term.fraction)} smaller if {term.source} were exact"
-            f"{known}. {cure}",
-            (term.parameter,),
-        )
+        limits.setdefault(term.parameter, []).append(term)
+    for name, terms in limits.items():
+        subject = f"of the variance of {named(name)}"
+        for term in (term for term in terms if term.source.endswith(".softening")):
+            yield Advice(
+                f"Drive with less lateral acceleration: {percent(term.fraction)} {subject} comes from "
+                f"{named(term.source)} with the slip angle.",
+                "--tyres saturating",
+                parameters=(name,),
+            )
+        sources = [term.source for term in terms if not term.source.endswith(".softening")]
+        if not sources:
+            continue
+        fraction = percent(sum(term.fraction for term in terms if term.source in sources))
+        message = f"Measure {_listed(sources)}: about {fraction} {subject} comes from {_them(sources)}."
+        options = [
+            f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
+        ]
+        if ParameterPath.of(name).is_payload_height and any(
+            ends_with(s, end) for s in sources for end in OF_SUSPENSION
+        ):
+            message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
+            options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
+        yield Advice(message, "\n".join(options), parameters=(name,))
 
 
-def _known_to(number: Estimate) -> str:
-    """How well an uncertain number is known without and with the logs: "known to ±10 %, with the logs to ±7.5 %"."""
-    prior, posterior = relative(number.initial, number.prior), relative(number.value, number.sigma)
-    return f"known to ±{prior}, with the logs to ±{posterior}"
+def _listed(names: Sequence[str]) -> str:
+    return enumerated(list(map(named, names)))
+
+
+def _them(names: Sequence[str]) -> str:
+    return "it" if len(names) == 1 else "them"

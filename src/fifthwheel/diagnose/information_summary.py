@@ -1,5 +1,6 @@
 """How much information the logs contain on each parameter, what limits its sigma, and what would reduce it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -7,6 +8,7 @@ import numpy as np
 
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose import thresholds
+from fifthwheel.diagnose.words import named
 from fifthwheel.formatting import approximate, digits, enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
@@ -94,11 +96,11 @@ class ParameterInformation:
         if e.correlated_with:
             precise = e.verdict is Verdict.CONVERGED and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
             relation = "Accurate. Its error is correlated with the errors of" if precise else "Strongly correlated with"
-            messages.append(f"{relation} {enumerated(e.correlated_with)}.")
+            messages.append(f"{relation} {enumerated(list(map(named, e.correlated_with)))}.")
         elif self.correlation:
-            messages.append(f"Correlated with {self.correlation[0]} ({self.correlation[1]:.2f}).")
+            messages.append(f"Correlated with {named(self.correlation[0])} ({self.correlation[1]:.2f}).")
         if self.budget:
-            largest, *others = [(percent(term.fraction), term.source) for term in self.budget[:2]]
+            largest, *others = [(percent(term.fraction), named(term.source)) for term in self.budget[:2]]
             text = f"Its variance would be {largest[0]} smaller if {largest[1]} were exact"
             text += "".join(f", {fraction} if {source} were" for fraction, source in others)
             messages.append(f"{text}.")
@@ -108,7 +110,10 @@ class ParameterInformation:
                 "residuals are autocorrelated."
             )
         if self.improvements:
-            changes = [f"{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy)}" for i in self.improvements]
+            changes = [
+                f"{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy, naming=named)}"
+                for i in self.improvements
+            ]
             messages.append(f"Predicted sigma: {'; '.join(changes)}.")
         return tuple(messages)
 
@@ -172,12 +177,18 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     return (covariance.names[j], float(magnitude[j])) if notable else None
 
 
-def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -> str:
-    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged"."""
+def describe_remedy(
+    remedy: Remedy, lane_change: str = "one more lane change", naming: Callable[[str], str] = str
+) -> str:
+    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged".
+
+    Args:
+        naming: the words for a channel, such as `words.named`; by default its name.
+    """
     if remedy.known:
         manners: dict[str, list[str]] = {}
         for name in remedy.known:
-            subject, manner = _how_to_know(name)
+            subject, manner = _how_to_know(name, naming)
             manners.setdefault(manner, []).append(subject)
         clauses = []
         for manner, subjects in manners.items():
@@ -190,13 +201,13 @@ def describe_remedy(remedy: Remedy, lane_change: str = "one more lane change") -
             f"its roll axis to {100 * TESTED_AXIS:g} cm",
         )
         return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
-    changes = [f"{remedy.channel} is logged"] if remedy.channel else []
+    changes = [f"{naming(remedy.channel)} is logged"] if remedy.channel else []
     if remedy.drive:
         changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")
     return f"if {' and '.join(changes)}"
 
 
-def _how_to_know(name: str) -> tuple[str, str]:
+def _how_to_know(name: str, naming: Callable[[str], str]) -> tuple[str, str]:
     """A number in words, and how it becomes known: ("all masses", "known exactly (state it in the vehicle file)")."""
     error, path = SensorErrorName.of(name), ParameterPath.of(name)
     if error:
@@ -211,4 +222,4 @@ def _how_to_know(name: str) -> tuple[str, str]:
         return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
     if name == TIME_BASE:
         return "the rate of the time base", "checked (--set time_base=exact)"
-    return name, "measured and fixed (--set)"
+    return naming(name), "measured and fixed (--set)"

@@ -4,7 +4,7 @@ Texts are plain; each renderer escapes them. What has something to show makes a 
 blocks: `html` writes it as a page or for a notebook, `terminal` prints it, the workbench has a renderer of its own.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -36,7 +36,15 @@ class Mark:
     """Colour of its row on a page: grey for what is no result, or a warning."""
 
 
-Cell = str | Mark
+@dataclass(frozen=True)
+class Hinted:
+    """Words with a hint that a page shows under the cursor, such as the path of a parameter."""
+
+    text: str
+    hint: str
+
+
+Cell = str | Mark | Hinted
 
 
 class TableColumn(NamedTuple):
@@ -128,7 +136,7 @@ class Headline:
 
     text: str
     good: bool = True
-    columns: "Sequence[Sequence[Items | Paragraph | Folded]]" = ()
+    columns: "Sequence[Sequence[Block]]" = ()
 
 
 @dataclass(frozen=True)
@@ -164,9 +172,9 @@ class CaptionedPlot:
 
     @property
     def size(self) -> str:
-        """ "small", "tall" for two panels one above the other or a drawing to scale, or ""."""
-        tall = len(self.plot.panels) > 1 or self.plot.panels[0].equal
-        return "small" if self.small else "tall" * tall
+        """ "small", "tall" for two panels one above the other or a drawing to scale, "wide" for more, or ""."""
+        panels = self.plot.panels
+        return "small" if self.small else "wide" if len(panels) > 2 else "tall" * (len(panels) > 1 or panels[0].equal)
 
 
 @dataclass(frozen=True)
@@ -184,9 +192,25 @@ class Folded:
     blocks: "Sequence[Block]"
     detail: str = ""
     """A sentence after the summary."""
+    key: str = ""
+    """To which links lead."""
 
 
-Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Plots | Folded | Markup
+@dataclass(frozen=True)
+class Beside:
+    """Blocks beside each other, where a page is wide enough."""
+
+    blocks: "Sequence[Block]"
+
+
+Block = Headline | Heading | Paragraph | Items | Table | Values | Verbatim | Plots | Folded | Beside | Markup
+
+
+def folded(section: "Iterable[Block]") -> "Iterator[Folded]":
+    """A section, which begins with its heading, folded away; nothing without blocks."""
+    match list(section):
+        case [Heading() as head, *blocks]:
+            yield Folded(head.title, blocks, key=head.key)
 
 
 @dataclass(frozen=True)
@@ -196,6 +220,8 @@ class Document:
     title: str
     blocks: Sequence[Block]
     subtitle: str = ""
+    appendix: Sequence[Folded] = ()
+    """What a page has folded away at its end; a terminal leaves it out."""
 
     def __str__(self) -> str:
         """Title, tables and lists as text."""
@@ -213,4 +239,4 @@ class Document:
 
 def plain(cell: Cell) -> str:
     """A cell as text; "" for HTML."""
-    return cell.text if isinstance(cell, Mark) else "" if isinstance(cell, Markup) else cell
+    return cell.text if isinstance(cell, Mark | Hinted) else "" if isinstance(cell, Markup) else cell

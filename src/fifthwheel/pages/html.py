@@ -52,7 +52,8 @@ def _block(block: pages.Block, place: Callable[[pages.CaptionedPlot], str]) -> s
             level = "h2" if block.key else "h3"
             return f"<{level}{_attribute('id', block.key)}>{text(block.title)}{badge}</{level}>"
         case pages.Headline():
-            lists = "".join(f"<div>{blocks(column)}</div>" for column in block.columns)
+            columns = [content for column in block.columns if (content := blocks(column, place).strip())]
+            lists = "".join(f"<div>{column}</div>" for column in columns)
             lists = f'<div class="lists">{lists}</div>' if lists else ""
             kind = f"verdict{' good' * block.good}"
             return f'<section class="{kind}" id="verdict"><p class="headline">{text(block.text)}</p>{lists}</section>'
@@ -69,7 +70,10 @@ def _block(block: pages.Block, place: Callable[[pages.CaptionedPlot], str]) -> s
             summary = cell(block.summary) + (f": <span>{text(block.detail)}</span>" if block.detail else "")
             if not block.blocks:
                 return f'<p class="hint">{summary}</p>'
-            return f"<details><summary>{summary}</summary>{blocks(block.blocks, place)}</details>"
+            key = _attribute("id", block.key)
+            return f"<details{key}><summary>{summary}</summary>{blocks(block.blocks, place)}</details>"
+        case pages.Beside():
+            return f'<div class="beside">{"".join(f"<div>{_block(part, place)}</div>" for part in block.blocks)}</div>'
         case _:
             lines = "\n".join(block.text.splitlines())
             return f"<pre>{escape(printable_lines(lines))}</pre>"
@@ -78,8 +82,10 @@ def _block(block: pages.Block, place: Callable[[pages.CaptionedPlot], str]) -> s
 def _figure(figure: pages.CaptionedPlot, key: str) -> str:
     caption = cell(figure.name) + (f": {text(figure.text)}" if figure.text else "")
     note = f"<small>{text(figure.note)}</small>" if figure.note else ""
-    place = f'<div class="{f"plot {figure.size}".rstrip()}" id="{key}"></div>'
-    return f"<figure><figcaption>{caption}{note}</figcaption>{place}</figure>"
+    wide = figure.size == "wide"
+    style = f' style="--panels: {len(figure.plot.panels)}"' * wide
+    place = f'<div class="{f"plot {figure.size}".rstrip()}" id="{key}"{style}></div>'
+    return f"<figure{_attribute('class', 'wide' * wide)}><figcaption>{caption}{note}</figcaption>{place}</figure>"
 
 
 def _items(items: pages.Items) -> str:
@@ -122,6 +128,8 @@ def cell(content: pages.Cell) -> str:
         case pages.Mark():
             symbol = f'<span class="mark">{text(content.symbol)}</span>' if content.symbol else ""
             return f'<span class="{content.kind}">{symbol}{text(content.text)}</span>'
+        case pages.Hinted():
+            return f'<span title="{text(content.hint)}">{text(content.text)}</span>'
         case _:
             return text(content)
 

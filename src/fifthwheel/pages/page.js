@@ -1,21 +1,14 @@
-"use strict";
-(async function () {
-  async function decompressed(id) {  // base64 of deflated data
-    const text = atob(document.getElementById(id).textContent);
-    const bytes = Uint8Array.from(text, (c) => c.charCodeAt(0));
-    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"))).text();
+(function () {
+  function decompressed(id) {  // base64 of deflated data
+    const text = atob(document.getElementById(id).textContent), bytes = new Uint8Array(text.length);
+    for (let k = 0; k < text.length; k++) bytes[k] = text.charCodeAt(k);
+    return new TextDecoder().decode(inflate(bytes));
   }
 
-  if (typeof DecompressionStream === "undefined") {
-    const note = document.getElementById("unsupported");
-    note.hidden = false;
-    document.getElementById("verdict")?.after(note);
-    return;
-  }
   const library = document.createElement("script");
-  library.textContent = await decompressed("library");
+  library.textContent = decompressed("library");
   document.head.append(library);
-  const plots = JSON.parse(await decompressed("figures"));
+  const plots = JSON.parse(decompressed("figures"));
 
   const coarse = window.matchMedia && window.matchMedia("(pointer: coarse)").matches;
   const config = {
@@ -26,8 +19,8 @@
     modeBarButtons: [coarse ? ["zoom2d", "pan2d", "resetScale2d"]
       : ["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };
-  const printHeights = { tall: 290, small: 165 }, printWidths = { small: 215 };
   const groups = {};  // name -> {range, members}
+  const legends = new Map();  // part of the page -> {row, keys: {name: button}, members}
   let updating = false;
 
   function relayoutGroup(group, source, change) {
@@ -52,9 +45,7 @@
     group.range = null;
     relayoutGroup(group, null, (member) => {
       const change = autorange();
-      for (const axis of ["yaxis", "yaxis2"]) {
-        if (!member.layout[axis]) continue;
-        const range = member.firstRanges[axis];
+      for (const [axis, range] of Object.entries(member.firstRanges)) {
         if (range) change[axis + ".range"] = range.slice();
         else change[axis + ".autorange"] = true;
       }
@@ -71,28 +62,48 @@
     }
   }
 
-  function addLegend(place, traces) {  // a legend that wraps; a click hides or shows its trace
-    const row = document.createElement("div");
-    row.className = "trace-legend";
-    traces.forEach((trace, index) => {
-      if (trace.showlegend === false) return;
-      const dash = { dash: "7 4", dot: "2 3" }[trace.line && trace.line.dash] || "none";
-      const svg = trace.fill ? `<rect y="1" width="24" height="8" fill="${trace.fillcolor}"/>`
-        : trace.type === "bar" ? `<rect y="1" width="24" height="8" fill="${trace.marker.color}"/>`
-        : trace.mode === "markers" ? `<path d="M8 1l8 8m0-8l-8 8" stroke="${(trace.marker || trace.line).color}" stroke-width="2"/>`
-        : `<path d="M0 5h24" stroke="${trace.line.color}" stroke-width="2" stroke-dasharray="${dash}"/>`;
-      const key = document.createElement("button");
-      key.innerHTML = `<svg width="24" height="10" aria-hidden="true">${svg}</svg>`;
+  function swatch(trace) {
+    const dash = { dash: "7 4", dot: "2 3" }[trace.line && trace.line.dash] || "none";
+    const svg = trace.fill ? `<rect y="1" width="24" height="8" fill="${trace.fillcolor}"/>`
+      : trace.type === "bar" ? `<rect y="1" width="24" height="8" fill="${trace.marker.color}"/>`
+      : trace.mode === "markers" ? `<path d="M8 1l8 8m0-8l-8 8" stroke="${(trace.marker || trace.line).color}" stroke-width="2"/>`
+      : `<path d="M0 5h24" stroke="${trace.line.color}" stroke-width="2" stroke-dasharray="${dash}"/>`;
+    return `<svg width="24" height="10" aria-hidden="true">${svg}</svg>`;
+  }
+
+  function addLegend(place, traces) {  // one for the page and one for each fold; a click hides or shows lines everywhere
+    const part = place.closest("details") || document.querySelector("main");
+    const legend = legends.get(part) || { row: document.createElement("div"), keys: {}, members: [] };
+    legends.set(part, legend);
+    legend.members.push(place);
+    for (const trace of traces) {
+      if (trace.showlegend === false) continue;
+      const look = trace.name + swatch(trace);  // a line of another colour has a key of its own
+      if (look in legend.keys) {
+        if (legend.keys[look].getAttribute("aria-pressed") === "false") show(place, trace.name, false);
+        continue;
+      }
+      if (!legend.row.isConnected) {
+        legend.row.className = "trace-legend";
+        (part.localName === "main" ? place.closest("main > *") : place.closest(".plots")).before(legend.row);
+      }
+      const key = legend.keys[look] = document.createElement("button");
+      key.type = "button";
+      key.innerHTML = swatch(trace);
       key.append(" " + trace.name);
       key.setAttribute("aria-pressed", "true");
       key.addEventListener("click", () => {
         const visible = key.getAttribute("aria-pressed") !== "true";
         key.setAttribute("aria-pressed", String(visible));
-        Plotly.restyle(place, { visible }, [index]);
+        legend.members.forEach((member) => show(member, trace.name, visible));
       });
-      row.append(key);
-    });
-    place.before(row);
+      legend.row.append(key);
+    }
+  }
+
+  function show(place, name, visible) {
+    const indices = place.data.flatMap((trace, k) => (trace.name === name ? [k] : []));
+    if (indices.length) Plotly.restyle(place, { visible }, indices);
   }
 
   function draw(index) {
@@ -102,7 +113,8 @@
     const group = groups[plot.group] = groups[plot.group] || { range: null, members: [] };
     const layout = plot.layout;
     layout.dragmode = coarse ? false : "zoom";  // so that a touch scrolls the page
-    place.firstRanges = Object.fromEntries(["yaxis", "yaxis2"].map((axis) => [axis, layout[axis]?.range?.slice()]));
+    const axes = Object.keys(layout).filter((key) => key.startsWith("yaxis"));
+    place.firstRanges = Object.fromEntries(axes.map((axis) => [axis, layout[axis].range?.slice()]));
     if (group.range) layout.xaxis.range = group.range.slice();
     const plotConfig = { ...config, toImageButtonOptions: { format: "svg", filename: plot.name.join(" ") } };
     Plotly.newPlot(place, plot.data, layout, plotConfig);
@@ -118,33 +130,27 @@
     place.on("plotly_unhover", () => moveCursor(group, null));
   }
 
-  const isFolded = (index) => document.getElementById("plot" + index)?.closest("details:not([open])");
-  document.querySelectorAll("details").forEach((details) => details.addEventListener("toggle", () => {
-    if (!details.open) return;
-    plots.forEach((_, index) => { if (details.contains(document.getElementById("plot" + index))) draw(index); });
-  }));
-
-  let next = 0;
-  function drawSome() {  // for 60 ms, so that the page stays responsive
-    const until = performance.now() + 60;
-    for (; next < plots.length && performance.now() < until; next++) if (!isFolded(next)) draw(next);
-    if (next < plots.length) setTimeout(drawSome, 0);
-    else document.body.dataset.drawn = "yes";
+  function drawVisible() {  // what no fold hides, at once, so that a page that is printed when it opens has its plots
+    plots.forEach((_, index) => { if (!document.getElementById("plot" + index)?.closest("details:not([open])")) draw(index); });
   }
-  drawSome();
+  document.querySelectorAll("details").forEach((details) => details.addEventListener("toggle", () => { if (details.open) drawVisible(); }));
+  document.getElementById("unfold")?.addEventListener("click", () => {
+    document.querySelectorAll("details").forEach((details) => { details.open = true; });
+  });
+  drawVisible();
+  document.body.dataset.drawn = "yes";
 
-  const opened = [];
-  const drawn = () => document.querySelectorAll(".plot[data-drawn]");
-  window.addEventListener("beforeprint", () => {  // in two columns
-    document.querySelectorAll("details:not([open])").forEach((d) => { d.open = true; opened.push(d); });
-    plots.forEach((_, index) => draw(index));
+  const drawn = () => [...document.querySelectorAll("div.plot[data-drawn]")].filter((p) => !p.closest("details:not([open])"));
+  const printed = { wide: (p) => [680, Math.min(40 + 85 * p.style.getPropertyValue("--panels"), 900)], tall: () => [330, 290], small: () => [215, 165] };
+  window.addEventListener("beforeprint", () => {
+    drawVisible();
     drawn().forEach((p) => {
-      const size = ["tall", "small"].find((word) => p.classList.contains(word));
-      Plotly.relayout(p, { autosize: false, width: printWidths[size] || 330, height: printHeights[size] || 215 });
+      const size = Object.keys(printed).find((word) => p.classList.contains(word));
+      const [width, height] = size ? printed[size](p) : [330, 215];
+      Plotly.relayout(p, { autosize: false, width, height });
     });
   });
   window.addEventListener("afterprint", () => {
-    opened.splice(0).forEach((d) => { d.open = false; });
     drawn().forEach((p) => Plotly.relayout(p, { autosize: true, width: null, height: null }));
   });
 })();

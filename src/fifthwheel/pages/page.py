@@ -1,6 +1,7 @@
 """A document as a page: one HTML file that contains its style, its plots and plotly.js, so that it needs no network.
 
-Plots and plotly.js are compressed (deflate) in base64; the browser decompresses them with DecompressionStream.
+Plots and plotly.js are compressed (deflate) in base64. The page decompresses them itself (`inflate.js`): what a browser
+has for it is asynchronous, and a page that is printed at once would have no plots.
 """
 
 import base64
@@ -8,7 +9,7 @@ import functools
 import json
 import re
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from html import escape
 from importlib import resources
@@ -28,6 +29,7 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-sr
 LEVEL = 5
 """Of the compression; 9 takes twice as long for 1 % less."""
 MARGINS = {"": {"l": 56, "r": 12, "t": 30, "b": 44}, "small": {"l": 46, "r": 10, "t": 26, "b": 40}}
+MARGINS["wide"] = MARGINS[""] | {"t": 46}  # the title of the first panel is below the buttons
 """Around a plot by its size, pixels."""
 IMAGE_SIZES = {"tall": (6.4, 4.6), "small": (4.2, 3.0)}
 """Inches."""
@@ -62,38 +64,50 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
         figures.append(figure)
         return f"plot{len(figures) - 1}"
 
-    sections = [block for block in document.blocks if isinstance(block, pages.Heading) and block.key]
-    links = "".join(f'<a href="#{section.key}">{html.text(section.title)}</a>' for section in sections)
-    body = f"""{_head(document.title)}<h1>{html.text(document.title)}</h1>
-<p class="subtitle">{html.text(document.subtitle)}</p>
-<nav>{links}</nav>
-{html.blocks(document.blocks, place)}
+    sections = [(block.key, block.title) for block in document.blocks if isinstance(block, pages.Heading) and block.key]
+    if document.appendix:
+        sections.append(("appendix", "Appendix"))
+    links = "".join(f'<a href="#{key}">{html.text(title)}</a>' for key, title in sections)
+    subtitle = "".join(f'<p class="subtitle">{html.text(line)}</p>\n' for line in document.subtitle.splitlines())
+    body = f"""{_head(document.title)}<main><h1>{html.text(document.title)}</h1>
+{subtitle}<nav>{links}</nav>
+{html.blocks(document.blocks, place)}</main>
+{_appendix(document.appendix, place)}
 <noscript><p>The plots need JavaScript; the tables do not.</p></noscript>
 """
     content = [body.encode()]
     if figures:
         content += [
-            b'<p id="unsupported" class="hint" hidden>This browser is too old for the plots. They need Chrome or Edge '
-            b"80, Firefox 113, Safari 16.4 or later. The tables are complete.</p>\n",
             _data_script("figures", compressed(script_json(list(map(_drawn, figures))).encode())),
             _data_script("library", _plotly()),
             b"<script>",
+            _asset("inflate.js"),
             _asset("page.js"),
             b"</script>\n",
         ]
     return b"".join([*content, b"</body>\n</html>\n"]), figures
 
 
+def _appendix(parts: Sequence[pages.Folded], place: Callable[[pages.CaptionedPlot], str]) -> str:
+    """What is folded away at the end of the page, with a button that unfolds all of it."""
+    if not parts:
+        return ""
+    button = '<button type="button" id="unfold">Unfold all, such as for printing</button>'
+    return f'<section id="appendix"><h2>Appendix</h2>{button}\n{html.blocks(parts, place)}</section>'
+
+
 def _drawn(figure: pages.CaptionedPlot) -> dict[str, Any]:
     """A figure as the script of the page takes it; the script makes a legend that wraps."""
-    drawn = plotly_figure.figure(_untitled(figure.plot))
+    drawn = plotly_figure.figure(_untitled(figure))
     layout = {"showlegend": False, "margin": MARGINS.get(figure.size, MARGINS[""])}
     return {"group": figure.group, "name": figure.path, "data": drawn["data"], "layout": drawn["layout"] | layout}
 
 
-def _untitled(plot: Plot) -> Plot:
-    """A plot without titles, in place of which a figure has its caption."""
-    return replace(plot, title="", panels=[replace(panel, title="") for panel in plot.panels])
+def _untitled(figure: pages.CaptionedPlot) -> Plot:
+    """A plot without titles, in place of which a figure has its caption; many panels keep theirs."""
+    plot = figure.plot
+    titled = figure.size == "wide"
+    return replace(plot, title="", panels=plot.panels if titled else [replace(p, title="") for p in plot.panels])
 
 
 def checked_format(name: str) -> str:
@@ -122,7 +136,8 @@ def save_images(folder: Path, figures: Sequence[pages.CaptionedPlot], image_form
             path, number = path.with_name(f"{path.stem} {number}.{image_format}"), number + 1
         path.parent.mkdir(parents=True, exist_ok=True)
         log, _, name = figure.path
-        replace(_untitled(figure.plot), title=f"{log}: {name}").save(path, size=IMAGE_SIZES.get(figure.size))
+        size = (8.0, 0.6 + 1.2 * len(figure.plot.panels)) if figure.size == "wide" else IMAGE_SIZES.get(figure.size)
+        replace(_untitled(figure), title=f"{log}: {name}").save(path, size=size)
         written.append(path)
     return written
 

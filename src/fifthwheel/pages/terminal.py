@@ -55,6 +55,8 @@ class _Printer:
                 case pages.Folded():
                     self._title(block.summary + (f": {block.detail}" if block.detail else ""))
                     self.show(block.blocks)
+                case pages.Beside():
+                    self.show(block.blocks)
 
     def _text(self, text: str) -> str:
         """A text for this console, with brackets that are no markup and without control characters."""

@@ -9,6 +9,19 @@ AVERAGING_TIME = 0.5
 """Time over which the lateral acceleration is averaged, s."""
 
 
+def lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0) -> Array:
+    """Speed times yaw rate of the first unit, averaged over 0.5 s, m/s^2, (N,); NaN without the signals.
+
+    `offset` is that of the yaw rate, rad/s.
+    """
+    missing = np.full(len(record), np.nan)
+    values = record.signals.get("speed", missing) * (record.signals.get(f"yaw_rate.{unit}", missing) - offset)
+    known, window = np.isfinite(values), np.ones(max(round(record.rate * AVERAGING_TIME), 1))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.convolve(known, window, "same")
+    return np.where(known, mean, np.nan)
+
+
 def largest_lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0, min_speed: float = 5.0) -> float:
     """Largest magnitude of speed times yaw rate of the first unit, averaged over 0.5 s, m/s^2; NaN without the signals.
 

@@ -1,7 +1,6 @@
 """The page of an assessment, its section in the report of an identification, and its result on a terminal."""
 
 from collections.abc import Callable, Iterator, Mapping
-from itertools import cycle
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from fifthwheel.formatting import enumerated, with_sigma
 from fifthwheel.pages import page, terminal
 from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
-from fifthwheel.plots.palette import CYCLE, GREY
+from fifthwheel.plots.palette import CYCLE, DARK, GREY
 from fifthwheel.report.provenance import Provenance
 
 Runs = Mapping[str, LaneChangeRun]
@@ -176,9 +175,9 @@ def _figure(caption: str, name: str, panel: Panel, *, group: str = "", note: str
 def _paths(runs: Runs) -> Panel:
     items: list[Item] = []
     for model, run in runs.items():
-        for name, colour in zip(("front", *run.roll), cycle(CYCLE), strict=False):
-            line = Line(run.x[name], run.y[name], name=_name(name, model), colour=colour, dash=DASHES[model])
-            items.append(line)
+        for name in ("front", *run.roll):
+            x, y, colour = run.x[name], run.y[name], _colour(run, name)
+            items.append(Line(x, y, name=_name(name, model), colour=colour, dash=DASHES[model]))
     return Panel(items=items, x=Axis(label="along the road", unit="m"), y=Axis(label="across the road", unit="m"))
 
 
@@ -187,9 +186,8 @@ def _over_time(
 ) -> pages.CaptionedPlot:
     items: list[Item] = []
     for model, run in runs.items():
-        same_order = sorted(series(run).items(), key=lambda item: item[0] != "front")  # so that models share colours
-        for (name, values), colour in zip(same_order, cycle(CYCLE), strict=False):
-            items.append(Line(run.time, values, name=_name(name, model), colour=colour, dash=DASHES[model]))
+        for name, values in series(run).items():
+            items.append(Line(run.time, values, name=_name(name, model), colour=_colour(run, name), dash=DASHES[model]))
     panel = Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=unit))
     return _figure(caption, title, panel, group="lane change")
 
@@ -197,6 +195,12 @@ def _over_time(
 def _load_transfer(run: LaneChangeRun) -> Mapping[str, Array]:
     """At 1 all inner wheels of the following axles lift."""
     return {"load transfer ratio": run.load_transfer}
+
+
+def _colour(run: LaneChangeRun, name: str) -> str:
+    """The same in all plots, which share a legend: that of the unit, as in the plots of turns."""
+    units = list(run.roll)
+    return CYCLE[units.index(name) % len(CYCLE)] if name in units else DARK
 
 
 def _name(name: str, model: str) -> str:

@@ -1,6 +1,6 @@
 """The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
-from fifthwheel.diagnose.advice import next_steps
+from fifthwheel.diagnose.advice import Advice, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
@@ -16,16 +16,19 @@ from fifthwheel.diagnose.doubt_cautions import validation_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, REPAIRED, USABLE, WIDE_SIGMA
+from fifthwheel.diagnose.words import named, named_unit, spoken
 from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
-from fifthwheel.report.words import STATUSES, counted, sentence, spoken, spoken_verdict
+from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
 from fifthwheel.vehicle.parameters import FRICTION
 
 CONSEQUENCES = "Probably explained by the cautions"
+SHOWN = 3
+"""Steps and cautions that are not folded away."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,26 +42,55 @@ class Conclusion:
     cautions: tuple[str, ...] = ()
     consequences: tuple[str, ...] = ()
     """Cautions that those above probably explain."""
-    next_steps: tuple[str, ...] = ()
+    steps: tuple[Advice, ...] = ()
+    """What to do next, the most useful step first."""
     notes: tuple[str, ...] = ()
 
+    @property
+    def next_steps(self) -> tuple[str, ...]:
+        """The steps in words, without their options."""
+        return tuple(step.message for step in self.steps)
+
     def as_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        return asdict(self) | {"next_steps": list(self.next_steps)}
 
-    def box(self) -> pages.Headline:
-        """The headline with all lists, at the top of a page."""
-        found = (pages.Items(self.results, "Result"), pages.Items(self.not_identified, "Not identified"))
-        folded = {CONSEQUENCES: self.consequences, "Notes": self.notes}
-        advice: list[pages.Items | pages.Folded] = [pages.Items(self.cautions, "Cautions")]
-        advice.append(pages.Items(self.next_steps, "Next steps", ordered=True))
-        advice += [pages.Folded(title, (pages.Items(lines),)) for title, lines in folded.items() if lines]
-        return pages.Headline(self.headline, self.good, (found, advice))
+    def box(self, first: Sequence[pages.Block] = ()) -> pages.Headline:
+        """The headline with what to rely on and what to do, at the top of a page; `first` comes before the lists."""
+        cautions = [*_leading(self.cautions, "Cautions", "more cautions")]
+        if self.consequences:
+            cautions.append(pages.Folded(CONSEQUENCES, [pages.Items(self.consequences)]))
+        missing = (pages.Items(self.not_identified, "Not identified"),)
+        return pages.Headline(self.headline, self.good, (first, cautions, missing, tuple(self._steps())))
 
-    def advice(self) -> tuple[pages.Items, ...]:
+    def _steps(self) -> Iterator[pages.Block]:
+        """The first steps in words; behind them the options of all, and the other steps."""
+        yield pages.Items(self.next_steps[:SHOWN], "Next steps", ordered=True)
+        more = self.steps[SHOWN:]
+        rows = [(str(k), pages.Code(step.option)) for k, step in enumerate(self.steps, 1) if step.option]
+        if rows or more:
+            title = "Options of these steps" + (f", and {counted(len(more), 'other step')}" if more else "")
+            others = [f"Step {k}: {step.message}" for k, step in enumerate(more, SHOWN + 1)]
+            table = [pages.Table(("Step|w|Step ", "Option|name"), rows)] if rows else []
+            yield pages.Folded(title, [pages.Items(others), *table])
+
+    def advice(self) -> tuple[pages.Block, ...]:
         """The lists at the end of an output on a terminal."""
-        lists = {"Cautions": self.cautions, "Next steps": self.next_steps, "Notes": self.notes}
-        lists[CONSEQUENCES] = self.consequences
-        return tuple(pages.Items(lines, title) for title, lines in lists.items())
+        more = len(self.steps) - SHOWN
+        where = f"{f'{more} more and the' if more > 0 else 'The'} options for them: report.html, Next steps."
+        return (
+            pages.Items(self.cautions, "Cautions"),
+            pages.Items(self.consequences, CONSEQUENCES),
+            pages.Items(self.next_steps[:SHOWN], "Next steps"),
+            *([pages.Paragraph(where)] if more > 0 or any(step.option for step in self.steps) else []),
+            pages.Items(self.notes, "Notes"),
+        )
+
+
+def _leading(lines: Sequence[str], title: str, rest: str) -> Iterator[pages.Block]:
+    """The first lines of a list, and the others folded."""
+    yield pages.Items(lines[:SHOWN], title)
+    if lines[SHOWN:]:
+        yield pages.Folded(f"{len(lines) - SHOWN} {rest}", [pages.Items(lines[SHOWN:])])
 
 
 def conclude_identification(
@@ -96,7 +128,7 @@ def conclude_identification(
         not_identified=tuple(_not_identified(identification)),
         cautions=tuple(map(str, cautions)),
         consequences=tuple(map(str, consequences)),
-        next_steps=tuple(step.message for step in next_steps(identification, runs, outlook)),
+        steps=tuple(next_steps(identification, runs, outlook)),
         notes=(*identification.notes, *[f"{finding.log}: {finding.message}" for finding in repaired]),
     )
 
@@ -180,7 +212,7 @@ def _not_identified(identification: Identification) -> list[str]:
     for e in identification.parameters:
         if e.verdict is not Verdict.CONVERGED:
             names.setdefault(f"({spoken_verdict(e.verdict)}): {_reason(identification, e)}", []).append(spoken(e.name))
-    return [sentence(f"{', '.join(same)} {reason}") for reason, same in names.items()]
+    return [sentence(f"{'; '.join(same)} {reason}") for reason, same in names.items()]
 
 
 def _reason(identification: Identification, e: Estimate) -> str:
@@ -199,13 +231,13 @@ def _reason(identification: Identification, e: Estimate) -> str:
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:
-            others = " and ".join(spoken(name) for name in e.correlated_with)
+            others = " and ".join(named(name) for name in e.correlated_with)
             return f"strongly correlated with {others}; {origin}"
         if e.name == FRICTION:
             return f"the run uses too little of it; {origin}"
-        return f"the roll rate of the {unit} is not logged; {origin}"
+        return f"the roll rate of the {named_unit(unit)} is not logged; {origin}"
     if e.sigma is None:
-        return f"it was not estimated, because no roll rate of the {unit} was logged; {origin}"
+        return f"it was not estimated, because no roll rate of the {named_unit(unit)} was logged; {origin}"
     prior = e.prior if e.prior is not None else e.sigma
     limit = identification.settings.excited * prior
 
@@ -250,8 +282,8 @@ def conclude_states(
         headline=unsure or _states_headline(valid, summaries, doubtful, lifting),
         results=tuple(line for summary in summaries for line in _states_result(summary, summary.name in doubtful)),
         cautions=(*[f"Identification: {caution}" for caution in reasons], *map(str, cautions)),
-        next_steps=tuple(
-            f"Cut {s.name} to the part in which the truck drives, or map the missing channels."
+        steps=tuple(
+            Advice(f"Cut {s.name} to the part in which the truck drives, or map the missing channels.")
             for s in summaries
             if s.valid < USABLE
         ),

@@ -1,6 +1,6 @@
 """The report of an identification, and its result on a terminal."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,30 +10,30 @@ from fifthwheel import pages
 from fifthwheel.assess import Assessment
 from fifthwheel.channels import SensorErrorName, si_unit
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
-from fifthwheel.diagnose.fit_quality import FitQuality, fit_quality
+from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
-from fifthwheel.diagnose.thresholds import WIDE_SIGMA
-from fifthwheel.formatting import approximate, percent, relative, seconds, shown, value_and_sigma, with_sigma
-from fifthwheel.identify import Estimate, Fit, Identification, Verdict
+from fifthwheel.diagnose.words import spoken
+from fifthwheel.formatting import approximate, percent, shown, value_and_sigma, with_sigma
+from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.result import display
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import cell, prose, text
-from fifthwheel.plots import Plot
+from fifthwheel.plots import Axis, Panel, Plot
 from fifthwheel.record import Record
-from fifthwheel.report import assessment, consistency
+from fifthwheel.report import assessment, consistency, front_page
 from fifthwheel.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.report.provenance import Provenance, logs_and_origin
-from fifthwheel.report.states import StateConditions, states_section
-from fifthwheel.report.words import WIDE_MARK, counted, mark, spoken_verdict
+from fifthwheel.report.states import StateConditions, all_states, states_section
+from fifthwheel.report.words import counted
 from fifthwheel.vehicle import Vehicle, unit_of
 
-ESTIMATES = (
-    *("Parameter|name", "Verdict|full", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Prior>|full"),
-    "Settled after>",
-)
+DRAWN = 3
+"""Logs whose measurements and states are drawn before the appendix."""
+DRAWN_CHANNELS = 16
+"""Of these logs together."""
 UNCERTAIN = ("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Prior>|full", "Remains>")
 
 
@@ -77,25 +77,51 @@ def write_report(
     """
     method = f"{identification.method} method, preset {identification.settings.preset}"
     unit = "iteration" if identification.method == "one-stage" else "round"
+    runs = summarise_runs(identification, records)
+    conclusion = conclusion or conclude_identification(identification, records, outlook, states)
     settings = (
         pages.Hint(f"Estimated in {counted(identification.rounds, unit)}."),
         pages.Values(identification.settings.as_dict()),
     )
+    fits, first = _fits_by_log(identification), _first_logs(identification)
+    others = {log: fits[log] for log in fits if log not in first}
+    title_of_others = f"Measured and predicted, {counted(len(others), 'more log')}"
+    more_fits = [pages.Folded(title_of_others, [_fit_figures(others)])] if others else []
     blocks: list[pages.Block] = [
-        (conclusion or conclude_identification(identification, records, outlook, states)).box(),
-        *_parameters(identification),
-        *_information(identification, outlook),
-        *_histories(identification),
-        *_fits(identification),
-        *(states_section(states, records, conditions, identified=True) if states else ()),
-        *consistency.section(states, identification.fits),
-        *(assessment.section(performance) if performance is not None else ()),
-        pages.Heading("Logs and settings", key="logs"),
-        *logs_and_origin(records, summarise_runs(identification, records), provenance, identification),
+        conclusion.box([front_page.main_numbers(identification, performance)]),
+        *front_page.truck_and_runs(identification, records, runs),
+        *front_page.estimates(identification),
+        *_fits({log: fits[log] for log in fits if log in first}),
+        *(states_section([s for s in states if s.name in first], records, conditions, identified=True)),
+    ]
+    appendix = [
+        *pages.folded(assessment.section(performance) if performance is not None else ()),
+        *more_fits,
+        *pages.folded(_information(identification, outlook)),
+        *pages.folded(_sensors(identification)),
+        *_uncertain_numbers(identification),
+        *assumed_numbers(identification.initial_vehicle),
+        *pages.folded(_histories(identification)),
+        *pages.folded(_residuals(identification)),
+        *pages.folded(all_states(states, records)),
+        *pages.folded(consistency.section(states, identification.fits)),
+        *pages.folded(logs_and_origin(records, runs, provenance, identification)),
         pages.Folded("Settings", settings),
+        *([pages.Folded("Notes", [pages.Items(conclusion.notes)])] if conclusion.notes else []),
     ]
     subtitle = f"Identification: {method}, fifthwheel {identification.version}"
-    return page.write(Path(path), pages.Document(title, blocks, subtitle), images=figures)
+    if provenance is not None:
+        subtitle = "\n".join(filter(None, (provenance.note, ". ".join(filter(None, (provenance.time, subtitle))))))
+    return page.write(Path(path), pages.Document(title, blocks, subtitle, appendix), images=figures)
+
+
+def _first_logs(identification: Identification) -> set[str]:
+    """The logs that are drawn before the appendix: up to three, of which one is a validation log where there is one,
+    and fewer where they have many channels."""
+    own, fits = [log.name for log in identification.logs], _fits_by_log(identification)
+    others = [log for log in fits if log not in own]
+    channels = max(map(len, fits.values()), default=1)
+    return set([*others[:1], *own, *others[1:]][: min(DRAWN, max(DRAWN_CHANNELS // channels, 1))])
 
 
 def show_identification(
@@ -120,66 +146,25 @@ def identification_document(identification: Identification, conclusion: Conclusi
     return pages.Document(identification.vehicle.name, blocks)
 
 
-def _parameters(identification: Identification) -> Iterator[pages.Block]:
-    yield pages.Heading("Parameters", key="parameters")
-    last = "" if identification.method == "one-stage" else " in the last pass"
-    yield pages.Hint(
-        "Sigma is one standard deviation of the result, from the logs and the prior; the prior is what was assumed "
-        "before the logs were used. A grey row is not determined by the logs: its value comes mostly from the prior or "
-        f"the vehicle file. {WIDE_MARK} marks a sigma above {percent(WIDE_SIGMA)} of the value. “Settled after”: the "
-        f"driving time{last} after which the estimate stays within {percent(identification.settings.tolerance)} of its "
-        "later average. “–”: it did not settle."
-    )
-    yield _estimates(identification.parameters, history=True)
-    if identification.derived:
-        yield pages.Heading("Derived from the payload")
-        yield pages.Hint(
-            "Height of the CoG of the laden sprung mass above the ground, and roll inertia of this mass about the roll "
-            "axis."
-        )
-        yield _estimates(identification.derived)
+def _sensors(identification: Identification) -> Iterator[pages.Block]:
+    banks = [f"{log.name} {with_sigma(*log.bank, 'rad')}" for log in identification.logs if log.bank]
+    if not identification.sensors and not banks:
+        return
+    yield pages.Heading("Sensor errors", key="sensors")
     if identification.sensors:
-        yield pages.Heading("Sensor errors")
         yield pages.Hint(
             "Estimated together with the parameters. Measured value = gain × true value + offset; road-wheel angle = "
             "gain × (logged angle − offset)."
         )
         yield _sensor_errors(identification)
-    banks = [f"{log.name} {with_sigma(*log.bank, 'rad')}" for log in identification.logs if log.bank]
     if banks:
         yield pages.Hint(f"Bank angle of the road, positive with the left edge higher: {'; '.join(banks)}.")
-    if identification.uncertain:
-        yield _uncertain_numbers(identification)
-    if identification.initial_vehicle.assumed:
-        yield assumed_numbers(identification.initial_vehicle)
 
 
-def _estimates(estimates: Sequence[Estimate], *, history: bool = False) -> pages.Table:
-    """Estimates with verdict, sigma and prior; with `history` also when they settled."""
-    rows: list[tuple[pages.Cell, ...]] = []
-    for e in estimates:
-        unit = shown(e.unit)
-        value, sigma = value_and_sigma(e.value * unit.factor, None if e.sigma is None else e.sigma * unit.factor)
-        prior, spread = value_and_sigma(e.initial * unit.factor, None if e.prior is None else e.prior * unit.factor)
-        rows.append(
-            (
-                pages.Code(e.name),
-                pages.Mark(
-                    spoken_verdict(e.verdict), e.verdict, mark(e), "" if e.verdict is Verdict.CONVERGED else "off"
-                ),
-                value,
-                sigma or "–",
-                unit.name,
-                relative(e.value, e.sigma),
-                prior if spread is None else f"{prior} ± {spread}",
-                *([seconds(e.settling_time)] if history else []),
-            )
-        )
-    return pages.Table(ESTIMATES if history else ESTIMATES[:-1], rows)
-
-
-def _uncertain_numbers(identification: Identification) -> pages.Folded:
+def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]:
     """What the logs added to each uncertain number of the vehicle file, of the tyres and of the model."""
+    if not identification.uncertain:
+        return
     explanation = pages.Hint(
         "These numbers are not exact. They are estimated together with the parameters, from their priors, and every "
         "sigma above includes their uncertainty. The last column is the fraction of the prior sigma that remains: at "
@@ -194,7 +179,7 @@ def _uncertain_numbers(identification: Identification) -> pages.Folded:
         left = remaining.pop(e.name, None)
         rows.append(
             (
-                pages.Code(e.name),
+                pages.Hinted(spoken(e.name), e.name),
                 value,
                 sigma or "–",
                 unit.name,
@@ -202,8 +187,8 @@ def _uncertain_numbers(identification: Identification) -> pages.Folded:
                 "–" if left is None else percent(left),
             )
         )
-    rows += [(pages.Code(name), "–", "–", "", "–", percent(left)) for name, left in remaining.items()]
-    return pages.Folded(f"Uncertain numbers ({len(rows)})", (explanation, pages.Table(UNCERTAIN, rows)))
+    rows += [(pages.Hinted(spoken(name), name), "–", "–", "", "–", percent(left)) for name, left in remaining.items()]
+    yield pages.Folded(f"Uncertain numbers ({len(rows)})", (explanation, pages.Table(UNCERTAIN, rows)))
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:
@@ -223,8 +208,10 @@ def _sensor_errors(identification: Identification) -> pages.Table:
     return pages.Table(("Signal|name", "Error|w", "Log", "Estimate>", "Prior>", "|w"), rows)
 
 
-def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
+def assumed_numbers(vehicle: Vehicle) -> Iterator[pages.Folded]:
     """The numbers that a vehicle file leaves to vehicle classes, with their sources."""
+    if not vehicle.assumed:
+        return
     values = vehicle.parameters()
     explanation = pages.Hint(
         "The vehicle file does not have these numbers: they are those of the vehicle classes of its units. Measure "
@@ -234,7 +221,7 @@ def assumed_numbers(vehicle: Vehicle) -> pages.Folded:
         (pages.Code(path), with_sigma(values[path], vehicle.stated.get(path), unit_of(path)), source)
         for path, source in vehicle.assumed.items()
     ]
-    return pages.Folded(
+    yield pages.Folded(
         f"Assumed numbers of the vehicle file ({len(rows)})",
         (explanation, pages.Table(("Parameter|name", "Value>|main", "Source|full"), rows)),
     )
@@ -268,7 +255,7 @@ def _bar(row: ParameterInformation) -> str:
     bar = f'<span class="bar" aria-hidden="true"><i{css_class} style="width:{100 * remaining:.1f}%"></i></span>'
     note = "" if row.remaining is None else f"<small>{percent(remaining)} of the prior sigma remains</small>"
     messages = "".join(f"<li>{prose(message)}</li>" for message in row.messages)
-    name = f"{cell(pages.Code(row.estimate.name))}{bar}<b>{text(row.change)}</b>{note}"
+    name = f"{cell(pages.Hinted(spoken(row.estimate.name), row.estimate.name))}{bar}<b>{text(row.change)}</b>{note}"
     return f'<div class="information"><div>{name}</div><ul>{messages}</ul></div>'
 
 
@@ -295,7 +282,7 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
         yield pages.Heading(title.capitalize() if one_stage else f"{title.capitalize()}: {passes}")
         figures = [
             pages.CaptionedPlot(
-                pages.Code(e.name),
+                spoken(e.name),
                 Plot(panels=[display.history_panel(history, e)]),
                 group=f"history {title}",
                 path=("parameters", "history", e.name),
@@ -310,23 +297,54 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
             else pages.Hint("No parameter of this stage was excited enough to be estimated.")
         )
     drawn = {name for history in identification.histories.values() for name in history.names}
-    without = [e.name for e in identification.parameters if e.name not in drawn]
+    without = [spoken(e.name) for e in identification.parameters if e.name not in drawn]
     if without and len(without) < len(identification.parameters):
-        yield pages.Hint(f"Not estimated, therefore without a history: {', '.join(without)}.")
+        yield pages.Hint(f"Not estimated, therefore without a history: {'; '.join(without)}.")
 
 
-def _fits(identification: Identification) -> Iterator[pages.Block]:
+def _fits(logs: Mapping[str, Sequence[Fit]]) -> Iterator[pages.Block]:
+    """One figure for each log, with its channels below each other."""
+    if not logs:
+        return
     yield pages.Heading("Measured and predicted", key="fits")
     yield pages.Hint(
-        "The prediction is the output of the free-running model of the identified truck: it uses speed and steer angle "
-        "only, and no measurement corrects it. Explained is the fraction of the channel's variance that the "
-        "prediction explains. Sensor noise cannot be explained. A slow wave in the residual indicates a model "
-        "error. Of each log only the sensor offsets are fitted, and of each segment the bank of the road and the "
-        "state at its start, about the steady state of its first steer angle: to all samples, within their priors."
+        "The model of the identified truck predicts each measurement from speed and steer angle alone. Explained: the "
+        "fraction of the variance of the measurement that this prediction explains; noise cannot be explained."
     )
-    for log, fits in _fits_by_log(identification).items():
-        yield pages.Heading(log, badge="" if fits[0].identified_on else "validation log")
-        yield pages.Plots([_fit(fit, fit_quality(fit, identification.settings.noise)) for fit in fits])
+    yield _fit_figures(logs)
+
+
+def _fit_figures(logs: Mapping[str, Sequence[Fit]]) -> pages.Plots:
+    return pages.Plots([_log_figure(log, fits, "fit", _fit_panel) for log, fits in logs.items()])
+
+
+def _residuals(identification: Identification) -> Iterator[pages.Block]:
+    yield pages.Heading("Residuals of the prediction", key="residuals")
+    yield pages.Hint(
+        "The prediction is the output of the free-running model: no measurement corrects it. A slow wave in the "
+        "residual indicates a model error. Of each log only the sensor offsets are fitted, and of each segment the "
+        "bank of the road and the state at its start, about the steady state of its first steer angle: to all samples, "
+        "within their priors."
+    )
+    yield from _fit_tables(identification)
+    logs = _fits_by_log(identification).items()
+    yield pages.Plots([_log_figure(log, fits, "residual", _residual_panel) for log, fits in logs])
+
+
+def _log_figure(log: str, fits: Sequence[Fit], section: str, panel: Callable[[Fit], Panel]) -> pages.CaptionedPlot:
+    badge = "" if fits[0].identified_on else "validation log"
+    plot = Plot(panels=list(map(panel, fits)))
+    return pages.CaptionedPlot(log, plot, f"log {log}", (log, section, "all channels"), text=badge)
+
+
+def _fit_panel(fit: Fit) -> Panel:
+    return display.fit_panel(fit, title=f"{spoken(fit.signal)}: {_explained(fit)} explained")
+
+
+def _residual_panel(fit: Fit) -> Panel:
+    unit = si_unit(fit.signal)
+    title = f"{spoken(fit.signal)}: {approximate(fit.rms, unit)} rms"
+    return replace(display.residual_panel(fit), title=title, y=Axis(unit=shown(unit).name))
 
 
 def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
@@ -334,22 +352,6 @@ def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
     for fit in identification.fits:
         logs.setdefault(fit.log, []).append(fit)
     return logs
-
-
-def _fit(fit: Fit, quality: FitQuality) -> pages.CaptionedPlot:
-    unit = si_unit(fit.signal)
-    note = f"residual {approximate(fit.rms, unit)} rms"
-    if np.isfinite(quality.noise):
-        note += f", sensor noise about {approximate(quality.noise, unit)}"
-        note += "; no more can be explained" if quality.noise_limited else ""
-    return pages.CaptionedPlot(
-        pages.Code(fit.signal),
-        Plot(panels=[display.fit_panel(fit), replace(display.residual_panel(fit), height=0.4)]),
-        group=f"log {fit.log}",
-        path=(fit.log, "fit", fit.signal),
-        text=f"{_explained(fit)} explained",
-        note=note,
-    )
 
 
 def _fit_tables(identification: Identification) -> Iterator[pages.Table]:

@@ -38,6 +38,7 @@ class FileUsed:
 class Provenance:
     """The origin of a result."""
 
+    note: str = ""  # of the user: who, where, what was driven
     command: str = ""  # as typed, quoted for a shell; empty for a result from Python
     time: str = ""  # UTC
     versions: Mapping[str, str] = field(default_factory=dict)
@@ -61,7 +62,7 @@ class Provenance:
 
 
 def gather_provenance(
-    files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = ()
+    files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = (), note: str = ""
 ) -> Provenance:
     """The provenance of a result.
 
@@ -69,8 +70,10 @@ def gather_provenance(
         files: all files and folders that were read.
         texts: files that are short enough to be shown, by name.
         command: its arguments.
+        note: who, where, what was driven.
     """
     return Provenance(
+        note=note,
         command=shlex.join(["fifthwheel", *command]) if command else "",
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
         versions=versions(),
@@ -80,7 +83,12 @@ def gather_provenance(
 
 
 def provenance_of_run(
-    logs: Sequence[Path], vehicle: str, signals: Path | None = None, *others: Path | None, command: Sequence[str] = ()
+    logs: Sequence[Path],
+    vehicle: str,
+    signals: Path | None = None,
+    *others: Path | None,
+    command: Sequence[str] = (),
+    note: str = "",
 ) -> Provenance:
     """The provenance of a command.
 
@@ -98,7 +106,7 @@ def provenance_of_run(
     texts = {f"{vehicle} (catalogue)": catalogue.text(vehicle)} if in_catalogue else {}
     texts |= {str(path): path.read_text(encoding="utf-8", errors="replace") for path in shown}
     files = [*logs, *shown, *databases, *[path for path in others if path is not None]]
-    return gather_provenance(files, texts, command)
+    return gather_provenance(files, texts, command, note)
 
 
 def versions() -> dict[str, str]:
@@ -130,6 +138,7 @@ def logs_and_origin(
     identification: Identification | None = None,
 ) -> Iterator[pages.Block]:
     """How each log was driven, what an identification used of it, and how to reproduce the result."""
+    yield pages.Heading("Logs and how to reproduce the result", key="logs")
     yield pages.Hint("Lateral acceleration: largest magnitude of speed × yaw rate, averaged over 0.5 s.")
     yield _table(records, runs, identification)
     if provenance is not None:

@@ -1,28 +1,34 @@
 """The report of states, their section in the report of an identification, and their result on a terminal."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 import fifthwheel
 from fifthwheel import pages
-from fifthwheel.channels import is_sensor_error, si_unit
+from fifthwheel.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
+from fifthwheel.channels.lateral import SIDESLIP
 from fifthwheel.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
+from fifthwheel.diagnose.words import named_unit, spoken
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
 from fifthwheel.observe.states import SHADES
 from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import text
-from fifthwheel.plots import Plot
-from fifthwheel.plots.palette import rgba
+from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
+from fifthwheel.plots.palette import DARK, rgba
 from fifthwheel.record import Record
 from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.words import STATUSES, counted, sentence
+from fifthwheel.vehicle.drawing import UNITS
+
+MAIN_STATES = (SIDESLIP, ARTICULATION, ROLL)
+"""Those that are drawn before the appendix."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,13 +68,16 @@ def write_states_report(
     """Write the report of the states of a given vehicle as one HTML file; arguments, result and errors as of
     `write_report`."""
     conclusion = conclusion or conclude_states(states, records)
-    blocks: list[pages.Block] = [conclusion.box()]
-    if states:
-        blocks += states_section(states, records, conditions, reliable=not conclusion.cautions)
-        blocks += consistency.section(states, ())
-    blocks += [pages.Heading("Logs", key="logs"), *logs_and_origin(records, summarise_records(records), provenance)]
+    results = [pages.Items(conclusion.results, "Result")]
+    section = states_section(states, records, conditions, reliable=not conclusion.cautions)
+    appendix = [
+        *pages.folded(all_states(states, records)),
+        *pages.folded(consistency.section(states, ()) if states else ()),
+        *pages.folded(logs_and_origin(records, summarise_records(records), provenance)),
+    ]
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
-    return page.write(Path(path), pages.Document(title, blocks, subtitle), images=figures)
+    document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix)
+    return page.write(Path(path), document, images=figures)
 
 
 def show_states(
@@ -118,7 +127,9 @@ def states_section(
     reliable: bool = True,
     identified: bool = False,
 ) -> Iterator[pages.Block]:
-    """Each state of each log with its band, its measurement and its reference."""
+    """One figure for each log: sideslip, articulation and roll of all units, with their bands and references."""
+    if not states:
+        return
     yield pages.Heading("States", key="states")
     band = f" {conditions.in_words(identified=identified)}" if conditions else ""
     doubt = "" if reliable else " Do not rely on these states: the truck does not fit the measurements (see the top)."
@@ -127,9 +138,44 @@ def states_section(
         f"for offsets. Do not use the states in shaded intervals.{doubt}"
     )
     for s in states:
+        yield pages.Plots([_main_states(s, record_of(s, records))])
+        yield _statuses(summarise_states(s, records))
+
+
+def _main_states(states: States, record: Record | None) -> pages.CaptionedPlot:
+    panels = [_of_all_units(states, record, channel) for channel in MAIN_STATES if names_of(channel, states.values)]
+    return pages.CaptionedPlot(
+        states.name, Plot(panels=panels), f"log {states.name}", (states.name, "states", "main states")
+    )
+
+
+def _of_all_units(states: States, record: Record | None, channel: Channel) -> Panel:
+    """A quantity of all units: each has its colour, with which the legend names it."""
+    items, ranges = list[Item](states.status_spans()), list[float]()
+    units = list(dict.fromkeys(SignalName.of(name).unit for name in states.values))
+    for name in names_of(channel, states.values):
+        panel, unit = states.panel(name, record), SignalName.of(name).unit
+        colour = UNITS[units.index(unit) % len(UNITS)]
+        for item in panel.items:
+            if isinstance(item, Line) and item.name == "estimate":
+                items.append(replace(item, name=named_unit(unit).capitalize(), colour=colour))
+            elif isinstance(item, Line) and item.name == "reference":
+                items.append(replace(item, colour=DARK, width=1.2))
+            else:
+                items.append(replace(item, colour=colour) if isinstance(item, Band) else item)
+        ranges += panel.y.range or ()
+    y = Axis(unit=panel.y.unit, range=(min(ranges), max(ranges)))
+    return Panel(items=items, title=spoken(channel.quantity), x=panel.x, y=y)
+
+
+def all_states(states: Sequence[States], records: Sequence[Record]) -> Iterator[pages.Block]:
+    """Each state of each log with its band, its measurement and its reference."""
+    if not states:
+        return
+    yield pages.Heading("All states", key="all-states")
+    for s in states:
         record, summary = record_of(s, records), summarise_states(s, records)
         yield pages.Heading(s.name)
-        yield _statuses(summary)
         yield pages.Plots([_state(s, record, summary, name) for name in s.values])
 
 
@@ -148,5 +194,5 @@ def _state(states: States, record: Record | None, summary: StateSummary, name: s
     note += "" if rms is None else f"; rms difference from the reference {approximate(rms, unit)}"
     panel = states.panel(name, record, states.status_spans())
     return pages.CaptionedPlot(
-        pages.Code(name), Plot(panels=[panel]), f"log {states.name}", (states.name, "states", name), note=note
+        spoken(name), Plot(panels=[panel]), f"log {states.name}", (states.name, "states", name), note=note
     )

@@ -36,11 +36,6 @@ def spoken_verdict(verdict: Verdict, *, predicted: bool = False) -> str:
     return "identifiable" if predicted and verdict is Verdict.CONVERGED else verdict.replace("_", " ")
 
 
-def spoken(path: str) -> str:
-    """A path as words: "semitrailer.cog_height" -> "semitrailer CoG height"."""
-    return path.replace(".", " ").replace("_", " ").replace("cog", "CoG")
-
-
 def counted(count: int, noun: str) -> str:
     """A number with its noun: "1 log", "2 logs"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fifthwheel.plots import Area, Axis, Item, Label, Line, Panel, Plot, Points
-from fifthwheel.plots.palette import BLUE, CYCLE, DARK, GREY, ORANGE, VERMILLION
+from fifthwheel.plots.palette import BLUE, DARK, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from fifthwheel.vehicle.unit import Coupling, Unit
 
 WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0
@@ -15,19 +15,25 @@ OVERHANG = 0.8
 """Of the drawn body beyond the outermost axle or coupling, m."""
 FRAME, FLOOR = 0.9, 1.2
 """Height of the drawn frame, and of a floor that the file does not give, m."""
-UNITS = tuple(colour for colour in CYCLE if colour not in (ORANGE, DARK))
+UNITS = (GREEN, PURPLE, SKY, VERMILLION, BLUE)
 """Colours of the units; that of the payload and that of the axles are others."""
 _CIRCLE = np.linspace(0, 2 * np.pi, 33)
 
 
+def origins(couplings: Sequence[Coupling]) -> list[float]:
+    """x of the origin of each unit, m; 0 for the first."""
+    places = [0.0]
+    for coupling in couplings:
+        places.append(places[-1] + coupling.leading_position - coupling.trailing_position)
+    return places
+
+
 def drawing(name: str, units: Sequence[Unit], couplings: Sequence[Coupling], derived: Mapping[str, float]) -> Plot:
     """The drawing; x is forward, 0 at the origin of the first unit. `derived` is `Vehicle.derived`."""
-    origins = [0.0]
-    for coupling in couplings:
-        origins.append(origins[-1] + coupling.leading_position - coupling.trailing_position)
+    places = origins(couplings)
     side: list[Item] = []
     top: list[Item] = []
-    for k, (unit, origin) in enumerate(zip(units, origins, strict=True)):
+    for k, (unit, origin) in enumerate(zip(units, places, strict=True)):
         in_front, behind = couplings[k - 1] if k else None, [c.leading_position for c in couplings[k : k + 1]]
         colour, axles = UNITS[k % len(UNITS)], [axle.position for axle in unit.axles]
         ends = [*axles, *behind, *([in_front.trailing_position] if in_front else [])]
@@ -42,7 +48,7 @@ def drawing(name: str, units: Sequence[Unit], couplings: Sequence[Coupling], der
         side.append(Points(*cog, name="CoG, height of the laden body", colour=BLUE, marker="cross", size=9))
         top += _top(unit, origin, rear, front, colour)
     if couplings:
-        joint_x = [origin + c.leading_position for origin, c in zip(origins, couplings, strict=False)]
+        joint_x = [origin + c.leading_position for origin, c in zip(places, couplings, strict=False)]
         for items, heights in ((side, [c.height for c in couplings]), (top, [0.0] * len(couplings))):
             items.append(Points(joint_x, heights, name="coupling", colour=DARK, marker="square", size=8))
     ends_of_ground = [x for item in side if isinstance(item, Area) for x in (np.min(item.x), np.max(item.x))]
