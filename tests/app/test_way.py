@@ -1,5 +1,6 @@
 """The whole way in a browser: from a dropped log to a report and a comparison, with all that may go wrong."""
 
+import json
 import os
 import re
 import signal
@@ -205,6 +206,26 @@ def test_a_result_is_replaced_only_after_a_question(browser, tmp_path, result):
                 assert page.get_by_role("progressbar").count() == 0
         page.get_by_text("not written by an earlier").first.wait_for(timeout=LONG)
     assert (folder / "runs" / "mine" / "identification.json").read_bytes() == before
+
+
+def test_a_result_is_renamed_and_deleted_and_its_note_is_shown(browser, tmp_path, result):
+    folder = prepared(tmp_path / "w").folder
+    result.identification.save(folder / "runs" / "mine")
+    file = folder / "runs" / "mine" / "identification.json"
+    note = {"text": "new tyres", "author": "A", "date": "2026-11-26"}
+    file.write_text(json.dumps(json.loads(file.read_text()) | {"note": note}))
+    (folder / "runs" / "mine" / "report.html").write_text("<h1 id=verdict>report</h1>")
+    with served(folder) as address, tab(browser, f"{address}identify") as page:
+        page.get_by_text("mine: new tyres (A, 2026-11-26)").first.wait_for()
+        page.get_by_role("button", name="Rename mine").click()
+        page.get_by_label("New name of mine").fill("bend")
+        page.get_by_role("button", name="Rename", exact=True).click()
+        page.get_by_text("bend: new tyres (A, 2026-11-26)").first.wait_for()
+        page.get_by_role("button", name="Delete bend").click()
+        page.get_by_text("Delete the result bend with all its files?").wait_for()
+        page.get_by_role("button", name="Delete", exact=True).click()
+        page.get_by_role("button", name="Rename bend").wait_for(state="detached")
+    assert not list((folder / "runs").iterdir())
 
 
 @contextmanager

@@ -338,13 +338,15 @@ def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tar
     front, drive, _ = groups
     stated = _statics(lengths, slip, groups, tares)
     wrong = [condition for condition, (_, fits) in stated.items() if not fits]
-    different = [
+    different = {
         condition
         for condition, loads in ((condition, getattr(slip, condition)) for condition in stated)
         if abs(loads[front] - loads[drive]) > MIN_DIFFERENCE * (loads[front] + loads[drive])
-    ]
-    for count in range(1, len(different) + 1) if wrong else ():
-        for conditions in combinations(different, count):
+    }
+    for count in range(1, len(stated) + 1) if wrong else ():
+        for conditions in combinations(stated, count):
+            if not different & {*conditions}:
+                continue
             other = _statics(lengths, _exchanged(slip, conditions, groups), groups, tares)
             if all(fits for _, fits in other.values()):
                 loads = getattr(slip, conditions[0])
