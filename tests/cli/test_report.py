@@ -26,14 +26,16 @@ def ran(*arguments) -> dict:
 
 
 def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
-    note = "J. Smith, dry"
-    told = ran("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--note", note)
+    note = "40 t, dry"
+    told = ran(
+        "identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--note", note, "--author", "J. Smith"
+    )
     conclusion = told["conclusion"]
     assert conclusion.keys() >= {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}
     assert conclusion["next_steps"] == [step["message"] for step in conclusion["steps"]]
     assert conclusion["headline"].startswith("All 5 parameters are identified")
     assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
-    assert json.loads((tmp_path / "identification.json").read_text())["note"] == note
+    assert json.loads((tmp_path / "identification.json").read_text())["note"]["text"] == note
     assert fw.Identification.load(tmp_path).method == "one-stage"
     assert "figures" not in told["files"]
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
@@ -41,7 +43,7 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     assert "Reproduce this result" in page.text
     assert "cheng_cebon_2011 (catalogue)" in page.text
     assert "information" in page.ids
-    assert page.text.index(note) < page.text.index(conclusion["headline"])
+    assert page.text.index(f"{note} (J. Smith, ") < page.text.index(conclusion["headline"])
 
 
 def test_states_concludes_and_draws(log, tmp_path):

@@ -26,7 +26,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify run.csv -v truck.toml --knowledge merged.json",
     "fifthwheel identify run.csv -v truck.toml --knowledge known_load --load timber",
     "fifthwheel identify run.csv -v truck.toml --method article --json",
-    "fifthwheel identify run.csv -v truck.toml --figures svg --note 'J. Smith, proving ground, dry, 40 t'",
+    "fifthwheel identify run.csv -v truck.toml --figures svg --note 'proving ground, dry, 40 t' --author 'J. Smith'",
 )
 def identify(
     logs: options.Logs,
@@ -45,13 +45,6 @@ def identify(
             "may be repeated.",
         ),
     ] = None,
-    note: Annotated[
-        str,
-        typer.Option(
-            "--note",
-            help="Who, where and what was driven, for the top of the report: 'J. Smith, proving ground, dry, 40 t'.",
-        ),
-    ] = "",
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
@@ -100,7 +93,7 @@ def identify(
             terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
-        provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:], note=note)
+        provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:])
         text = vehicle_text(file)
         written = write_loads(starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text)
         files = terminal.in_folder(out, written)

@@ -62,7 +62,7 @@ class Provenance:
 
 
 def gather_provenance(
-    files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = (), note: str = ""
+    files: Sequence[Path], texts: Mapping[str, str] | None = None, command: Sequence[str] = ()
 ) -> Provenance:
     """The provenance of a result.
 
@@ -70,10 +70,8 @@ def gather_provenance(
         files: all files and folders that were read.
         texts: files that are short enough to be shown, by name.
         command: its arguments.
-        note: who, where, what was driven.
     """
     return Provenance(
-        note=note,
         command=shlex.join(["fifthwheel", *command]) if command else "",
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
         versions=versions(),
@@ -88,7 +86,6 @@ def provenance_of_run(
     signals: Path | None = None,
     *others: Path | None,
     command: Sequence[str] = (),
-    note: str = "",
 ) -> Provenance:
     """The provenance of a command.
 
@@ -106,7 +103,7 @@ def provenance_of_run(
     texts = {f"{vehicle} (catalogue)": catalogue.text(vehicle)} if in_catalogue else {}
     texts |= {str(path): path.read_text(encoding="utf-8", errors="replace") for path in shown}
     files = [*logs, *shown, *databases, *[path for path in others if path is not None]]
-    return gather_provenance(files, texts, command, note)
+    return gather_provenance(files, texts, command)
 
 
 def versions() -> dict[str, str]:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fifthwheel._atomic import atomic_write, one_run
@@ -120,9 +121,9 @@ def write_results(
             figures=figures,
         )
     else:
+        noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
         with atomic_write(folder / "identification.json") as temporary:
-            note = {"note": provenance.note} if provenance and provenance.note else {}
-            temporary.write_text(json.dumps(run.as_dict() | note, indent=2) + "\n", encoding="utf-8")
+            temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
         vehicle, covariance = run.identification.vehicle, run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
@@ -139,7 +140,7 @@ def write_results(
             outlook=run.assessment,
             performance=run.performance,
             conditions=StateConditions(uncertain=() if covariance is None else covariance.names),
-            provenance=provenance,
+            provenance=noted,
             figures=figures,
         )
     names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
