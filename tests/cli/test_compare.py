@@ -19,7 +19,8 @@ def test_table_and_files(runs, run, tmp_path):  # noqa: F811
     page, table = tmp_path / "c.html", tmp_path / "c.csv"
     outcome = run("compare", *runs, "--csv", table, "--html", page)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("0 of 6 parameters differ from monday by more than 2 sigma.")
+    assert outcome.out.startswith("No difference beyond chance. Largest: ")
+    assert "Front tyres, cornering stiffness" in outcome.out
     assert "share lane changes" in " ".join(outcome.out.split())
     with table.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
@@ -27,6 +28,8 @@ def test_table_and_files(runs, run, tmp_path):  # noqa: F811
     assert {row["difference_in_sigmas"] for row in rows} == {"", "0.0"}
     text = Page(page.read_text()).text
     assert runs[1].name in text
+    assert "No difference beyond chance." in text
+    assert 'title="tractor.front.cornering_stiffness">Front tyres, cornering stiffness' in page.read_text()
 
 
 def test_json(runs, run):  # noqa: F811

@@ -15,6 +15,8 @@ from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.doubts import Cause
 from tests.diagnose.chosen import AXIS, FRONT, HEIGHT, INERTIA, REAR, SOFTENING, assessment, estimate, of, outlook
 
+WITHOUT_ROLL_RATES = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
+
 
 def messages(identification, *arguments):
     return [step.message for step in next_steps(identification, *arguments)]
@@ -72,7 +74,7 @@ def test_more_excitation_by_the_quantity_that_is_missing(result):
         estimate(FRONT, Verdict.NOT_CONVERGED, sigma=0.3),
         estimate(FRONT, Verdict.NOT_EXCITED, sigma=None),
     ):
-        assert not any("To improve" in m for m in messages(of(result, nothing)))
+        assert not any("To improve" in m for m in messages(of(result, nothing, signals=WITHOUT_ROLL_RATES)))
     budget = {FRONT: {AXIS: 0.6}}  # another run would not help
     assert not any("To improve" in m for m in messages(of(result, estimate(FRONT, sigma=0.2), variance_budget=budget)))
 
@@ -96,7 +98,8 @@ def test_only_runs_of_the_identification_are_straight(result):
 
 def test_a_missing_roll_rate(result):
     for verdict, sigma in ((Verdict.NOT_IDENTIFIABLE, 0.3), (Verdict.NOT_EXCITED, None)):
-        steps = next_steps(of(result, estimate(HEIGHT, verdict, sigma=sigma), estimate(FRONT)))
+        missing = estimate(HEIGHT, verdict, sigma=sigma)
+        steps = next_steps(of(result, missing, estimate(FRONT), signals=WITHOUT_ROLL_RATES))
         (step,) = (step for step in steps if step.signals)
         assert (step.signals, step.parameters) == (("roll_rate.semitrailer",), (HEIGHT,))
         assert step.message.startswith("Log the roll rate of the trailer and identify again.")
@@ -107,7 +110,16 @@ def test_a_missing_roll_rate(result):
         estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(AXIS,)),
         estimate(HEIGHT, Verdict.NOT_CONVERGED),
     ):
-        assert not any(step.signals for step in next_steps(of(result, other)))
+        assert not any(step.signals for step in next_steps(of(result, other, signals=WITHOUT_ROLL_RATES)))
+
+
+@pytest.mark.parametrize(("verdict", "sigma"), [(Verdict.NOT_IDENTIFIABLE, 0.3), (Verdict.NOT_EXCITED, None)])
+def test_a_logged_roll_rate_needs_more_roll(result, verdict, sigma):
+    logged = of(result, estimate(HEIGHT, verdict, sigma=sigma))
+    assert "roll_rate.semitrailer" in logged.signals
+    steps = next_steps(logged)
+    assert not any(step.signals or "Log the roll rate" in step.message for step in steps)
+    assert any(step.parameters == (HEIGHT,) and "add lane changes with more roll" in step.message for step in steps)
 
 
 def test_what_separates_correlated_parameters(result):

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.diagnose import compare
+from fifthwheel.diagnose import compare, spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, Verdict, identify
+from fifthwheel.report.comparison import headline
 from fifthwheel.simulate import simulate
 from tests.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 
@@ -69,7 +70,7 @@ def test_shared_logs_make_the_difference_a_lower_bound(result):
     comparison = compare({"a": a, "b": b})
     assert [p.differences[1].at_least for p in comparison.parameters] == [True, False]
     assert any("a and b share 1" in note for note in comparison.notes)
-    assert ("at least" in comparison.rows()[1][3], "at least" in comparison.rows()[3][3]) == (True, False)
+    assert ("at least" in comparison.rows()[1][5], "at least" in comparison.rows()[3][5]) == (True, False)
 
 
 FIXED = {"verdict": Verdict.FIXED, "sigma": None}
@@ -86,13 +87,43 @@ def test_parameters_that_one_run_does_not_have(result):
     comparison = compare({"a": a, "b": b})
     assert [p.name for p in comparison.parameters] == [FRONT, HEIGHT]
     assert [p.differences for p in comparison.parameters] == [(None, None), (None, None)]
-    assert comparison.rows()[1][2:] == ("–", "")
+    assert comparison.rows()[1][2:] == ("–", "", "", "")
+    assert headline(comparison) == "No difference from a has a sigma."
+
+
+def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):
+    a = run(result, "1", estimate(FRONT, value=4.8e5, sigma=3e3))
+    b = run(result, "2", estimate(FRONT, value=4.32e5, sigma=4e3))
+    *_, row = compare({"a": a, "b": b}).rows()
+    assert row[3:] == ("−48.0 ± 5.0 kN/rad", "−10.0 ± 1.0 %", "−9.6 sigma")
+    *_, row = compare({"b": b, "a": a}).rows()
+    assert row[3] == "+48.0 ± 5.0 kN/rad"
+
+
+def test_the_headline_names_what_differs_most(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, sigma=0.03))
+    b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), estimate(REAR, value=1.4, sigma=0.04))
+    assert headline(compare({"a": a, "b": b})) == (
+        f"Differs most from a: {spoken(REAR)} of b, +40.0 ± 5.0 % (+8.0 sigma). "
+        "1 other difference is beyond chance too."
+    )
+
+
+def test_chance_takes_the_number_of_differences_into_account(result):
+    """2.1 sigma is beyond chance alone, and not as the largest of two differences."""
+    a, b = (run(result, log, estimate(FRONT, value=v, sigma=0.05 / 2**0.5)) for log, v in (("1", 1.0), ("2", 1.105)))
+    c = run(result, "3", estimate(FRONT, sigma=0.05 / 2**0.5))
+    assert len(compare({"a": a, "b": b}).beyond_chance()) == 1
+    assert compare({"a": a, "b": b, "c": c}).beyond_chance() == []
+    assert headline(compare({"a": a, "b": b, "c": c})).startswith(
+        f"No difference beyond chance. Largest: {spoken(FRONT)} of b, +10.5 ± 5.0 % (+2.1 sigma)"
+    )
 
 
 def test_the_influence_of_a_prior_is_noted(result):
     run_with_prior = run(result, "1", estimate(FRONT, sigma=0.15, prior=0.3))
     notes = compare({"a": run_with_prior, "b": run(result, "2", estimate(FRONT))}).notes
-    assert any(note.startswith("a: fraction of the information") and f"{FRONT} 25 %" in note for note in notes)
+    assert any(note.startswith("a: fraction of the information") and f"{spoken(FRONT)} 25 %" in note for note in notes)
 
 
 def test_a_single_run_is_refused(result):

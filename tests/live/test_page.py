@@ -2,16 +2,19 @@
 
 import http.client
 import json
+import re
 import threading
 
 import pytest
 
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.live.checkpoint import make_learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.live.page.server import Page
 from fifthwheel.live.session import Session
+from fifthwheel.live.setup import completed_map, make_node
 from tests.live.browser import browser
-from tests.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
+from tests.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_files
 
 
 @pytest.fixture
@@ -21,6 +24,21 @@ def page(tmp_path):
     page = Page("0", TRUCK, session)
     session.views = [page]
     for frame in frames(driven()):
+        for output in node.receive(frame):
+            session.handle(output)
+    yield page
+    session.close()
+
+
+@pytest.fixture
+def learning_page(tmp_path):
+    """A page with the parameters of a learner after two seconds."""
+    learning = make_learning(TRUCK, SIGNALS, trailer="depot 1")
+    node = make_node(completed_map(write_files(tmp_path)), learning)
+    session = Session(node=node, writer=BackgroundWriter(), learning=learning)
+    page = Page("0", TRUCK, session)
+    session.views = [page]
+    for frame in list(frames(driven()))[:600]:
         for output in node.receive(frame):
             session.handle(output)
     yield page
@@ -74,6 +92,16 @@ def test_events_begin_with_the_last_minute(page):
     assert history[-1]["states"]["sideslip.semitrailer.sigma"] > 0
 
 
+def test_parameters_have_plain_names_sigma_and_unit(learning_page):
+    _, text = learning_page.snapshots.history()
+    shown = {p["path"]: p for p in json.loads(text)[-1]["parameters"]}
+    front = shown["tractor.front.cornering_stiffness"]
+    assert front["name"] == "Front tyres, cornering stiffness"
+    assert re.fullmatch(r"[\d\u202f]+ ± \d+ kN/rad, not excited", front["text"])
+    assert 100 < front["value"] < 1000, "in the unit of the text"
+    assert all(parameter["text"].count(" ± ") == 1 for parameter in shown.values())
+
+
 def test_connections_are_limited(page):
     held = [get(page, "/events") for _ in range(32)]
     with pytest.raises((ConnectionError, http.client.HTTPException)):
@@ -107,3 +135,16 @@ def test_a_browser_shows_states_and_drawings(page, tmp_path, width):
         assert not shown.messages
         threading.Thread(target=page.snapshots.close).start()
         shown.wait_for("document.getElementById('status').textContent === 'ended'")
+
+
+@pytest.mark.slow
+def test_a_browser_shows_parameters_with_their_paths_on_hover(learning_page, tmp_path):
+    with browser(tmp_path / "profile") as shown:
+        shown.open(learning_page.address, 1400)
+        caption = "document.querySelector('#parameters figcaption')"
+        text = shown.wait_for(f"{caption} && {caption}.textContent")
+        assert text.startswith("Front tyres, cornering stiffness")
+        assert "kN/rad" in text
+        assert shown.evaluate(f"{caption}.title") == "tractor.front.cornering_stiffness"
+        assert "semitrailer" not in shown.evaluate("document.querySelector('main').innerText")
+        assert not shown.messages

@@ -45,12 +45,12 @@ def test_a_wide_sigma_calls_for_more_excitation(result):
         (Verdict.AT_BOUND, {}, "limit of the permitted range", "error in the vehicle file"),
         (Verdict.FIXED, {}, "(fixed): ", ""),
         (Verdict.NOT_EXCITED, {"sigma": 1e5}, "(not excited): the logs reduce sigma too little", "lane change"),
-        (Verdict.NOT_EXCITED, {"sigma": None}, "no roll rate of the tractor", "Log the roll rate of the tractor"),
+        (Verdict.NOT_EXCITED, {"sigma": None}, "because the logs excite it too little", "add a log with a lane change"),
         (
             Verdict.NOT_IDENTIFIABLE,
             {"correlated_with": ()},
-            "roll rate of the tractor is not logged",
-            "Log the roll rate of the tractor",
+            "too little information on it alone",
+            "add a log with a lane change",
         ),
         (
             Verdict.NOT_IDENTIFIABLE,
@@ -71,6 +71,20 @@ def test_each_verdict_has_a_reason_and_advice(result, verdict, changes, reason, 
     assert any(reason in line for line in conclusion.not_identified)
     assert any(advice in line for line in conclusion.next_steps) or not advice
     assert "4 of 5" in conclusion.headline or verdict is Verdict.FIXED
+
+
+@pytest.mark.parametrize(
+    ("verdict", "changes", "reason"),
+    [
+        (Verdict.NOT_EXCITED, {"sigma": None}, "no roll rate of the tractor was logged"),
+        (Verdict.NOT_IDENTIFIABLE, {"correlated_with": ()}, "the roll rate of the tractor is not logged"),
+    ],
+)
+def test_a_roll_rate_that_is_not_logged_is_the_reason(result, verdict, changes, reason):
+    without = replace(result.identification, signals=("speed", "steer.tractor.front", "yaw_rate.tractor"))
+    conclusion = conclude_identification(with_verdict(without, verdict, **changes), result.records)
+    assert any(reason in line for line in conclusion.not_identified)
+    assert any("Log the roll rate of the tractor" in line for line in conclusion.next_steps)
 
 
 def test_a_straight_run_identifies_nothing():

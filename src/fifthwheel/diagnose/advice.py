@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.channels import ROLL_RATE, SignalName, names_of
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.information_summary import VarianceTerm, describe_remedy, dominant_terms
@@ -12,7 +13,7 @@ from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.diagnose.words import named, named_unit
 from fifthwheel.formatting import enumerated, percent, relative
-from fifthwheel.identify import Identification, Verdict
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle.parameters import FRICTION
@@ -22,7 +23,10 @@ EXCITATION = {
     "cornering_stiffness": f"add a log with a lane change ({LANE_CHANGE}), or with bends at another speed. With "
     "one speed only, the stiffness of the axles and the steering ratio cannot be distinguished.",
     "yaw_inertia": "add fast lane changes or a slalom (0.3 to 0.5 Hz). Slow bends hardly depend on yaw inertia.",
-    "height": f"add lane changes with more roll ({LANE_CHANGE}).",
+    **dict.fromkeys(
+        ("height", "cog_height", "roll_inertia", "roll_axis_height", "roll_stiffness", "roll_damping"),
+        f"add lane changes with more roll ({LANE_CHANGE}).",
+    ),
 }
 """Quantity of a parameter -> the excitation that it needs."""
 OF_SUSPENSION = (
@@ -91,7 +95,9 @@ def _more_excitation(identification: Identification, runs: Sequence[RunSummary])
     missing = tuple(
         e.name
         for e in identification.parameters
-        if (has_wide_sigma(e) and e.name not in elsewhere) or (e.verdict is Verdict.NOT_EXCITED and e.sigma is not None)
+        if (has_wide_sigma(e) and e.name not in elsewhere)
+        or (e.verdict is Verdict.NOT_EXCITED and e.sigma is not None)
+        or (_has_no_information(e) and has_roll_rate(identification, e.name))
     )
     used = {log.name for log in identification.logs}
     accelerations = [run.acceleration for run in runs if run.name in used and np.isfinite(run.acceleration)]
@@ -108,13 +114,22 @@ def _more_excitation(identification: Identification, runs: Sequence[RunSummary])
             yield Advice(f"To improve {_listed(names)}, {excitation}", parameters=names)
 
 
+def _has_no_information(e: Estimate) -> bool:
+    """Whether the logs do not determine a parameter, although it is not correlated with others; not the friction."""
+    unidentifiable = e.verdict is Verdict.NOT_IDENTIFIABLE and not e.correlated_with
+    return e.name != FRICTION and (unidentifiable or (e.verdict is Verdict.NOT_EXCITED and e.sigma is None))
+
+
+def has_roll_rate(identification: Identification, parameter: str) -> bool:
+    """Whether the roll rate of the unit of a parameter is logged."""
+    unit = ParameterPath.of(parameter).unit
+    return any(SignalName.of(name).unit == unit for name in names_of(ROLL_RATE, identification.signals))
+
+
 def _roll_rates(identification: Identification) -> Iterator[Advice]:
     missing: dict[str, list[str]] = {}
     for e in identification.parameters:
-        if e.name == FRICTION:
-            continue
-        without_channel = e.verdict is Verdict.NOT_IDENTIFIABLE and not e.correlated_with
-        if without_channel or (e.verdict is Verdict.NOT_EXCITED and e.sigma is None):
+        if _has_no_information(e) and not has_roll_rate(identification, e.name):
             missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
     for unit, names in missing.items():
         yield Advice(

@@ -17,13 +17,17 @@ import io
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from statistics import NormalDist
 from typing import Any
 
+from fifthwheel.diagnose.words import spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.plots import Axis, Guide, Item, Panel, Plot, Points
 
+FALSE_ALARM = 0.05
+"""Probability that a difference of equal trucks counts as one beyond chance."""
 PRIOR_FRACTION = 0.1
 """An estimate that takes a larger fraction of its information from the prior is noted."""
 
@@ -54,6 +58,35 @@ class ComparedParameter:
     differences: tuple[Difference | None, ...]
     """From the reference; None for the reference itself."""
 
+    def sigmas(self, k: int) -> float:
+        """The difference of run k in units of its sigma; 0 without one."""
+        difference = self.differences[k]
+        return (difference.sigmas if difference else None) or 0.0
+
+    def in_unit(self, k: int) -> str:
+        """The difference of run k: "−190 ± 50 kN/rad"."""
+        return self._in(k, 1.0, self.unit)
+
+    def in_percent(self, k: int) -> str:
+        """The difference of run k in per cent of the reference: "−15.1 ± 4.0 %"."""
+        reference = self.estimates[0]
+        return self._in(k, 100 / abs(reference.value), "%") if reference and reference.value else ""
+
+    def in_sigmas(self, k: int) -> str:
+        """The difference of run k in words, such as "+2.1 sigma" or "at least +2.1 sigma"; "" without a sigma."""
+        difference = self.differences[k]
+        if difference is None or difference.sigmas is None:
+            return ""
+        number = f"{difference.sigmas:+.1f} sigma".replace("-", "−")
+        return f"at least {number}" if difference.at_least else number
+
+    def _in(self, k: int, factor: float, unit: str) -> str:
+        difference = self.differences[k]
+        if difference is None:
+            return ""
+        sigma = None if difference.sigma is None else difference.sigma * factor
+        return "+" * (difference.value > 0) + with_sigma(difference.value * factor, sigma, unit)
+
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
@@ -64,13 +97,34 @@ class Comparison:
     parameters: tuple[ComparedParameter, ...]
     notes: tuple[str, ...]
 
-    def rows(self) -> list[tuple[str, str, str, str]]:
-        """Parameter, run, estimate and difference in sigmas, for each parameter and run."""
+    def rows(self) -> list[tuple[str, ...]]:
+        """Parameter, run, estimate, difference with sigma in its unit, in per cent and in sigmas, for each parameter
+        and run."""
         return [
-            (p.name, run, _estimate(e), "" if d is None else in_sigmas(d))
+            (p.name, run, _estimate(p.estimates[k]), p.in_unit(k), p.in_percent(k), p.in_sigmas(k))
             for p in self.parameters
-            for run, e, d in zip(self.runs, p.estimates, p.differences, strict=True)
+            for k, run in enumerate(self.runs)
         ]
+
+    def largest_difference(self) -> tuple[ComparedParameter, int] | None:
+        """The parameter and the number of the run with the most significant difference; None if none has a sigma."""
+        known = self._known()
+        return max(known, key=lambda found: abs(found[0].sigmas(found[1]))) if known else None
+
+    def beyond_chance(self) -> list[tuple[ComparedParameter, int]]:
+        """The parameters and runs with differences that chance alone would hardly give, the most significant first.
+
+        If nothing differs, one of all differences is larger than the limit with a probability of at most
+        `FALSE_ALARM` (Bonferroni).
+        """
+        known = self._known()
+        limit = NormalDist().inv_cdf(1 - FALSE_ALARM / 2 / len(known)) if known else math.inf
+        clear = [found for found in known if abs(found[0].sigmas(found[1])) > limit]
+        return sorted(clear, key=lambda found: -abs(found[0].sigmas(found[1])))
+
+    def _known(self) -> list[tuple[ComparedParameter, int]]:
+        """The differences that have a sigma."""
+        return [(p, k) for p in self.parameters for k in range(len(self.runs)) if p.in_sigmas(k)]
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
@@ -197,7 +251,7 @@ def _notes(runs: Mapping[str, Identification]) -> list[str]:
             if (fraction := min((e.sigma / e.prior) ** 2, 1.0)) > PRIOR_FRACTION
         }
         if informed:
-            listed = [f"{parameter} {percent(fraction)}" for parameter, fraction in informed.items()]
+            listed = [f"{spoken(parameter)} {percent(fraction)}" for parameter, fraction in informed.items()]
             notes.append(
                 f"{name}: fraction of the information that comes from the prior: {enumerated(listed)}. A common prior "
                 "makes a difference smaller than the logs alone show."
@@ -217,7 +271,7 @@ def _plot(parameter: ComparedParameter, runs: Sequence[str]) -> Plot:
         items.append(Guide(x=first.value * unit.factor))
     ticks = {float(-k): run for k, run in enumerate(runs)}
     rows = Axis(ticks=ticks, range=(0.5 - len(runs), 0.5))
-    return Plot(panels=[Panel(items=items, title=parameter.name, x=Axis(unit=unit.name), y=rows)])
+    return Plot(panels=[Panel(items=items, title=spoken(parameter.name), x=Axis(unit=unit.name), y=rows)])
 
 
 def _estimate(estimate: Estimate | None) -> str:
@@ -225,14 +279,6 @@ def _estimate(estimate: Estimate | None) -> str:
         return "–"
     text = with_sigma(estimate.value, estimate.sigma, estimate.unit)
     return text if estimate.verdict is Verdict.CONVERGED else f"{text}, {estimate.verdict.replace('_', ' ')}"
-
-
-def in_sigmas(difference: Difference) -> str:
-    """A difference in words, such as "+2.1 sigma" or "at least +2.1 sigma"; "" without a sigma."""
-    if difference.sigmas is None:
-        return ""
-    number = f"{difference.sigmas:+.1f} sigma".replace("-", "−")
-    return f"at least {number}" if difference.at_least else number
 
 
 def _safe(text: str) -> str:

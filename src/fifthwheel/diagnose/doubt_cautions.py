@@ -106,22 +106,23 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
         yield Caution(CautionKind.UNSTABLE, message, cure, critical)
 
 
-def _describe_sensor_error(error: SensorErrorName, change: float) -> str:
-    """What an error of a sensor is: "yaw_rate.tractor is 52 ms late"."""
+def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | None) -> str:
+    """What an error of a sensor is, with its prior mean: "yaw_rate.tractor is 52 ms late"."""
     signal, kind = error.signal, error.kind
-    unit = error.unit or ""
-    size = with_sigma(abs(change), None, unit)
+    value = change + (float(kind == "gain") if mean is None else mean)
+    size = with_sigma(abs(value), None, error.unit or "")
     if kind == "delay":
-        return f"{signal} is {size} {'late' if change > 0 else 'early'}"
+        return f"{signal} is {size} {'late' if value > 0 else 'early'}"
     if kind == "gain" and is_of(signal, STEER):
-        return f"the road wheels turn by {digits(1 + change, 3)} times {signal}"
+        return f"the road wheels turn by {digits(value, 3)} times {signal}"
     if kind == "gain":
-        return f"{signal} is {digits(1 + change, 3)} times the true value"
+        return f"{signal} is {digits(value, 3)} times the true value"
     if kind == "offset":
-        return f"{signal} has an offset of {with_sigma(change, None, unit)}"
+        return f"{signal} has an offset of {with_sigma(value, None, error.unit or '')}"
     if kind == "misalignment":
         return f"the gyro of {signal} is turned by {size}, so that it measures another axis too"
-    return f"the {kind} of {signal} is {size} different"
+    difference = with_sigma(abs(change), None, error.unit or "")
+    return f"the {kind} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
 
 
 def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> str:
@@ -137,7 +138,8 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if cause.name == MASS_SCALE:
         return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
     if error:
-        return f"{_describe_sensor_error(error, change)}{'' if log is None else f' in {logs[int(log)]}'} ({times})"
+        where = "" if log is None else f" in {logs[int(log)]}"
+        return f"{_describe_sensor_error(error, change, cause.prior_mean)}{where} ({times})"
     if path.endswith(".softening"):
         group = path.removesuffix(".softening")
         return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
@@ -149,14 +151,14 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
         largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"
         return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
-    if path not in values:
+    value = values.get(path) if cause.prior_mean is None else cause.prior_mean
+    if value is None:
         return f"{cause.name} is different ({times})"
-    direction = "larger" if change > 0 else "smaller"
-    if ParameterPath.of(path).quantity in POSITIONS or not values[path]:
+    if ParameterPath.of(path).quantity in POSITIONS or not value:
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:
-        size = f"{percent(abs(change / values[path]))} {direction}"
+        size = f"{percent(abs(change / value))} {'larger' if change * value > 0 else 'smaller'}"
     if log is not None:  # its variation from log to log
         return f"{path} is {size} in {logs[int(log)]} than in all logs together ({times})"
     also = f" with {len(others)} other numbers that belong to it" if others else ""

@@ -11,7 +11,7 @@ A learner keeps some unknowns at their prior mean 0 (considered, Schmidt). It ha
 """
 
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -58,6 +58,8 @@ class Cause:
     """Implied change of each parameter that it alters, SI."""
     prior_sigmas: float
     """The same in standard deviations of its prior."""
+    prior_mean: float | None = field(default=None, repr=False)
+    """SI; None for an unknown that changes numbers of other names."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,7 +190,8 @@ class Evidence:
         """An unknown that may be wrong by so many standard deviations of its prior."""
         u = self.unknowns[name]
         changes = {path: rate * u.change(deviation) for path, rate in u.slopes.items()}
-        return Cause(name=name, changes=changes, prior_sigmas=deviation)
+        mean = None if u.moves else u.centre
+        return Cause(name=name, changes=changes, prior_sigmas=deviation, prior_mean=mean)
 
 
 def _is_guess(unknown: Unknown) -> bool:

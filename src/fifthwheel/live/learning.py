@@ -10,6 +10,7 @@ import copy
 import math
 from collections.abc import Mapping
 
+from fifthwheel.diagnose.words import named
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import LearnedValue, Learner
 from fifthwheel.identify.verdict import Verdict
@@ -118,7 +119,7 @@ class Learning:
         unlikely = informed and _inconsistent(self.learner) and not _inconsistent(second)
         self._disagreed = self._disagreed + 1 if moved or unlikely else 0
         if self._disagreed >= CONFIRMED_BY:
-            words = ", ".join(f"{name} by {fraction:+.0%}" for name, fraction in moved.items())
+            words = ", ".join(f"{named(name)} by {fraction:+.0%}" for name, fraction in moved.items())
             self.change = f"load or trailer changed ({words or 'innovations'}); learning as {second.trailer!r}"
             self.learner, self._before, self._second, self._changed = second, None, None, self._looked
             self.parameters = second.parameters

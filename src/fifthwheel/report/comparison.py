@@ -5,21 +5,25 @@ from pathlib import Path
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
+from fifthwheel.diagnose.words import spoken
 from fifthwheel.pages import page, terminal
+from fifthwheel.report.words import counted
 
 EXPLANATION = (
-    "Difference: from the first run, in units of the sigma of this difference. Beyond 2 sigma a difference is real "
-    "with a probability of 95 %. Errors of vehicle file and model that both runs share cancel."
+    "Difference: from the first run, with its own sigma. A single difference of equal trucks is beyond 2 sigma with a "
+    "probability of 5 %; the headline takes the number of differences into account. Errors of vehicle file and model "
+    "that both runs share cancel."
 )
 
 
 def write_comparison_page(path: Path, comparison: Comparison) -> None:
     """Write table, notes and plots of a comparison as one HTML file."""
     figures = [
-        pages.CaptionedPlot(plot.panels[0].title, plot, group=name, path=("", "comparison", name))
+        pages.CaptionedPlot(spoken(name), plot, group=name, path=("", "comparison", name))
         for name, plot in comparison.plots().items()
     ]
     blocks: list[pages.Block] = [
+        pages.Headline(headline(comparison)),
         pages.Heading("Estimates", key="estimates"),
         pages.Hint(EXPLANATION),
         _table(comparison, repeat=True),
@@ -46,18 +50,23 @@ def _table(comparison: Comparison, *, repeat: bool = False) -> pages.Table:
     """Estimates and differences; the name of a parameter is in its first row only, or in each."""
     first = comparison.runs[0]
     rows = [
-        (pages.Code(name) if repeat or run == first else "", run, estimate, difference)
-        for name, run, estimate, difference in comparison.rows()
+        (pages.Hinted(spoken(name), name) if repeat or run == first else "", run, *texts)
+        for name, run, *texts in comparison.rows()
     ]
-    return pages.Table(
-        ("Parameter|name", "Run|name", "Estimate>", "Difference>"), rows, label="Estimates of all results"
-    )
+    heads = ("Parameter|name", "Run|main", "Estimate>", "Difference>", "In %>", "In sigma>")
+    return pages.Table(heads, rows, label="Estimates of all results")
 
 
 def headline(comparison: Comparison) -> str:
-    """How many parameters differ by more than two sigma."""
-    known = [(p.name, d.sigmas) for p in comparison.parameters for d in p.differences if d and d.sigmas is not None]
-    clear = dict.fromkeys(name for name, sigmas in known if abs(sigmas) > 2)
-    names = f": {', '.join(clear)}" if clear else ""
-    count = len({name for name, _ in known})
-    return f"{len(clear)} of {count} parameters differ from {comparison.runs[0]} by more than 2 sigma{names}."
+    """What differs most from the first run, or that no difference is beyond chance."""
+    largest, clear = comparison.largest_difference(), comparison.beyond_chance()
+    if largest is None:
+        return f"No difference from {comparison.runs[0]} has a sigma."
+    parameter, k = largest
+    difference = f"{spoken(parameter.name)} of {comparison.runs[k]}"
+    size = parameter.in_percent(k) or parameter.in_unit(k)
+    if not clear:
+        return f"No difference beyond chance. Largest: {difference}, {size} ({parameter.in_sigmas(k)})."
+    others = counted(len(clear) - 1, "other difference")
+    more = f" {others} {'is' if len(clear) == 2 else 'are'} beyond chance too." if clear[1:] else ""
+    return f"Differs most from {comparison.runs[0]}: {difference}, {size} ({parameter.in_sigmas(k)}).{more}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
-from fifthwheel.diagnose.advice import Advice, next_steps
+from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
@@ -235,9 +235,13 @@ def _reason(identification: Identification, e: Estimate) -> str:
             return f"strongly correlated with {others}; {origin}"
         if e.name == FRICTION:
             return f"the run uses too little of it; {origin}"
+        if has_roll_rate(identification, e.name):
+            return f"the logs contain too little information on it alone, for example too little roll; {origin}"
         return f"the roll rate of the {named_unit(unit)} is not logged; {origin}"
     if e.sigma is None:
-        return f"it was not estimated, because no roll rate of the {named_unit(unit)} was logged; {origin}"
+        logged = has_roll_rate(identification, e.name)
+        why = "the logs excite it too little" if logged else f"no roll rate of the {named_unit(unit)} was logged"
+        return f"it was not estimated, because {why}; {origin}"
     prior = e.prior if e.prior is not None else e.sigma
     limit = identification.settings.excited * prior
 

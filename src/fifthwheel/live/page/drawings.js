@@ -68,7 +68,7 @@ function fromAbove(truck, svg) {
 function fromBehind(truck, unit, parent) {
   const { radius, width: wheelWidth } = truck.wheel;
   const top = Math.max(3, unit.floor + unit.load + 0.6);
-  const svg = add(parent, "svg", { viewBox: `-2.2 ${-top} 4.4 ${top + 0.9}`, role: "img", "aria-label": `${unit.name} from behind` });
+  const svg = add(parent, "svg", { viewBox: `-2.2 ${-top} 4.4 ${top + 0.9}`, role: "img", "aria-label": `${unit.title} from behind` });
   add(svg, "line", { x1: -2.2, x2: 2.2, y1: 0, y2: 0, stroke: "#8c8c8c", "stroke-width": 0.04 });
   for (const side of [-1, 1]) {
     const x = side * (truck.track - wheelWidth) / 2 - wheelWidth / 2;
@@ -83,6 +83,6 @@ function fromBehind(truck, unit, parent) {
     const roll = states[`roll.${unit.name}`];
     body.setAttribute("transform", `rotate(${(roll ?? 0) * DEGREES * EXAGGERATED} 0 ${-unit.roll_axis})`);
     const angle = typeof roll === "number" ? ` ${(roll * DEGREES).toFixed(2)} deg` : "";
-    label.textContent = `${unit.name}${angle}`;
+    label.textContent = `${unit.title}${angle}`;
   };
 }

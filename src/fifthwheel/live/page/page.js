@@ -5,19 +5,19 @@ import { bandPlot } from "/plots.js";
 const SECONDS = 60;
 const QUANTITIES = [
   ["sideslip", "deg", 180 / Math.PI], ["articulation", "deg", 180 / Math.PI],
-  ["yaw_rate", "deg/s", 180 / Math.PI], ["roll", "deg", 180 / Math.PI], ["load_transfer", "1", 1],
+  ["yaw_rate", "deg/s", 180 / Math.PI], ["roll", "deg", 180 / Math.PI], ["load_transfer", "", 1],
 ];
 const MOST_ESTIMATES = 1200;
 const element = (id) => document.getElementById(id);
 const truck = await (await fetch("/truck.json")).json();
 const draw = drawings(truck, element("above"), element("behind"));
-const colours = Object.fromEntries(truck.units.map((unit) => [unit.name, unit.colour]));
+const units = Object.fromEntries(truck.units.map((unit) => [unit.name, unit]));
 element("name").textContent = truck.name;
 document.title = `${truck.name} live`;
 
 let snapshots = [];
 let plots = null;
-const estimates = new Map();  // by name: plot and points [time, value, sigma]
+const estimates = new Map();  // by path: plot and points [time, value, sigma]
 let waiting = false;
 
 function figure(parent, caption) {
@@ -35,12 +35,12 @@ function text(tag, content, name = "") {
   return made;
 }
 
-function legend(units) {
+function legend(names) {
   const made = text("span", "", "legend");
-  for (const unit of units) {
+  for (const name of names) {
     const colour = document.createElement("i");
-    colour.style.background = colours[unit];
-    made.append(colour, unit);
+    colour.style.background = units[name].colour;
+    made.append(colour, units[name].title);
   }
   return made;
 }
@@ -53,9 +53,9 @@ function makePlots(states) {
   return QUANTITIES.flatMap(([quantity, unit, factor]) => {
     const names = truck.units.map((u) => nameOf(states, `${quantity}.${u.name}`)).filter(Boolean);
     if (!names.length) return [];
-    const title = `${quantity.replace("_", " ")} (${unit})`;
+    const title = quantity.replace("_", " ") + (unit && ` (${unit})`);
     const made = figure(element("plots"), [title, legend(names.map((name) => name.split(".")[1]))]);
-    const lines = names.map((name) => ({ name, colour: colours[name.split(".")[1]] }));
+    const lines = names.map((name) => ({ name, colour: units[name.split(".")[1]].colour }));
     return [{ canvas: made.querySelector("canvas"), lines, factor }];
   });
 }
@@ -84,9 +84,9 @@ function show() {
 const scaled = (value, factor) => (value === null || value === undefined ? null : value * factor);
 
 function addEstimates(snapshot) {
-  for (const [name, value, sigma] of snapshot.parameters) {
-    if (!estimates.has(name)) estimates.set(name, { points: [], next: -Infinity, step: 1 });
-    const kept = estimates.get(name);
+  for (const { path, value, sigma } of snapshot.parameters) {
+    if (!estimates.has(path)) estimates.set(path, { points: [], next: -Infinity, step: 1 });
+    const kept = estimates.get(path);
     if (snapshot.time < kept.next) continue;
     kept.next = snapshot.time + kept.step;
     kept.points.push([snapshot.time, value, sigma]);
@@ -101,15 +101,15 @@ function showEstimates(now) {
   if (!now.parameters.length) return;
   element("learning").hidden = false;
   element("trailer").textContent = `Trailer: ${now.trailer}. Bands: ± 2 sigma.`;
-  for (const [name, value, sigma, verdict] of now.parameters) {
-    const kept = estimates.get(name);
+  for (const { path, name, text: label, verdict } of now.parameters) {
+    const kept = estimates.get(path);
     if (!kept.canvas) {
       const made = figure(element("parameters"), [text("span", name), text("span", "", "value")]);
+      made.firstChild.title = path;
       kept.canvas = made.querySelector("canvas");
       kept.label = made.querySelector(".value");
     }
-    const relative = value ? ` ± ${(100 * Math.abs(sigma / value)).toPrecision(2)} %` : "";
-    kept.label.textContent = `${value.toPrecision(4)}${relative} ${verdict.replace("_", " ")}`;
+    kept.label.textContent = label;
     kept.label.className = `value ${verdict}`;
     const first = kept.points[0][0];
     bandPlot(kept.canvas, [{ colour: "#0072B2", points: kept.points }], [first, Math.max(first + 10, now.time)]);

@@ -11,9 +11,9 @@ function ticks(low, high, count) {
 }
 
 function label(value, step) {
-  if (Math.abs(value) >= 1e5) return value.toExponential(
-    Math.max(0, Math.floor(Math.log10(Math.abs(value))) - Math.floor(Math.log10(step) + 1e-9)));
-  return value.toFixed(Math.max(0, -Math.floor(Math.log10(step) + 1e-9)));
+  const decimals = Math.max(0, -Math.floor(Math.log10(step) + 1e-9));
+  const text = value.toFixed(decimals);
+  return decimals ? text : text.replace(/\B(?=(\d{3})+$)/g, "\u202f");
 }
 
 // lines: [{colour, points: [[time, value, sigma], ...]}], null for a missing value; span: [first, last] time.

@@ -10,6 +10,7 @@ from socket import socket
 from typing import Any
 
 from fifthwheel._addresses import is_address
+from fifthwheel.diagnose.words import named_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.node import Output
 from fifthwheel.live.page.snapshots import Snapshots
@@ -169,6 +170,7 @@ def geometry(vehicle: Vehicle) -> dict[str, Any]:
         units.append(
             {
                 "name": unit.name,
+                "title": named_unit(unit.name),
                 "colour": CYCLE[k % 3],
                 "rear": min(ends) - OVERHANG,
                 "front": max(ends) + OVERHANG,

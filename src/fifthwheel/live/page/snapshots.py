@@ -6,8 +6,13 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 
+from fifthwheel.diagnose.words import spoken
+from fifthwheel.formatting import shown, with_sigma
+from fifthwheel.identify.online import LearnedValue
 from fifthwheel.live.node import Output
 from fifthwheel.live.session import Session
+from fifthwheel.report.words import spoken_verdict
+from fifthwheel.vehicle import unit_of
 
 PERIOD = 0.1
 """Time between two snapshots, s."""
@@ -71,8 +76,21 @@ class Snapshots:
             "states": {name: _rounded(value) for name, value in (*output.states.items(), *self._steer.items())},
             "trailer": learning.learner.trailer if learning else "",
             "change": learning.change if learning else "",
-            "parameters": [[e.name, _rounded(e.value), _rounded(e.sigma), e.verdict.value] for e in estimates],
+            "parameters": [_parameter(e) for e in estimates],
         }
+
+
+def _parameter(estimate: LearnedValue) -> Mapping[str, object]:
+    """An estimate in words, and its numbers in the display unit for the plot."""
+    unit = unit_of(estimate.name)
+    return {
+        "path": estimate.name,
+        "name": spoken(estimate.name),
+        "text": f"{with_sigma(estimate.value, estimate.sigma, unit)}, {spoken_verdict(estimate.verdict)}",
+        "verdict": estimate.verdict.value,
+        "value": _rounded(estimate.value * shown(unit).factor),
+        "sigma": _rounded(estimate.sigma * shown(unit).factor),
+    }
 
 
 def _rounded(value: float) -> float | None:

@@ -1,0 +1,97 @@
+"""Causes in words: the described change is the one that the implied deviation means."""
+
+import re
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.diagnose.doubt_cautions import describe_cause
+from fifthwheel.dynamics import TIME_SCALE
+from fifthwheel.filters.scaling import symbolic_to_p
+from fifthwheel.formatting import shown
+from fifthwheel.identify.doubts import Evidence
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, time_base_delays
+from fifthwheel.names import split_log
+from fifthwheel.vehicle import unit_of
+
+OUTPUTS = (
+    *("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer"),
+    *("lateral_acceleration.tractor", "articulation.semitrailer"),
+)
+SETTINGS = {
+    "linear": fw.OneStage(tyres="linear"),
+    "saturating": fw.OneStage(tyres="saturating"),
+    "stated": fw.OneStage(
+        initial_payload_height=1.8,
+        stated_priors={
+            "semitrailer.cornering_stiffness": (1.5e6, 5e4),
+            "steer.tractor.front.gain": (1.2, 0.02),
+            "yaw_rate.tractor.delay": (0.03, 0.01),
+            "yaw_rate.semitrailer.offset": (0.02, 0.004),
+        },
+    ),
+}
+WIDTHS = {"stated": 0.1}
+"""Fraction that the vehicle file states as the standard deviation of each yaw inertia."""
+
+
+def truck(case):
+    vehicle = fw.vehicle("cheng_cebon_2011")
+    inertias = {path: WIDTHS.get(case, 0.0) * x for path, x in vehicle.parameters().items() if "yaw_inertia" in path}
+    return vehicle.with_stated(inertias) if case in WIDTHS else vehicle
+
+
+def unknowns(case):
+    bases = time_base_delays({"yaw_rate.semitrailer": "trailer"}, "", OUTPUTS, SETTINGS[case])
+    return {u.name: u for u in (*one_stage_unknowns(truck(case), OUTPUTS, SETTINGS[case]), *bases)}
+
+
+CASES = [(case, name) for case in SETTINGS for name in unknowns(case)]
+
+
+def number(text):
+    """The first number behind the words of a cause with the sign of its direction, and its unit."""
+    units = "%|times|ms|deg/s|deg|m/s²|m|1/m|rad/s"
+    found = re.search(rf"(?:is|are|of|by|runs|=)(?: up to)? (−?[\d.\u202f]+(?:e[-+]?\d+)?) ?({units})?(.*)", text)
+    value = float(found[1].replace("−", "-").replace("\u202f", ""))
+    minus = re.search(r"smaller|early|the rear|further from|too fast", found[3])
+    return value * (-1 if minus else 1), found[2] or ""
+
+
+@pytest.mark.parametrize("deviation", [3.0, -0.7])
+@pytest.mark.parametrize(("case", "name"), CASES, ids=[f"{case}: {name}" for case, name in CASES])
+def test_the_described_change_is_the_implied_one(case, name, deviation):
+    """By the transformation that the compiled filters use, and the vehicle with the change."""
+    found, vehicle = unknowns(case), truck(case)
+    u, values = found[name], vehicle.parameters()
+    evidence = Evidence(names=(), z=np.zeros(0), covariance=np.zeros((0, 0)), unknowns=found, parameters=())
+    text = describe_cause(evidence._cause(name, deviation), vehicle)
+    assert f"({abs(deviation):.1f} times the assumed uncertainty)" in text or TIME_SCALE in u.moves
+    if name.endswith((".softening",)) or (name.endswith("self_steering") and deviation < 0):
+        return
+    p = float(symbolic_to_p((u.logarithmic,), np.array([deviation]), np.array([u.centre]), np.array([u.scale])))
+    given = {path: values[path] for path in u.moves if path in values}
+    given = given or (dict.fromkeys(u.moves, 0.0) if u.moves else {name: u.centre})
+    changed = {path: x + u.moves[path] * p if u.moves else p for path, x in given.items()}
+    size, unit = number(text)
+    path = next(iter(given))
+    change = changed[path] - given[path]
+    if unit == "%":
+        reference = 1.0 if TIME_SCALE in u.moves else given[path]
+        wanted = 100 * (p if TIME_SCALE in u.moves else change) / reference
+    elif unit == "times" or unit in ("deg", "deg/s", "m/s²", "ms"):
+        base, _ = split_log(name)
+        factor = {"deg": 180 / np.pi, "deg/s": 180 / np.pi, "ms": 1e3}.get(unit, 1.0)
+        differs = base.endswith((".play", ".position", ".height"))
+        wanted = factor * (change if differs else p)
+        if base.endswith(".misalignment"):
+            size, wanted = abs(size), abs(wanted)
+    elif name.endswith(".axle_positions"):
+        wanted = np.sign(change) * max(abs(changed[k] - given[k]) for k in given)
+    elif name.endswith("self_steering"):
+        wanted = min(p, 1.0)
+    else:
+        wanted = change
+        assert unit in ("m", shown(unit_of(path)).name if path in values else unit)
+    assert size == pytest.approx(wanted, rel=0.06, abs=1e-3 if abs(wanted) < 0.1 else 0.0), text
