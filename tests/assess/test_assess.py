@@ -7,7 +7,7 @@ import pytest
 from scipy.stats import norm
 
 import fifthwheel as fw
-from fifthwheel.assess.measures import MEASURES
+from fifthwheel.assess.measures import MEASURES, title
 from fifthwheel.errors import SignalError, VehicleError
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -83,10 +83,22 @@ def test_a_single_unit():
     assert {"rollover_threshold", "load_transfer_ratio", "yaw_damping", "swept_path"} <= names
 
 
+def test_every_number_of_the_table_has_the_unit_of_its_measure(assessment):
+    simulated = replace(assessment, measures=tuple(replace(m, nonlinear=m.value) for m in assessment))
+    for measure, (_, *numbers, _) in zip(simulated, simulated.rows(), strict=True):
+        assert measure.unit == "1" or all(text.endswith(f" {measure.unit}") for text in numbers if text), numbers
+
+
+def test_titles_are_words():
+    assert title("wheel_lift.semitrailer") == "wheel lift, trailer axle"
+    assert title("wheel_lift.tractor.drive") == "wheel lift, drive axle"
+    assert title("rollover_threshold.dolly+second") == "static rollover threshold, dolly + second trailer"
+
+
 def test_json_and_table(assessment):
     contents = json.loads(json.dumps(assessment.as_dict()))
     assert contents["measures"][0]["name"] == "rollover_threshold"
-    assert contents["uncertain"]["half_track"] == 0.03
+    assert contents["uncertain"]["half_track"] == {"name": "Half track", "sigma": 0.03, "unit": "m"}
     assert "static rollover threshold" in str(assessment)
     assert "<table" in assessment._repr_html_()
     without = replace(assessment.measures[0], thresholds=())

@@ -24,7 +24,9 @@ def test_the_table_and_the_files(exact, run, tmp_path):  # noqa: F811
     assert (outcome.code, outcome.err) == (0, "")
     assert outcome.out.startswith(f"{TRUCK} at 80 km/h: meets all thresholds that are assessed.")
     assert "static rollover threshold" in outcome.out
-    assert "level 1: <= 0.3" in outcome.out  # of the tail swing
+    assert "wheel lift, drive axle" in outcome.out
+    assert ">= 0.35 g" in outcome.out
+    assert "level 1: <= 0.3 m" in outcome.out  # of the tail swing
     contents = json.loads((tmp_path / "out" / "assessment.json").read_text())
     assert contents["speed"] == pytest.approx(80 / 3.6)
     page = (tmp_path / "out" / "assess.html").read_text()
@@ -35,8 +37,10 @@ def test_set_changes_a_parameter_and_its_sigma(exact, run):  # noqa: F811
     plain = run("assess", exact, *QUICK, "--json").json()
     text = "semitrailer.payload.height=1.8 m +- 10 %"
     changed = run("assess", exact, *QUICK, "--set", text, "--body", "half_track=1m", "--json").json()
-    assert plain["uncertain"] == {"half_track": 0.03}
-    assert changed["uncertain"] == {"semitrailer.payload.height": pytest.approx(0.18)}
+    assert plain["uncertain"] == {"half_track": {"name": "Half track", "sigma": 0.03, "unit": "m"}}
+    assert list(changed["uncertain"]) == ["semitrailer.payload.height"]
+    assert changed["uncertain"]["semitrailer.payload.height"]["sigma"] == pytest.approx(0.18)
+    assert plain["units"] == {"speed": "m/s", "body": "m"}
     assert changed["measures"][0]["value"] < plain["measures"][0]["value"]
 
 

@@ -8,11 +8,17 @@ from fifthwheel import pages
 from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.propagation import Order
-from fifthwheel.assess.truck import Body
+from fifthwheel.assess.truck import HALF_TRACK, Body
+from fifthwheel.diagnose.words import spoken
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import percent, with_sigma
 from fifthwheel.pages.html import notebook
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, unit_of
+
+
+def with_unit(number: str, unit: str) -> str:
+    """A number of a measure with its unit; a ratio has none."""
+    return number if unit == "1" else f"{number} {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,10 +35,11 @@ class Threshold:
     probability: float | None
     """That the truck meets it; None if the measure has no sigma."""
 
-    def __str__(self) -> str:
+    def text(self, unit: str) -> str:
+        """The threshold of a measure with this unit: "level 1: ≤ 0.6 m"."""
         sign = "≥" if self.sense == "at least" else "≤"
         level = "" if self.level == "all" else f"level {self.level}: "
-        return f"{level}{sign} {self.value:.3g}"
+        return f"{level}{sign} {with_unit(f'{self.value:.3g}', unit)}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,8 +65,7 @@ class MeasureResult:
 
     def text(self) -> str:
         """Value, sigma and unit."""
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        return f"{with_sigma(self.value, self.sigma, '1')}{unit}"
+        return with_unit(with_sigma(self.value, self.sigma, "1"), self.unit)
 
     def best_threshold(self) -> Threshold | None:
         """The strictest threshold that is met with 50 % or more, else the mildest."""
@@ -123,18 +129,28 @@ class Assessment:
             threshold, probability = measure.best_threshold(), ""
             if threshold and threshold.probability is not None:
                 probability = percent(threshold.probability)
-            nonlinear = "" if measure.nonlinear is None else f"{measure.nonlinear:.3g}"
-            rows.append((measure.title, measure.text(), nonlinear, str(threshold or ""), probability))
+            nonlinear = "" if measure.nonlinear is None else with_unit(f"{measure.nonlinear:.3g}", measure.unit)
+            limit = threshold.text(measure.unit) if threshold else ""
+            rows.append((measure.title, measure.text(), nonlinear, limit, probability))
         return rows
+
+    def uncertain_units(self) -> Iterator[tuple[str, str, str]]:
+        """Path, name in words and SI unit of each uncertain parameter."""
+        for path in self.uncertain:
+            yield path, spoken(path), "m" if path == HALF_TRACK else unit_of(path)
 
     def as_dict(self) -> dict[str, Any]:
         """The content of assessment.json: everything but time series."""
         return {
             "vehicle": self.vehicle.name,
+            "units": {"speed": "m/s", "body": "m"},
             "speed": self.speed,
             "body": asdict(self.body),
             "measures": [asdict(measure) for measure in self.measures],
-            "uncertain": dict(self.uncertain),
+            "uncertain": {
+                path: {"name": words, "sigma": self.uncertain[path], "unit": unit}
+                for path, words, unit in self.uncertain_units()
+            },
             "origin": self.origin,
             "notes": list(self.notes),
         }

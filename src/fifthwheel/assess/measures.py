@@ -9,6 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
+from fifthwheel.diagnose.words import named_axle, named_unit
+
 SCHEME = "Australian PBS"
 """Name of the scheme of the thresholds."""
 
@@ -110,6 +112,7 @@ def definition(name: str) -> Measure:
 
 
 def title(name: str) -> str:
-    """The title of a measure by its full name: "wheel lift, tractor.drive"."""
-    part = name.partition(".")[2].replace("+", " + ")
-    return f"{definition(name).title}, {part}" if part else definition(name).title
+    """The title of a measure by its full name: "wheel lift, drive axle"."""
+    kind, _, part = name.partition(".")
+    words = named_axle(part) if kind == "wheel_lift" else " + ".join(map(named_unit, part.split("+")))
+    return f"{definition(name).title}, {words}" if part else definition(name).title

@@ -69,6 +69,12 @@ def named_unit(unit: str) -> str:
     return f"{words} trailer" if words in ORDINALS else words
 
 
+def named_axle(group: str) -> str:
+    """The path of an axle group in words: "tractor.drive" -> "drive axle", "semitrailer" -> "trailer axle"."""
+    unit, _, part = group.partition(".")
+    return _within(unit, f"{part.replace('_', ' ')} axle".lstrip())
+
+
 def _owner_and_quantity(path: str) -> tuple[str, str]:
     if path in WHOLES:
         return WHOLES[path]

@@ -14,8 +14,9 @@ from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.rollover import Rollover, rollover
 from fifthwheel.assess.truck import Truck
+from fifthwheel.diagnose.words import named_unit
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.formatting import enumerated, with_sigma
+from fifthwheel.formatting import approximate, enumerated, with_sigma
 from fifthwheel.pages import page, terminal
 from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
@@ -54,8 +55,14 @@ def write_assessment_report(
         *(_lane_change(assessment.runs) if assessment.runs else ()),
         *_turns(truck),
         pages.Heading("Uncertain parameters", key="uncertain"),
-        pages.Hint("Standard deviation of each uncertain parameter, SI. A parameter that is not listed is exact."),
-        pages.Values({name: f"{sigma:.3g}" for name, sigma in assessment.uncertain.items()}),
+        pages.Hint("Standard deviation of each uncertain parameter. A parameter that is not listed is exact."),
+        pages.Table(
+            ("Parameter|name", "Sigma>"),
+            [
+                (pages.Hinted(words, path), approximate(assessment.uncertain[path], unit))
+                for path, words, unit in assessment.uncertain_units()
+            ],
+        ),
         *(provenance.blocks() if provenance is not None else ()),
     ]
     subtitle = f"What this truck does, fifthwheel {fifthwheel.__version__}"
@@ -129,7 +136,8 @@ def explanations(assessment: Assessment) -> list[str]:
         f"Body: half track {with_sigma(body.half_track, sigma, 'm')}, width {body.width:g} m, front overhang "
         f"{body.front_overhang:g} m, {overhang}. A vehicle file does not have these numbers: give them by --body.",
         f"{SCHEME}: thresholds of the Australian performance-based standards (2008), strictest level that is met. "
-        "The linear model decides; probability: that the truck meets it, given the sigma.",
+        "The linear model decides; probability: that the truck meets it, given the sigma. A number without a unit is a "
+        "ratio.",
     ]
     if sampled := [m.title for m in assessment if m.order == "sampled"]:
         notes.append(f"Sampled, because not linear in the parameters: {enumerated(sampled)}.")
@@ -204,7 +212,7 @@ def _colour(run: LaneChangeRun, name: str) -> str:
 
 
 def _name(name: str, model: str) -> str:
-    return f"{'front axle' if name == 'front' else name}, {model}"
+    return f"{'front axle' if name == 'front' else named_unit(name)}, {model}"
 
 
 def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
@@ -220,7 +228,7 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
         ]
         outline = np.concatenate(outlines)
         colour = CYCLE[i % len(CYCLE)]
-        items.append(Line(outline.real, outline.imag, name=unit.name, colour=colour, width=1.2))
+        items.append(Line(outline.real, outline.imag, name=named_unit(unit.name), colour=colour, width=1.2))
     for name, i, axle in (("first axle", 0, truck.front_axle), ("last axle", last, truck.rear_axle)):
         path = (run.origins[:, i] + axle.position * np.exp(1j * run.headings[:, i]))[:shown]
         items.append(Line(path.real, path.imag, name=name, colour=GREY, width=1.5, dash="dash"))
@@ -230,7 +238,9 @@ def turn_from_above(truck: Truck, run: LowSpeedTurn) -> Panel:
 def roll_by_acceleration(sets: tuple[Rollover, ...]) -> Panel:
     """Roll angle of each unit against the lateral acceleration of a steady turn, with the lift of each axle group."""
     items: list[Item] = [
-        Line(acceleration, np.degrees(roll), name=name) for s in sets for name, (acceleration, roll) in s.roll.items()
+        Line(acceleration, np.degrees(roll), name=named_unit(name))
+        for s in sets
+        for name, (acceleration, roll) in s.roll.items()
     ]
     lifts = [lift for s in sets for lift in s.lifts.values()]
     items += [Guide(x=lift, colour="#bbbbbb", width=1, dash="solid") for lift in lifts]
