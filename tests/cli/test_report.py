@@ -33,7 +33,7 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     assert conclusion["next_steps"] == [step["message"] for step in conclusion["steps"]]
     assert conclusion["headline"].startswith("All 5 parameters are identified")
     assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
-    assert json.loads((tmp_path / "identification.json").read_text())["note"] == note
+    assert json.loads((tmp_path / "identification.json").read_text())["note"]["text"] == note
     assert fw.Identification.load(tmp_path).method == "one-stage"
     assert "figures" not in told["files"]
     page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))

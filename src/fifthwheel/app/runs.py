@@ -151,6 +151,7 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
             signals_file,
             kept,
             command=command(workspace, choices, name),
+            note=stated.note or "",
         )
         write_loads(starts, runs, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
     return name

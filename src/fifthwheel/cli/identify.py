@@ -45,13 +45,6 @@ def identify(
             "may be repeated.",
         ),
     ] = None,
-    note: Annotated[
-        str,
-        typer.Option(
-            "--note",
-            help="Who, where and what was driven, for the top of the report: 'J. Smith, proving ground, dry, 40 t'.",
-        ),
-    ] = "",
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
@@ -100,7 +93,7 @@ def identify(
             terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
-        provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:], note=note)
+        provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:], note=chosen.note or "")
         text = vehicle_text(file)
         written = write_loads(starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text)
         files = terminal.in_folder(out, written)

@@ -121,8 +121,7 @@ def write_results(
         )
     else:
         with atomic_write(folder / "identification.json") as temporary:
-            note = {"note": provenance.note} if provenance and provenance.note else {}
-            temporary.write_text(json.dumps(run.as_dict() | note, indent=2) + "\n", encoding="utf-8")
+            temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
         vehicle, covariance = run.identification.vehicle, run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
