@@ -11,6 +11,7 @@ from fifthwheel.plots import Plot
 from fifthwheel.plots.plotly_figure import figure
 
 _UNUSED_BUTTONS = ["zoom2d", "select2d", "lasso2d", "toImage"]
+_CLEAR = "rgba(0,0,0,0)"
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _UNUSED_BUTTONS}
 
 
@@ -59,4 +60,5 @@ def preload() -> None:
 def drawn(plot: Plot, *, height: int) -> dict[str, Any]:
     """A plot as `ui.plotly` takes it."""
     content = figure(plot)
-    return content | {"layout": content["layout"] | {"height": height, "autosize": True}, "config": CONFIG}
+    own = {"height": height, "autosize": True, "paper_bgcolor": _CLEAR, "plot_bgcolor": _CLEAR}
+    return content | {"layout": content["layout"] | own, "config": CONFIG}

@@ -227,7 +227,8 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
     @ui.refreshable
     def rows() -> None:
         names = [name for name in survey.contents if text in name.lower()]
-        with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Channels"'):
+        place = ui.element("div").classes("fw-scroll fw-channels")
+        with place, ui.element("table").props('aria-label="Channels"'):
             with ui.element("thead"), ui.element("tr"):
                 for head in ("Plot", "Channel", "Unit", "Hz", "From", "To", "Missing", "Course"):
                     with ui.element("th").props("scope=col"):
