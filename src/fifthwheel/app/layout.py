@@ -247,22 +247,23 @@ def show_progress(key: str, on_end: Callable[[jobs.Job], object]) -> None:
     job = jobs.get(key)
     if job is None or not job.running:
         return
-    with ui.row().classes("items-center w-full no-wrap") as row:
-        bar = ui.linear_progress(show_value=False).props('aria-label="Progress" role=progressbar').classes("col")
-        text = ui.label().props("role=status aria-live=polite")
-        ui.button("Cancel", on_click=job.cancel).props("outline dense no-caps")
+    with ui.column().classes("w-full q-py-sm gap-1") as place:
+        with ui.row().classes("items-center"):
+            text = ui.label(job.words()).props("role=status aria-live=polite")
+            ui.button("Cancel", icon="close", on_click=job.cancel).props("outline dense no-caps")
+        bar = ui.linear_progress(show_value=False).props('aria-label="Progress" role=progressbar')
 
     def update() -> None:
         if not job.running:
             timer.cancel()
-            row.delete()
+            place.delete()
             on_end(job)
             return
         bar.props(
             "indeterminate" if job.fraction is None else "", remove="" if job.fraction is None else "indeterminate"
         )
         bar.value = job.fraction or 0.0
-        text.text = job.title if job.fraction is None else f"{job.title} {job.fraction:.0%}"
+        text.text = job.words()
 
     timer = ui.timer(PROGRESS_POLL, update)
 
