@@ -44,8 +44,9 @@ PROGRESS_POLL = 0.3
 
 
 def register(folder: Path) -> None:
-    style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
-    ui.add_head_html(f"<style>{style}</style>", shared=True)
+    files = resources.files("fifthwheel.app")
+    style, cursor = (files.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "cursor.js"))
+    ui.add_head_html(f"<style>{style}</style><script>{cursor}</script>", shared=True)
     result_files.register(folder)
     logging.getLogger("nicegui").addFilter(_without_traceback)
     for name in PAGES:
