@@ -44,6 +44,24 @@ def ended(job, state="running"):
     return job
 
 
+def test_progress_is_in_words_with_the_time_left_where_it_can_be_known(monkeypatch):
+    now = 100.0
+    monkeypatch.setattr(jobs.time, "monotonic", lambda: now)
+    job = jobs.Job("a", started=now, title_since=now)
+    assert job.words() == "starting, 0 s so far"
+    job.report("states", 0, 4)
+    now += 6
+    assert job.words() == "states, 0 of 4, 6 s so far"
+    job.report("states", 3, 4)
+    assert job.words() == "states, 3 of 4, 6 s so far, 2 s left"
+    job.report("reading a.csv", 0, 1000)
+    now += 2
+    job.report("reading a.csv", 250, 1000)
+    assert job.words() == "reading a.csv, 25 %, 8 s so far, 6 s left"
+    job.report("fit with estimated noise", 2, 30)
+    assert job.words() == "fit with estimated noise, step 3 of at most 30, 8 s so far"
+
+
 def test_a_job_gives_its_result_and_progress():
     job = ended(jobs.start("a", square, 7))
     assert (job.state, job.result, job.title, job.fraction) == ("done", 49, "squaring", 0.5)

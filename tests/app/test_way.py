@@ -84,10 +84,12 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
         page.get_by_role("button", name="Use the identified truck").click()
         page.get_by_text("vehicle.toml is the identified truck of run-1 now.").wait_for()
         page.get_by_text("Settings", exact=True).click()
-        field = page.get_by_label(re.compile(r"^Statements on numbers\."))
-        field.fill(f"{FRONT}=exact")
-        field.press("Enter")
-        field.press("Escape")
+        page.get_by_label("Number", exact=True).fill("Front tyres, corn")
+        page.get_by_role("option", name=f"Front tyres, cornering stiffness ({FRONT})").click()
+        page.get_by_label("What you know").fill("exact")
+        page.get_by_role("button", name="Add", exact=True).click()
+        known = page.get_by_role("list", name="What is known")
+        known.get_by_text("Front tyres, cornering stiffness: the value of the file, exact.").wait_for()
         page.get_by_label("Name of the result").fill("../fixed front")
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text("name: expected letters").first.wait_for()
@@ -255,7 +257,7 @@ def test_a_killed_server_loses_nothing(browser, tmp_path):
         context.close()
     write_record(simulate(TRUCK, count=2, seed=1), tmp_path / "w" / "logs" / "run.csv")
     with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
-        assert page.get_by_label("Load of any shape").is_checked()
+        page.get_by_text("Load of any shape: yes.").wait_for()
         assert page.get_by_label("Name of the result").input_value() == "run-1"
         page.get_by_role("button", name="Identify", exact=True).click()
         report(page)
@@ -271,7 +273,8 @@ def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
     ):
         one.get_by_text("Settings", exact=True).click()
         one.get_by_label("Load of any shape").click()
-        two.get_by_label("Load of any shape").wait_for()  # it has reloaded, and shows the settings
+        two.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
+        two.get_by_text("Settings", exact=True).click()
         assert two.get_by_label("Load of any shape").is_checked()
         two.get_by_label("Refuse implausible signals").click()
         one.wait_for_timeout(2500)

@@ -20,6 +20,10 @@ Result = TypeVar("Result")
 _PROCESSES = multiprocessing.get_context("spawn")  # a fork of a process with threads may block
 _REPORT_EVERY = 0.1
 """s between two reports of progress."""
+ITERATIONS = ("fit", "stage")
+"""First words of the titles that count steps of an iteration, which may converge before the last one."""
+COUNTED = 100
+"""Above this, work is shown as a percentage."""
 
 
 @dataclass(eq=False)
@@ -30,11 +34,13 @@ class Job:
     state: Literal["running", "done", "failed", "cancelled"] = "running"
     title: str = "starting"
     """What it does now."""
-    fraction: float | None = None
-    """Of the work with this title that is done, 0 to 1."""
+    done: int = 0
+    total: int = 0
+    """Work with this title, and how much of it is done; 0 where it is not known."""
     result: Any = None
     error: str = ""
     started: float = field(default_factory=time.monotonic)
+    title_since: float = field(default_factory=time.monotonic)
     process: Any = None
     on_cancel: Callable[[], object] = lambda: None
     """Removes what the process leaves when it is cancelled."""
@@ -43,6 +49,29 @@ class Job:
     def running(self) -> bool:
         """Whether it has neither ended nor been cancelled."""
         return self.state == "running"
+
+    @property
+    def fraction(self) -> float | None:
+        """Of the work with this title that is done, 0 to 1; None where it is not known."""
+        return self.done / self.total if self.total else None
+
+    def report(self, title: str, done: int, total: int) -> None:
+        """Take what the process reports."""
+        if title != self.title:
+            self.title_since = time.monotonic()
+        self.title, self.done, self.total = title, done, total
+
+    def words(self) -> str:
+        """What it does, how much of it is done, and the time that is left or has passed."""
+        now = time.monotonic()
+        passed, here = now - self.started, now - self.title_since
+        if self.title.startswith(ITERATIONS) and self.total:
+            return f"{self.title}, step {min(self.done + 1, self.total)} of at most {self.total}, {passed:.0f} s so far"
+        if not self.total:
+            return f"{self.title}, {passed:.0f} s so far"
+        part = f"{100 * self.done / self.total:.0f} %" if self.total > COUNTED else f"{self.done} of {self.total}"
+        left = here * (self.total - self.done) / self.done if self.done and here > 1.0 else None
+        return f"{self.title}, {part}, {passed:.0f} s so far" + (f", {left:.0f} s left" if left else "")
 
     def cancel(self) -> None:
         """End the process at once; files that it writes appear complete or not at all."""
@@ -178,8 +207,7 @@ def _follow(job: Job, receiver: Connection) -> None:
         while True:
             kind, content = receiver.recv()
             if kind == "progress":
-                title, done, total = content
-                job.title, job.fraction = title, done / total if total else None
+                job.report(*content)
                 continue
             if job.running:
                 job.result, job.error = (content, "") if kind == "done" else (None, content)

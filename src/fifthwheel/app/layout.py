@@ -4,7 +4,7 @@ import logging
 import math
 import re
 import traceback
-from collections.abc import Awaitable, Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from importlib import import_module, resources
@@ -27,7 +27,14 @@ ICON = (
     '<path d="M1 4h9v7H1zM11 6h3l1 3v2h-4z" fill="#1f5fa8"/>'
     '<circle cx="4" cy="12" r="2"/><circle cx="12.5" cy="12" r="2"/></svg>'
 )
-_CURRENT = "document.querySelector('.fw-nav [aria-current]')"
+_THEME = "fw-theme"
+"""Cookie with the name of the theme; cookies hold for every port of this computer."""
+_THEMES: Mapping[str, tuple[str, bool | None]] = {
+    "system": ("brightness_auto", None),
+    "light": ("light_mode", False),
+    "dark": ("dark_mode", True),
+}
+"""Icon, and whether the page is dark; None: as the system."""
 _MESSAGE = "message"
 """Key of the note that a tab shows after its reload."""
 POLL = 1.0
@@ -37,8 +44,9 @@ PROGRESS_POLL = 0.3
 
 
 def register(folder: Path) -> None:
-    style = resources.files("fifthwheel.app").joinpath("style.css").read_text(encoding="utf-8")
-    ui.add_head_html(f"<style>{style}</style>", shared=True)
+    files = resources.files("fifthwheel.app")
+    style, cursor = (files.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "cursor.js"))
+    ui.add_head_html(f"<style>{style}</style><script>{cursor}</script>", shared=True)
     result_files.register(folder)
     logging.getLogger("nicegui").addFilter(_without_traceback)
     for name in PAGES:
@@ -55,7 +63,7 @@ def _without_traceback(record: logging.LogRecord) -> bool:
 def _register(name: str, folder: Path) -> None:
     module = import_module(f"fifthwheel.app.pages.{name}")
 
-    @ui.page(address(name), title=f"{name.capitalize()} - fifthwheel", language="en-US")
+    @ui.page(address(name), title=f"{name.capitalize()} - {printable(folder.name)} - fifthwheel", language="en-US")
     def page() -> None:
         workspace = Workspace(folder)
         with frame(workspace, name):
@@ -75,21 +83,49 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
     ui.on_exception(_show_error)
     ui.colors(primary="#1f5fa8")
     ui.html('<a class="fw-skip" href="#main">To the content</a>', sanitize=False)
-    with ui.header().classes("q-py-none q-px-sm items-center").style("gap: 4px"):
+    with ui.header().classes("fw-bar-top"):
+        with ui.element("div").classes("fw-open"):
+            ui.label("fifthwheel").classes("text-weight-bold")
+            ui.label(printable(workspace.folder.name)).classes("ellipsis").tooltip(printable(str(workspace.folder)))
         with ui.element("nav").classes("fw-nav").props('aria-label="Pages"'):
             for number, page in enumerate(PAGES, 1):
                 link = ui.link(f"{number} {page.capitalize()}", address(page))
                 if page == name:
                     link.props("aria-current=page")
-        undo_buttons(workspace)
+        with ui.element("div").classes("fw-tools"):
+            undo_buttons(workspace)
+            _theme_button()
     ui.keyboard(on_key=partial(_on_key, workspace), ignore=["input", "select", "textarea"])
     with ui.element("div").classes("fw-page").props("id=main tabindex=-1"):
         with ui.element("h1"):
             ui.label(name.capitalize())
         yield
-    ui.run_javascript(f"{_CURRENT}.scrollIntoView({{inline: 'center', block: 'nearest'}})")
     ui.timer(0, _say_after_reload, once=True)
     ui.timer(POLL, lambda: _reload_if_stale(workspace))
+
+
+def _theme_button() -> None:
+    """The button that goes to the next theme; the browser keeps it."""
+    request = ui.context.client.request
+    chosen = request.cookies.get(_THEME, "") if request is not None else ""
+    names = list(_THEMES)
+    dark = ui.dark_mode()
+    button = ui.button().props("flat dense color=white")
+
+    def show(name: str) -> None:
+        icon, dark.value = _THEMES[name]
+        button.props(f"icon={icon}")
+        button.props["aria-label"] = f"Theme: {name}"
+
+    def turn() -> None:
+        name = names[(names.index(button.props["aria-label"].removeprefix("Theme: ")) + 1) % len(names)]
+        show(name)
+        ui.run_javascript(f"document.cookie = '{_THEME}={name}; path=/; max-age=31536000; SameSite=Strict'")
+
+    button.on_click(turn)
+    with button:
+        ui.tooltip("Theme: that of the system, light or dark")
+    show(chosen if chosen in _THEMES else names[0])
 
 
 def heading(text: str) -> None:
@@ -187,7 +223,9 @@ def number_field(
         if not error(field.value):
             field.set_value((field.value or "").replace(",", "."))
 
-    field = ui.input(label, value=shown_number(value, form), validation=error).props("inputmode=decimal")
+    field = ui.input(label, value=shown_number(value, form), validation=error).props(
+        "inputmode=decimal hide-bottom-space"
+    )
     field.on_value_change(changed)
     field.on("blur", show)
     return field
@@ -210,22 +248,23 @@ def show_progress(key: str, on_end: Callable[[jobs.Job], object]) -> None:
     job = jobs.get(key)
     if job is None or not job.running:
         return
-    with ui.row().classes("items-center w-full no-wrap") as row:
-        bar = ui.linear_progress(show_value=False).props('aria-label="Progress" role=progressbar').classes("col")
-        text = ui.label().props("role=status aria-live=polite")
-        ui.button("Cancel", on_click=job.cancel).props("outline dense")
+    with ui.column().classes("w-full q-py-sm gap-1") as place:
+        with ui.row().classes("items-center"):
+            text = ui.label(job.words()).props("role=status aria-live=polite")
+            ui.button("Cancel", icon="close", on_click=job.cancel).props("outline dense no-caps")
+        bar = ui.linear_progress(show_value=False).props('aria-label="Progress" role=progressbar')
 
     def update() -> None:
         if not job.running:
             timer.cancel()
-            row.delete()
+            place.delete()
             on_end(job)
             return
         bar.props(
             "indeterminate" if job.fraction is None else "", remove="" if job.fraction is None else "indeterminate"
         )
         bar.value = job.fraction or 0.0
-        text.text = job.title if job.fraction is None else f"{job.title} {job.fraction:.0%}"
+        text.text = job.words()
 
     timer = ui.timer(PROGRESS_POLL, update)
 

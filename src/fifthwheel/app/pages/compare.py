@@ -7,6 +7,7 @@ from nicegui import ui
 from fifthwheel.app import documents, inputs, jobs, layout, result_files, runs
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.diagnose import Comparison
+from fifthwheel.plots import Plot
 from fifthwheel.report.comparison import comparison_document
 
 MOST = 6
@@ -72,8 +73,12 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
         place.clear()
         with place:
             ui.spinner(size="2em").props('role=status aria-label="Predicting"')
-        computed = jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
-        await layout.fill(place, computed, lambda plot: documents.show_plot(plot, height=170 * len(plot.panels) + 100))
+        log = str(choose.value)
+
+        def show(plot: Plot) -> None:
+            documents.show_plot(plot, height=170 * len(plot.panels) + 100, log=log)
+
+        await layout.fill(place, jobs.compute(runs.overlay, workspace.folder, chosen, log), show)
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)

@@ -186,7 +186,9 @@ class _Page:
         height = 150 * len(self._given) + 90
         with self._place:
             plot = fit_plot(self._given, self._given)
-            self._fit_plot = documents.show_plot(plot, height=height, label="Measured and predicted signals")
+            self._fit_plot = documents.show_plot(
+                plot, height=height, label="Measured and predicted signals", log=self.log
+            )
             self._fit_rows = ui.column().classes("w-full")
         await self._update()
 
@@ -245,7 +247,7 @@ class _Page:
                 layout.say(str(error))
                 return
             height = 150 * len(fits) + 90
-            figure = documents.drawn(fit_plot(self._given, fits), height=height)
+            figure = documents.drawn(fit_plot(self._given, fits), height=height, log=self.log)
             figure["layout"]["uirevision"] = self.log
             self._fit_plot.update_figure(figure)
             self._fit_rows.clear()

@@ -3,17 +3,19 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from html import escape
 from pathlib import PurePosixPath
 from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, layout, result_files, runs
+from fifthwheel.app import inputs, jobs, known, layout, result_files, runs
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import IdentifyOptions, starts_of
+from fifthwheel.workflow.statement import parse
 
 KEY = "identify"
 """Of the job."""
@@ -38,10 +40,59 @@ class _Settings:
         used = inputs.used_logs(self.workspace)
         windows = sum(len(self.workspace.choices().of(name).exclude) for name in used)
         left_out = f" {windows} windows are left out." if windows else ""
-        ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out} Vehicle: {self.truck.name}.")
-        opened = bool(self.workspace.choices().identify)
-        with ui.expansion("Settings", value=opened).classes("w-full"), ui.element("div").classes("fw-columns w-full"):
+        ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out}")
+        self._sentences()
+        button = ui.button("Settings", icon="tune").props("outline no-caps")
+        with ui.element("section").classes("fw-columns w-full").props('aria-label="Settings"') as fields:
             self._fields(used)
+
+        def show(visible: bool) -> None:
+            fields.visible = visible
+            button.props["aria-expanded"] = str(visible).lower()
+
+        button.on_click(lambda: show(not fields.visible))
+        show(False)
+
+    @ui.refreshable_method
+    def _sentences(self) -> None:
+        """What is known before the identification."""
+        choices = self.workspace.choices()
+        removable = {str(parse(text)): text for text in choices.identify.get(known.STATEMENTS, ())}
+        with ui.element("ul").classes("fw-known").props('aria-label="What is known"'):
+            for text in known.of_truck_and_sensors(self.workspace, self.truck):
+                ui.html(escape(printable(text)), sanitize=False, tag="li")
+            for statement, text in known.stated(self.workspace, choices).items():
+                with ui.element("li"):
+                    ui.label(printable(text))
+                    if statement in removable:
+                        button = ui.button(icon="close", on_click=partial(self._unstate, removable[statement]))
+                        button.props("flat dense size=sm").props["aria-label"] = f"Remove: {printable(text)}"
+            for text in known.changed_settings(choices):
+                ui.html(escape(printable(text)), sanitize=False, tag="li")
+
+    def _statement(self) -> None:
+        """The place where a user states a number."""
+        with ui.element("div").classes("fw-question"):
+            ui.label("State a number")
+            name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)
+            value = ui.input("What you know", placeholder="33.4 t +- 0.5 %")
+            for field in (name, value):
+                field.classes("w-full").props("dense outlined hide-bottom-space")
+
+            def add() -> None:
+                if name.value and value.value:
+                    given = self._value(known.STATEMENTS, [])
+                    self._keep(known.STATEMENTS, [], [*given, f"{name.value}={value.value}"])
+                    name.value, value.value = None, ""
+
+            ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
+            ui.label(
+                "A value, +- its sigma, or both; exact; or free, if nothing is known. "
+                "road.friction is also dry, wet, snow or ice."
+            ).classes("text-caption")
+
+    def _unstate(self, text: str) -> None:
+        self._keep(known.STATEMENTS, [], [each for each in self._value(known.STATEMENTS, []) if each != text])
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
@@ -49,7 +100,9 @@ class _Settings:
             help = option.help.removesuffix(".") + "."
             if option.replaced_by and not self._value(key, None):
                 continue
-            if key in runs.KNOWN:
+            if key == known.STATEMENTS:
+                self._statement()
+            elif key in runs.KNOWN:
                 results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
                 self._choice(key, label, results, _KNOWLEDGE)
             elif option.choices:
@@ -78,6 +131,7 @@ class _Settings:
         starts_of(self.truck, runs.options(self.workspace, changed), paths)  # refuses what is wrong
         self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
         layout.undo_buttons.refresh()
+        self._sentences.refresh()
 
     def _value(self, key: str, default: Any) -> Any:
         return self.workspace.choices().identify.get(key, default)

@@ -74,7 +74,7 @@ class _Page:
         _read_next(self.workspace, logs)
         self._leave_out_unreadable(logs)
         chosen = self._chosen()
-        with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Logs"'):
+        with ui.element("div").classes("fw-scroll fw-logs"), ui.element("table").props('aria-label="Logs"'):
             for name in logs:
                 self._row(name, chosen=name == chosen)
         for name in logs:

@@ -78,10 +78,18 @@ class _View:
             ):
                 ui.button(text, on_click=action).props("outline dense no-caps")
         self._plot = documents.show_plot(self._described([]), height=self._height())
-        self._plot.on("plotly_relayout", self._on_zoom, args=["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"])
+        documents.over_time(self._plot, self._name)
+        self._plot.on("plotly_relayout", self._on_zoom, args=documents.ZOOM)
         self._plot.on("plotly_selected", self._on_select, args=["range"])
         self._windows()
-        ui.timer(0, self.draw, once=True)
+        ui.timer(0, self._draw_first, once=True)
+
+    async def _draw_first(self) -> None:
+        """Draw the window that this tab has zoomed to on any page."""
+        low, high = documents.kept_zoom(self._name) or self._relative(self._whole)
+        self._choose((low + self._origin, high + self._origin))
+        self._range = self._chosen()
+        await self.draw()
 
     async def draw(self, shown: Sequence[str] | None = None) -> None:
         """Draw the window; with other channels if some are given."""
@@ -95,7 +103,11 @@ class _View:
         if lines is None or names != self._shown:
             return  # the server ends, or another choice was made meanwhile
         figure = documents.drawn(self._described(lines), height=self._height())
-        figure["layout"] |= {"dragmode": "select" if self._selecting else "zoom", "selectdirection": "h"}
+        figure["layout"] |= {
+            "dragmode": "select" if self._selecting else "zoom",
+            "selectdirection": "h",
+            "hovermode": False,
+        }
         bottom = {"range": list(self._relative(self._range)), "autorange": False}
         figure["layout"]["xaxis"] |= bottom
         self._plot.update_figure(figure)
@@ -134,6 +146,7 @@ class _View:
     async def _show(self, window: tuple[float, float]) -> None:
         self._range = window if window[1] > window[0] else self._whole
         self._choose(self._range)
+        documents.keep_zoom(self._name, None if self._range == self._whole else self._relative(self._range))
         await self.draw()
 
     async def _show_window(self) -> None:
@@ -147,10 +160,11 @@ class _View:
         await self.draw()
 
     async def _on_zoom(self, event: events.GenericEventArguments) -> None:
-        if event.args.get("xaxis.autorange"):
+        window = documents.zoomed(event)
+        if window is None:
             await self._show(self._whole)
-        elif (low := event.args.get("xaxis.range[0]")) is not None:
-            await self._show((float(low) + self._origin, float(event.args["xaxis.range[1]"]) + self._origin))
+        elif window:
+            await self._show((window[0] + self._origin, window[1] + self._origin))
 
     def _on_select(self, event: events.GenericEventArguments) -> None:
         window = (event.args or {}).get("range", {}).get("x")
@@ -227,7 +241,8 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
     @ui.refreshable
     def rows() -> None:
         names = [name for name in survey.contents if text in name.lower()]
-        with ui.element("div").classes("fw-scroll"), ui.element("table").props('aria-label="Channels"'):
+        place = ui.element("div").classes("fw-scroll fw-channels")
+        with place, ui.element("table").props('aria-label="Channels"'):
             with ui.element("thead"), ui.element("tr"):
                 for head in ("Plot", "Channel", "Unit", "Hz", "From", "To", "Missing", "Course"):
                     with ui.element("th").props("scope=col"):

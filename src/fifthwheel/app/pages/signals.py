@@ -137,16 +137,25 @@ class _Page:
             element.update_figure(self._figure(signal))
 
     def _figure(self, signal: str) -> dict[str, Any]:
-        figure = documents.drawn(_plot(self.evidence, signal), height=HEIGHT)
-        figure["layout"] |= {"showlegend": False, "uirevision": signal}
-        figure["layout"]["margin"] |= {"t": 8}
+        figure = documents.drawn(_plot(self.evidence, signal), height=HEIGHT, log=self.name)
+        figure["layout"] |= {"showlegend": False, "uirevision": str(documents.kept_zoom(self.name))}
+        figure["layout"]["margin"] |= {"t": 20}
         return figure
 
     def _course(self, signal: str) -> None:
         element = ui.plotly(self._figure(signal)).classes("fw-course")
         element.props["role"] = "img"
         element.props["aria-label"] = f"{signal} measured and predicted"
+        documents.over_time(element, self.name)
+        element.on("plotly_relayout", self._zoom, args=documents.ZOOM)
         self._plots[signal] = element
+
+    def _zoom(self, event: events.GenericEventArguments) -> None:
+        """Show all signals in the window of the one that was zoomed."""
+        window = documents.zoomed(event)
+        if window is not False and window != documents.kept_zoom(self.name):
+            documents.keep_zoom(self.name, window)
+            self._draw()
 
     @ui.refreshable_method
     def _findings(self) -> None:

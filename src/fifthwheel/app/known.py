@@ -1,0 +1,79 @@
+"""What truck, sensors and user state before an identification, as sentences, and the numbers that a user can state."""
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from fifthwheel.app import runs
+from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
+from fifthwheel.channels import error_kinds
+from fifthwheel.diagnose.words import spoken
+from fifthwheel.formatting import enumerated
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.settings import options_of
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.workflow import IdentifyOptions
+from fifthwheel.workflow.settings import chosen_statements
+from fifthwheel.workflow.statement import Statement
+from fifthwheel.workflow.statements import SENSOR_PRIORS
+
+STATEMENTS = "statements"
+"""The option whose texts `stated` turns into sentences."""
+
+
+def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
+    """What vehicle file and signal map state."""
+    assumed = len(truck.assumed)
+    numbers = f"{assumed} numbers are assumed from its classes" if assumed else "no number is assumed from a class"
+    said = [f"Truck: {truck.name}; {numbers}."]
+    signal_map = workspace.signal_map()
+    sensors = signal_map.sensors if signal_map is not None else {}
+    for name, sensor in sensors.items():
+        kind = f"a sensor of the class {sensor.sensor_class}" if sensor.sensor_class else f"errors of {SIGNALS}"
+        said.append(f"{spoken(name)}: {kind}.")
+    others = "All other sensors" if sensors else "Sensors"
+    return [*said, f"{others}: the usual errors and noise of their kind."]
+
+
+def stated(workspace: Workspace, choices: Choices) -> dict[str, str]:
+    """Sentences of what the user states of numbers, by the texts of the statements."""
+    return {str(statement): _sentence(statement) for statement in chosen_statements(runs.options(workspace, choices))}
+
+
+def _sentence(statement: Statement) -> str:
+    value = statement.value or "the value of the file"
+    words = {
+        "exact": f"{value}, exact",
+        "free": "unknown; only the logs determine it",
+        "sigma": f"{value} ± {statement.sigma}",
+        "value": value,
+    }
+    return f"{spoken(statement.name)}: {words[statement.kind]}."
+
+
+def changed_settings(choices: Choices) -> list[str]:
+    """The other settings that are not the default."""
+    said = []
+    for key, option in options_of(IdentifyOptions).items():
+        value = choices.identify.get(key)
+        if value is None or key == STATEMENTS or option.replaced_by:
+            continue
+        label = option.label or key.replace("_", " ").capitalize()
+        if isinstance(value, bool):
+            said.append(f"{label}: {'yes' if value else 'no'}.")
+        else:
+            words = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
+            said.append(f"{label}: {option.choices.get(words, words)}.")
+    if validate := choices.identify.get("validate"):
+        said.append(f"Only predicted: {enumerated([Path(name).name for name in validate])}.")
+    return said
+
+
+def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
+    """The numbers that a user can state: names with their words, those that are estimated first."""
+    signal_map = workspace.signal_map()
+    signals = () if signal_map is None else tuple(signal_map.signals)
+    errors = [f"{signal}.{kind}" for signal in signals if "." in signal for kind in error_kinds(signal)]
+    names = [*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *errors, *SENSOR_PRIORS]
+    return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}

@@ -1,0 +1,45 @@
+"""Sentences on what is known before an identification."""
+
+import pytest
+
+from fifthwheel.app import known
+from fifthwheel.app.workspace import Choices, Workspace
+from fifthwheel.vehicle import get
+
+TRUCK = get("cheng_cebon_2011")
+
+
+@pytest.fixture
+def workspace(tmp_path) -> Workspace:
+    signals = '[signals]\nspeed = "v"\n[signals."yaw_rate.tractor"]\ncolumn = "w"\nsensor = "mems"\n'
+    made = Workspace(tmp_path / "w")
+    made.write({"signals.toml": signals}, "a map")
+    return made
+
+
+def test_truck_and_sensors_are_sentences(workspace):
+    assert known.of_truck_and_sensors(workspace, TRUCK) == [
+        "Truck: cheng_cebon_2011; no number is assumed from a class.",
+        "Tractor, yaw rate: a sensor of the class mems.",
+        "All other sensors: the usual errors and noise of their kind.",
+    ]
+
+
+def test_statements_and_settings_are_sentences(workspace):
+    statements = ["semitrailer.mass=33.4 t +- 0.5 %", "tractor.yaw_inertia=free", "road.friction=wet"]
+    choices = Choices(identify={"statements": statements, "any_load": True, "form": "output-error"})
+    assert list(known.stated(workspace, choices).values()) == [
+        "Trailer, mass: 33.4 t ± 0.5 %.",
+        "Tractor, yaw inertia: unknown; only the logs determine it.",
+        "Road, friction: wet.",
+    ]
+    assert known.changed_settings(choices) == [
+        "Load of any shape: yes.",
+        "Compare the logs with: Free-running model: robust to model error.",
+    ]
+
+
+def test_numbers_of_truck_road_and_sensors_can_be_stated(workspace):
+    numbers = known.numbers(workspace, TRUCK)
+    assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "steer_delay"} <= set(numbers)
+    assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"

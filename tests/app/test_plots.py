@@ -1,0 +1,44 @@
+"""Plots over the time of a log, in a browser: one cursor with values, and one zoom on all pages."""
+
+from pathlib import Path
+
+import pytest
+
+from fifthwheel.app.workspace import Workspace
+from tests.app.served import chromium, served, tab
+
+pytestmark = pytest.mark.slow
+
+LOG = Path(__file__).parents[2] / "examples" / "lane_changes.csv"
+RANGES = """[...document.querySelectorAll('.fw-time')].filter(e => e._fullLayout)
+  .map(e => e._fullLayout.xaxis.range.map(x => Math.round(x)))"""
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
+
+
+def test_one_cursor_shows_values_and_the_zoom_is_kept_between_pages(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_role("table", name="Channels").wait_for()
+        page.get_by_label("From, s").fill("3")
+        page.get_by_label("To, s").fill("9")
+        page.get_by_role("button", name="Show", exact=True).click()
+        page.wait_for_function(f"JSON.stringify({RANGES}) == '[[3,9]]'")
+        panel = page.locator(".fw-time .nsewdrag").first.bounding_box()
+        page.mouse.move(panel["x"] + panel["width"] / 2, panel["y"] + 30)
+        values = page.locator(".fw-values > div")
+        values.first.wait_for()
+        assert values.count() == 4
+        assert values.first.inner_text().startswith("6 s")
+
+        page.get_by_role("link", name="2 Signals").click()
+        page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
+        page.wait_for_function(f"({RANGES}).length > 3 && ({RANGES}).every(x => x[0] == 3 && x[1] == 9)")
+        panel = page.locator(".fw-time .nsewdrag").nth(1).bounding_box()
+        page.mouse.move(panel["x"] + panel["width"] / 2, panel["y"] + 30)
+        page.wait_for_function("[...document.querySelectorAll('.fw-cursor')].filter(e => !e.hidden).length > 3")
