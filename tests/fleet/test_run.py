@@ -8,6 +8,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import FleetSettings, report, run
+from fifthwheel.fleet.report import limit
 from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
 
 
@@ -200,6 +201,21 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
     assert "&lt;script&gt;alert" in page
     assert "<b>A" not in page
     assert "<img" not in page
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({}, "70 % of the variance comes from the scale of all masses, common to the trips: measure it."),
+        ({"excited_trips": 1}, "Excitation: 1 of 9 trips determines it."),
+        ({"sigma": 1e3}, ""),
+        ({"limited_fraction": 0.4}, ""),
+        ({"limited_by": None, "limited_fraction": None}, ""),
+    ],
+)
+def test_why_a_band_does_not_narrow(changes, text) -> None:
+    row = {"value": 5e5, "sigma": 5e4, "trips": 9, "excited_trips": 9, "limited_by": "mass_scale"}
+    assert limit(row | {"limited_fraction": 0.7} | changes) == text
 
 
 def test_load_height_beyond_a_limit(tmp_path) -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from fifthwheel.channels import is_sensor_error
+from fifthwheel.diagnose.words import named, named_axle, spoken
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.names import ParameterPath
@@ -61,12 +62,16 @@ def _change(row: Row) -> Attention:
     if kind == OUTLIER:
         text = f"The trip of {day} ({row['log']}) differs from those before and after it; look at its log."
         return Attention(row["truck"], "outlier", row["date"], text)
-    moved = f"{row['parameter']} {percent(row['value'] / row['before'] - 1)}" if row["before"] else subject
+    moved = f"{spoken(row['parameter'])} {percent(row['value'] / row['before'] - 1)}" if row["before"] else subject
     when = f"between {_day(row['after'])} and {day}"
+    path, of, trailer = subject.partition(" of ")
+    whose = f"{of}{trailer}"
+    axle = f"{named_axle(path)}{whose}"
     cure = {
-        "tyres": f"The tyres of {subject} changed {when} ({moved}). If nobody replaced them, check pressure and tread.",
+        "tyres": f"The tyres of the {axle} changed {when} ({moved}). "
+        "If nobody replaced them, check pressure and tread.",
         "load": f"The load of {subject} changed {when} ({moved}). Give the trips from {day} on another load name.",
-        "sensor": f"The sensor {subject} changed {when}. Check its mounting and calibration.",
+        "sensor": f"The sensor of {named(path)}{whose} changed {when}. Check its mounting and calibration.",
     }
     title = "sensor" if kind == "sensor" else f"{kind} changed"
     return Attention(row["truck"], title, row["date"], f"{cure[kind]} Probability {percent(row['probability'])}.")
@@ -80,7 +85,7 @@ def _wear(rows: Sequence[Row], limit: float) -> Iterator[Attention]:
         if abs(change) > limit:
             now = with_sigma(row["value"], row["sigma"], row["unit"])
             text = (
-                f"{row['parameter']} drifted by {percent(change)} to {now} in {row['trips']} trips; "
+                f"{spoken(row['parameter'])} drifted by {percent(change)} to {now} in {row['trips']} trips; "
                 "check tread and pressure."
             )
             yield Attention(row["truck"], "tyre wear", row["date"], text)
@@ -92,7 +97,7 @@ def _heights(rows: Sequence[Row], limit: float | None) -> Iterator[Attention]:
             continue
         of_load = f" of load {row['load']!r}" if row["load"] else ""
         text = (
-            f"{row['parameter']}{of_load} on trailer {row['trailer']!r} is"
+            f"{spoken(row['parameter'])}{of_load} on trailer {row['trailer']!r} is"
             f" {with_sigma(row['value'], row['sigma'], row['unit'])}, above {fixed(limit, 2)} m."
         )
         yield Attention(row["truck"], "load height", row["date"], text)
@@ -110,7 +115,8 @@ def _sensors(trips: Sequence[Row]) -> Iterator[Attention]:
                 last[key] = trip["date"]
     for (truck, cause), count in counts.items():
         if count >= REPEATED:
-            text = f"{cause} is unusual in {count} trips; check this sensor and the signal map."
+            names = " or ".join(map(spoken, cause.split(", ")))
+            text = f"{names}: unusual in {count} trips; check this sensor and the signal map."
             yield Attention(truck, "sensor", last[truck, cause], text)
 
 

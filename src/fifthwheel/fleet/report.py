@@ -8,6 +8,8 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel import pages
+from fifthwheel.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
+from fifthwheel.diagnose.words import named, spoken
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS
@@ -21,10 +23,12 @@ from fifthwheel.report.words import counted
 
 MAX_HISTORIES = 40
 """Trucks whose histories are drawn: those that need attention first."""
+ENOUGH_TRIPS = 3
+"""With fewer trips that determine a parameter, more excitation comes first."""
 MAX_ROWS = 2000
 """Sequence[Row] of a table of the page; the Parquet tables have all."""
 
-LATEST = ("Parameter", "Value>|main", "Since first>", "Trips>", "Last|w|Last: ")
+LATEST = ("Parameter", "Value>|main", "Since first>", "Trips>", "Last|w|Last: ", "Limited by|full-text")
 
 
 def report(dataset: str | Path, out: str | Path) -> list[Attention]:
@@ -76,7 +80,8 @@ def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
     yield pages.Heading("Trucks", key="trucks")
     yield pages.Hint(
         "Estimate of each tractor parameter at the last trip, from all trips with all trailers, ± sigma. "
-        "Since first: change of the estimate since the first trip, or since the last change."
+        "Since first: change of the estimate since the first trip, or since the last change. Limited by: why more "
+        "trips of the same kind do not make sigma smaller."
     )
     yield pages.Table(("Truck|name", *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
     yield pages.Heading("Trailers", key="trailers")
@@ -87,10 +92,26 @@ def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
         yield pages.Hint(f"The first {MAX_ROWS} rows; trucks.parquet and trailers.parquet have all.")
 
 
-def _latest(row: Row) -> tuple[str, ...]:
+def _latest(row: Row) -> tuple[pages.Cell, ...]:
     change = percent(row["value"] / row["first_value"] - 1) if row["first_value"] and row["trips"] > 1 else "–"
     value = with_sigma(row["value"], row["sigma"], row["unit"])
-    return pages.Code(row["parameter"]), value, change, str(row["trips"]), f"{row['date']:%Y-%m-%d}"
+    parameter = pages.Hinted(spoken(row["parameter"]), row["parameter"])
+    return parameter, value, change, str(row["trips"]), f"{row['date']:%Y-%m-%d}", limit(row)
+
+
+def limit(row: Row) -> str:
+    """Why the band of a parameter does not narrow with more trips of this kind; empty if its sigma is small."""
+    if row["sigma"] < NOTABLE_SIGMA * abs(row["value"]) or "limited_by" not in row:  # of an earlier version
+        return ""
+    if row["excited_trips"] < min(row["trips"], ENOUGH_TRIPS):
+        trips = f"{row['excited_trips']} of {counted(row['trips'], 'trip')}"
+        return f"Excitation: {trips} determine{'s' * (row['excited_trips'] == 1)} it."
+    if row["limited_by"] and row["limited_fraction"] > DOMINANT_FRACTION:
+        source = named(row["limited_by"])
+        return (
+            f"{percent(row['limited_fraction'])} of the variance comes from {source}, common to the trips: measure it."
+        )
+    return ""
 
 
 def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequence[Attention]) -> Iterator[pages.Block]:
@@ -137,7 +158,7 @@ def _history(
     plot = Plot(panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
     note = ", ".join(text for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
     path = (truck, "history", "-".join(filter(None, key)))
-    return pages.CaptionedPlot(pages.Code(parameter), plot, f"truck {truck}", path, note=note)
+    return pages.CaptionedPlot(spoken(parameter), plot, f"truck {truck}", path, note=note)
 
 
 def _ms(date: datetime) -> float:

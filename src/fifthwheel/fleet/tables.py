@@ -12,6 +12,7 @@ from fifthwheel.fleet.trips import DATE, log_knowledge, numbers, texts
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.combination import Combined, combine, date_of
 from fifthwheel.identify.knowledge.information import Owned
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of
 
@@ -22,6 +23,9 @@ _LATEST = [
     ("date", DATE),
     ("trips", pa.int64()),
     *numbers("first_value"),
+    ("excited_trips", pa.int64()),
+    *texts("limited_by"),
+    *numbers("limited_fraction"),
 ]
 SCHEMAS: Mapping[str, pa.Schema] = {
     "trucks": pa.schema([*texts("truck"), *_LATEST]),
@@ -50,7 +54,8 @@ SCHEMAS: Mapping[str, pa.Schema] = {
     ),
 }
 """Columns. `date` of a change is that of the first trip with it, `after` that of the last trip without. `value` of a
-history is the estimate at this date from all trips, `trip_value` that of the trip alone."""
+history is the estimate at this date from all trips, `trip_value` that of the trip alone. `excited_trips` are those that
+determine the parameter alone; `limited_fraction` of the variance would go if the number `limited_by` were exact."""
 
 
 def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
@@ -106,7 +111,9 @@ def _tables(
     for k in range(len(combined.logs)):
         for unknown in combined.parameters(k):
             seen.setdefault(unknown, []).append(k)
+    excited = [{e["name"] for e in estimates[log.digest] if e["verdict"] == Verdict.CONVERGED} for log in combined.logs]
     for unknown, trips in seen.items():
+        limited_by, limited_fraction = _limit(combined, unknown)
         value, sigma = combined.estimate(trips[-1], unknown)
         row = {
             "truck": truck,
@@ -117,12 +124,28 @@ def _tables(
             "date": date_of(combined.observations[trips[-1]]),
             "trips": len(trips),
             "first_value": combined.estimate(_since_change(combined, unknown, trips), unknown)[0],
+            "excited_trips": sum(unknown.name in excited[k] for k in trips),
+            "limited_by": limited_by,
+            "limited_fraction": limited_fraction,
         }
         if unknown.trailer is None:
             tables["trucks"].append(row)
         else:
             tables["trailers"].append(row | {"trailer": unknown.trailer, "load": unknown.load or ""})
     return tables | {"changes": [*_changes(truck, combined)]}
+
+
+def _limit(combined: Combined, unknown: Owned) -> tuple[str | None, float | None]:
+    """The number that limits a parameter after the last trip most, and by what fraction its variance would fall if this
+    number were exact: their squared correlation."""
+    P, i = combined.last.P, combined.layout.unknowns[unknown]
+    fractions = {
+        other.name: float(P[i, j] ** 2 / (P[i, i] * P[j, j]))
+        for other, j in combined.layout.unknowns.items()
+        if other not in combined.layout.estimated
+    }
+    name = max(fractions, key=lambda name: fractions[name], default=None)
+    return name, None if name is None else fractions[name]
 
 
 def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
