@@ -53,3 +53,12 @@ def test_the_tables_of_a_log_are_not_cut_on_a_telephone(browser, tmp_path):
     with served(folder) as address, tab(browser, address, width=390) as page:
         page.get_by_role("table", name="Channels").wait_for()
         assert page.evaluate(cut) == 0
+
+
+@pytest.mark.parametrize(("page_name", "next_page"), [("check", "Truck"), ("signals", "Log"), ("compare", "Identify")])
+def test_an_empty_page_leads_to_the_next_step(browser, tmp_path, page_name, next_page):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    with served(folder) as address, tab(browser, f"{address}{page_name}") as page:
+        page.get_by_role("link", name=f"To the page {next_page}").click()
+        page.get_by_role("heading", name=next_page, level=1).wait_for()

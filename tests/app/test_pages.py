@@ -85,7 +85,7 @@ def test_a_log_of_each_kind_comes_to_a_map_without_errors(browser, tmp_path, log
     with opened(browser, tmp_path / "w", log(tmp_path)) as page:
         signals(page)
         assert explained(page, TRAILER) > 90
-        assert page.get_by_text("error:").count() == 0
+        assert page.locator(".fw-finding.error").count() == 0
     assert {"speed", "steer.tractor.front", "yaw_rate.tractor", TRAILER} <= set(mapped(tmp_path / "w"))
 
 

@@ -42,3 +42,19 @@ def test_one_cursor_shows_values_and_the_zoom_is_kept_between_pages(browser, tmp
         panel = page.locator(".fw-time .nsewdrag").nth(1).bounding_box()
         page.mouse.move(panel["x"] + panel["width"] / 2, panel["y"] + 30)
         page.wait_for_function("[...document.querySelectorAll('.fw-cursor')].filter(e => !e.hidden).length > 3")
+
+
+def test_signals_are_found_by_name_and_a_finding_is_beside_its_plot(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    signals = '[signals]\nspeed = "speed"\n"steer.tractor.front" = "steer.tractor.front"\n'
+    trailer = '[signals."yaw_rate.semitrailer"]\ncolumn = "yaw_rate.semitrailer"\nsign = -1\n'
+    (folder / "signals.toml").write_text(f'{signals}"yaw_rate.tractor" = "yaw_rate.tractor"\n{trailer}')
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_role("table", name="Channels").wait_for()
+        page.get_by_role("link", name="2 Signals").click()
+        section = page.get_by_role("region", name="yaw_rate.semitrailer", exact=True)
+        section.locator(".fw-finding").get_by_role("img", name="error").wait_for(timeout=60_000)
+        page.get_by_label("Find a signal").fill("semi")
+        page.get_by_role("region", name="speed", exact=True).wait_for(state="hidden")
+        assert section.is_visible()

@@ -15,7 +15,7 @@ from weakref import WeakKeyDictionary
 
 from nicegui import Client, app, events, ui
 
-from fifthwheel.app import jobs, result_files
+from fifthwheel.app import jobs, result_files, runs
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 
@@ -69,6 +69,8 @@ def _register(name: str, folder: Path) -> None:
         with frame(workspace, name):
             try:
                 module.build(workspace)
+            except runs.MissingError as missing:
+                next_step(str(missing), missing.page)
             except FifthwheelError as error:
                 failure(str(error))
 
@@ -156,6 +158,22 @@ async def fill(place: ui.column, computed: Awaitable[T], build: Callable[[T], ob
     place.clear()
     with place:
         build(found)
+
+
+def next_step(message: str, page: str) -> None:
+    """What is missing on this page, and a link to the page that provides it."""
+    with ui.element("div").classes("fw-next"):
+        ui.icon("info", size="sm").props("aria-hidden=true")
+        ui.label(message)
+        ui.link(f"To the page {page.capitalize()}", address(page))
+
+
+def finding(severity: str, message: str) -> None:
+    """A finding with the icon and the colour of its severity."""
+    with ui.element("div").classes(f"fw-finding {severity}"):
+        icons = {"error": "error", "warning": "warning", "good": "check_circle"}
+        ui.icon(icons[severity]).props("role=img").props["aria-label"] = severity
+        ui.label(message)
 
 
 def failure(message: str) -> None:

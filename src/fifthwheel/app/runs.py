@@ -43,6 +43,15 @@ KNOWN = ("knowledge", "suspension_from")
 """Options whose value is an earlier result."""
 
 
+class MissingError(FifthwheelError):
+    """Something that another page provides is missing."""
+
+    def __init__(self, message: str, page: str) -> None:
+        super().__init__(message)
+        self.page = page
+        """Name of this page."""
+
+
 def results(workspace: Workspace) -> list[str]:
     """Names of the results, the newest first."""
     return [path.name for path in workspace.runs() if (path / RESULT).is_file()]
@@ -86,19 +95,19 @@ def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
 
 
 def vehicle(workspace: Workspace) -> Vehicle:
-    """The vehicle; FifthwheelError where there is none yet."""
+    """The vehicle; MissingError where there is none yet."""
     found = workspace.vehicle()
     if found is None:
-        raise FifthwheelError("There is no vehicle file yet; describe the truck on the page Truck.")
+        raise MissingError("There is no vehicle file yet; describe the truck on the page Truck.", "truck")
     return found
 
 
 def logs(workspace: Workspace, choices: Choices) -> tuple[list[str], list[str]]:
-    """Names of the logs to identify on, and of those that are only predicted; FifthwheelError without the first."""
+    """Names of the logs to identify on, and of those that are only predicted; MissingError without the first."""
     used, validate = inputs.used_logs(workspace), choices.identify.get("validate", ())
     chosen = [name for name in used if name not in validate]
     if not chosen:
-        raise FifthwheelError("There is no log to identify on; drop one on the page Log and tick it there.")
+        raise MissingError("There is no log to identify on; drop one on the page Log and tick it there.", "log")
     return chosen, [name for name in used if name in validate]
 
 

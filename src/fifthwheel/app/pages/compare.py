@@ -17,8 +17,7 @@ MOST = 6
 def build(workspace: Workspace) -> None:
     results = runs.results(workspace)
     if len(results) < 2:
-        ui.label("There are fewer than two results; identify again, with other logs or settings.")
-        ui.link("To the page Identify", layout.address("identify"))
+        layout.next_step("There are fewer than two results; identify again, with other logs or settings.", "identify")
         return
     asked = [name for name in ui.context.client.request.query_params.getlist("run") if name in results]
     chosen = asked if len(asked) > 1 else results[:MOST][::-1]

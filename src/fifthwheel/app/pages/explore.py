@@ -154,7 +154,7 @@ class _Page:
 
     def _fit_part(self) -> None:
         if self.log is None:
-            ui.label("First drop a log on the page Log.")
+            layout.next_step("There is no log yet; drop one on the page Log.", "log")
             return
         if len(self.used) > 1:
             choose = ui.select(self.used, value=self.log, label="Log").classes("fw-field")

@@ -9,8 +9,7 @@ from fifthwheel.app.workspace import Workspace
 def build(workspace: Workspace) -> None:
     results = runs.known_results(workspace)
     if not results:
-        ui.label("There is no result with knowledge of its logs yet; identify in one stage.")
-        ui.link("To the page Identify", layout.address("identify"))
+        layout.next_step("There is no result with knowledge of its logs yet; identify in one stage.", "identify")
         return
     query = ui.context.client.request.query_params.get("run")
     chosen = query if query in results else results[0]

@@ -21,6 +21,8 @@ from fifthwheel.report.log_contents import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""
+SEARCHED = 8
+"""Above this number of channels there is a search."""
 FIRST = 4
 """Channels that are drawn at first."""
 MOST = 12
@@ -235,7 +237,7 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
         rows.refresh()
 
     layout.heading("Channels")
-    if len(survey.contents) > ROWS:
+    if len(survey.contents) > SEARCHED:
         ui.input("Find a channel", on_change=search).props("dense clearable debounce=300")
 
     @ui.refreshable

@@ -29,8 +29,7 @@ _WAIT = 500
 def build(workspace: Workspace) -> None:
     known = [path.name for path in workspace.logs() if inputs.is_stored(workspace, path.name)]
     if not known:
-        ui.label("First drop a log on the page Log.")
-        ui.link("To the page Log", layout.address("log"))
+        layout.next_step("There is no log yet; drop one on the page Log.", "log")
         return
     asked = ui.context.client.request.query_params.get("log")
     used = [name for name in inputs.used_logs(workspace) if name in known]
@@ -55,6 +54,8 @@ class _Page:
         self.error = ""
         self._latest = 0
         self._plots: dict[str, ui.plotly] = {}
+        self._sections: dict[str, ui.element] = {}
+        self._found = ""
 
     def build(self) -> None:
         known = self.workspace.vehicle() is not None
@@ -69,10 +70,18 @@ class _Page:
             ui.button("Save as file", on_click=self._save).props("outline dense no-caps")
             self._busy = ui.spinner(size="1.5em").props('role=status aria-label="Computing"')
         self._findings()
+        find = ui.input("Find a signal", on_change=lambda event: self._find(event.value or ""))
+        find.props("dense clearable debounce=300")
         self._rows()
         self._adding()
         first = self.propose if self.workspace.read(SIGNALS) is None else self.compare
         ui.timer(0, first, once=True)
+
+    def _find(self, text: str) -> None:
+        """Show the signals whose name contains a text."""
+        self._found = text.lower()
+        for signal, section in self._sections.items():
+            section.visible = self._found in signal.lower()
 
     async def propose(self) -> None:
         self._busy.visible = True
@@ -165,16 +174,18 @@ class _Page:
         with ui.element("ul").props('aria-label="Findings" aria-live=polite'):
             for finding in findings:
                 with ui.element("li"), ui.row().classes("items-center no-wrap"):
-                    ui.label(str(finding)).classes("text-negative" if finding.severity == "error" else "")
+                    layout.finding(finding.severity, finding.message)
                     if finding.remedy and finding.signal in self.signal_map().signals:
                         button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
                         button.props["aria-label"] = f"Mend {finding.signal}"
             if self.evidence is not None:
                 against = objections(self.evidence, self.signal_map(), self.workspace.vehicle())
-                nothing = [] if findings or against else ["Nothing speaks against the map."]
-                for text in against or nothing:
+                for text in against:
                     with ui.element("li"):
-                        ui.label(text)
+                        layout.finding("warning", text)
+                if not findings and not against:
+                    with ui.element("li"):
+                        layout.finding("good", "Nothing speaks against the map.")
 
     @ui.refreshable_method
     def _rows(self) -> None:
@@ -184,6 +195,7 @@ class _Page:
             layout.failure(f"{error}\nCorrect signals.toml with a text editor, or propose a map.")
             return
         self._plots.clear()
+        self._sections.clear()
         for signal, channel in signal_map.signals.items():
             self._row(signal, channel)
         if signal_map.reference:
@@ -192,6 +204,8 @@ class _Page:
     def _row(self, signal: str, channel: SignalSource) -> None:
         with ui.element("section").classes("w-full") as section:
             section.props["aria-label"] = signal
+            section.visible = self._found in signal.lower()
+            self._sections[signal] = section
             layout.heading(signal)
             with ui.row().classes("items-end w-full"):
                 if channel.column is not None:
@@ -259,6 +273,9 @@ class _Page:
         """What the prediction says about a signal, with buttons for sign and delay."""
         if self.evidence is None:
             return
+        for finding in self.evidence.findings:
+            if signal in (finding.signal, *finding.others):
+                layout.finding(finding.severity, finding.message)
         channel = self.evidence.channels.get(signal)
         mapped = self.signal_map().signals.get(signal)
         if channel is None or mapped is None:
