@@ -17,13 +17,13 @@ from pyarrow import parquet
 from fifthwheel import cli
 from fifthwheel.checks import Fault
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.diagnose import cautions
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, identify
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
 from fifthwheel.record import Record
+from fifthwheel.report import conclude_identification
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 from fifthwheel.workflow import check_record
@@ -194,7 +194,8 @@ def wrong_parameters(found: Identification) -> list[str]:
 
 def messages(found: Identification) -> str:
     """All that is said beside the numbers."""
-    return "\n".join([*found.notes, *map(str, (*cautions.fit_cautions(found), *cautions.sensor_cautions(found)))])
+    conclusion = conclude_identification(found)
+    return "\n".join([*conclusion.cautions, *conclusion.consequences, *conclusion.notes])
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, str, str]:

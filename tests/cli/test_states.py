@@ -1,7 +1,6 @@
 """`fifthwheel states`: smoothed, on a bank, and with the identification's uncertainty."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -84,7 +83,7 @@ def test_on_a_bank(record, truck):
     assert printed["logs"][0]["states"][-1] == "bank.road"
     same(columns, Observer(truck, record.signals, ObserverSettings(estimate_bank=True)).batch(record))
     page = Path("fifthwheel-states/report.html").read_text(encoding="utf-8")
-    assert re.search(r"bank\.(<wbr/>)?road", page)
+    assert "Road, bank" in page
 
 
 def test_an_uncertainty_that_is_not_a_covariance(record, monkeypatch, capsys):

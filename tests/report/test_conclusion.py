@@ -130,7 +130,7 @@ def test_everything_fixed(result):
 
 def test_cautions_come_with_their_cure(result):
     error = SensorError(name="steer.tractor.front.gain", value=1.25, sigma=0.05, unit="1", log=None)
-    conclusion = conclude_identification(replace(result.identification, sensors=(error,)))
+    conclusion = conclude_identification(replace(result.identification, covariance=None, sensors=(error,)))
     (caution,) = [line for line in conclusion.cautions if line.startswith("steer.tractor.front: ")]
     assert "1.250 ± 0.050 times the logged angle" in caution
     assert caution.endswith("correct it in the signal map.")

@@ -63,7 +63,8 @@ def test_a_delay_of_half_a_period_is_not_an_inverted_signal():
 
 def test_identify_says_the_same():
     (finding,) = found(LATE, TRUCK)
-    assert f"simulated: {finding.message}" in prepare_dataset([LATE], TRUCK, OneStage()).notes
+    (same,) = prepare_dataset([LATE], TRUCK, OneStage()).findings
+    assert (same.message, same.log) == (finding.message, "simulated")
 
 
 @pytest.mark.parametrize("rate", [0.07, 0.05, -0.02])

@@ -127,7 +127,7 @@ def test_doubts_are_kept_and_named_by_later_results():
     (log,) = first.knowledge.logs
     assert first.doubts
     assert len(log.doubts) == len(first.doubts)
-    assert log.doubts[0].startswith("sensor error far outside its prior: steer.tractor.front.delay (+")
+    assert log.doubts[0].startswith("contradicted assumption: steer.tractor.front.delay (+")
     again = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1, seed=2, name="run 2")
     later = fw.identify([again], quick, settings, knowledge=first.knowledge)
     assert any(f"run 1 is doubtful ({log.doubts[0]})" in note for note in later.notes)

@@ -22,8 +22,8 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 LARGEST_SHIFT = 2.0
 """A position differs from that of the vehicle file by at most this length, m."""
-LARGEST_CLOCK_ERROR = 0.05
-"""Fraction; a clock that is further off is no clock."""
+LARGEST_CLOCK_ERROR = 0.2
+"""Fraction; larger than that of a sampling rate that was noted wrongly."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
 
