@@ -20,6 +20,8 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 OTHER_ROAD = 0.7
 """Standard deviation of ln friction from one road to another: half or twice as large."""
+HARDLY_KNOWN = 0.9
+"""Largest fraction of a value that its standard deviation has, also after an identification that contradicts itself."""
 OF_ROAD = (BANK, FRICTION)
 """Unknowns of the road, which another log has of its own."""
 
@@ -79,7 +81,8 @@ def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> d
     """
     values = given_parameters(vehicle, settings)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
-    return {n: s / values[n] for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}
+    uncertain = {n: s for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}
+    return {n: min(s / values[n], HARDLY_KNOWN) for n, s in uncertain.items()}
 
 
 class LogSensors(NamedTuple):

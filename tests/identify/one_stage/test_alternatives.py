@@ -1,6 +1,7 @@
 """Causes of a contradiction, by fits without a prior: gross errors of a gyro, of the vehicle file and of a trailer."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,11 @@ import fifthwheel as fw
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.one_stage.alternatives import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
+from fifthwheel.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.workflow.identification import run_identification
 from fifthwheel.workflow.states import run_states
 
-YAW, YAW2, ROLL2 = "yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer"
+YAW2, ROLL2, WIDE = "yaw_rate.semitrailer", "roll_rate.semitrailer", "semitrailer.cornering_stiffness"
 SETTINGS = fw.OneStage(tyres="linear")
 
 
@@ -88,3 +90,18 @@ def test_states_of_a_doubtful_identification_say_so(record, found):
     assert conclusion.headline == "The identification has estimates that are doubtful: do not rely on these states."
     assert not conclusion.good
     assert conclusion.cautions[0].startswith("Identification: The logs contradict")
+
+
+def test_a_log_with_a_truck_that_is_hardly_known_has_sensors(truck, record, found):
+    """A contradiction may leave a sigma above the value; a log still has sensor errors."""
+    identification, _ = found
+    covariance = identification.covariance
+    wide = replace(covariance, covariance=4.0 * np.diag(np.diag(covariance.covariance)) + 1e12 * _of(covariance, WIDE))
+    _, joint = estimate_sensor_errors(record, truck, known=wide, friction=0.8)
+    assert np.isfinite(joint.covariance).all()
+
+
+def _of(uncertainty, name):
+    """1 at the variance of a name, else 0."""
+    selected = np.array([other == name for other in uncertainty.names], dtype=float)
+    return np.diag(selected)
