@@ -411,7 +411,9 @@ def findings() -> Any:
 
 @case()
 def design() -> Any:
-    return json.loads(fw.design_experiment(GUESS, {"semitrailer.yaw_inertia": 0.1}).to_json())
+    plan = json.loads(fw.design_experiment(GUESS, {"semitrailer.yaw_inertia": 0.1}).to_json())
+    del plan["alternatives"]  # runs of equal merit, of which rounding decides
+    return plan
 
 
 @case()
