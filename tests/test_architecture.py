@@ -36,6 +36,7 @@ ROOMS = (
     "checks",
     "logs",
     "vehicle",
+    "spoken_names",
     "dynamics",
     "manoeuvres",
     "plot",

@@ -9,10 +9,10 @@ from fifthwheel.diagnose.advice import LANE_CHANGE, next_steps
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.summaries import RunSummary
-from fifthwheel.diagnose.words import named
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.doubts import Cause
+from fifthwheel.spoken_names import named
 from tests.diagnose.chosen import AXIS, FRONT, HEIGHT, INERTIA, REAR, SOFTENING, assessment, estimate, of, outlook
 
 WITHOUT_ROLL_RATES = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")

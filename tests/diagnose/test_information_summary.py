@@ -9,11 +9,11 @@ from fifthwheel import vehicle
 from fifthwheel.diagnose.advice import next_steps
 from fifthwheel.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
-from fifthwheel.diagnose.words import named
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.design.assess import assess_information
 from fifthwheel.simulate import simulate
+from fifthwheel.spoken_names import named
 from fifthwheel.vehicle.parameters import FRICTION
 from tests.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment, estimate, of, outlook
 

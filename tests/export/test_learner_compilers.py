@@ -50,7 +50,8 @@ def test_without_undefined_behaviour(
         states, found = replayed(replay, learner, record, str(tmp_path / f"{fault}.bin"))
         if fault != "reversed_steer":  # the state restarts again and again, which amplifies rounding
             expected, estimates = pushed(learner, record)
-            assert largest_difference(states, expected) < (1e-3 if precision else 1e-11)  # 1.4e-12 after many starts
+            limit = 1e-11 if fault == "slow" else 1e-12  # it starts many times: 1.4e-12
+            assert largest_difference(states, expected) < (1e-3 if precision else limit)
             assert largest_deviation(found, estimates) < (1e-2 if precision else 1e-11)
 
 

@@ -6,11 +6,11 @@ from pathlib import Path
 from fifthwheel.app import runs
 from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
 from fifthwheel.channels import error_kinds
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.settings import options_of
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow import IdentifyOptions

@@ -9,10 +9,10 @@ from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import HALF_TRACK, Body
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import percent, with_sigma
 from fifthwheel.pages.html import notebook
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from fifthwheel.diagnose.words import named_axle, named_unit
+from fifthwheel.spoken_names import named_axle, named_unit
 
 SCHEME = "Australian PBS"
 """Name of the scheme of the thresholds."""

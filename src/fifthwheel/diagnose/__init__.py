@@ -14,7 +14,7 @@ from fifthwheel.diagnose.information_summary import (
 )
 from fifthwheel.diagnose.log_prediction import LogPrediction
 from fifthwheel.diagnose.summaries import RunSummary, StateSummary, summarise_records, summarise_runs, summarise_states
-from fifthwheel.diagnose.words import named, spoken
+from fifthwheel.spoken_names import named, spoken
 
 __all__ = [
     "Advice",

@@ -11,11 +11,11 @@ from fifthwheel.diagnose.fit_quality import predicted_logs
 from fifthwheel.diagnose.information_summary import VarianceTerm, describe_remedy, dominant_terms
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
-from fifthwheel.diagnose.words import named, named_unit
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.spoken_names import named, named_unit
 from fifthwheel.vehicle.parameters import FRICTION
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"

@@ -61,11 +61,16 @@ def identification_cautions(
     ]
 
 
+def is_repaired(finding: Finding) -> bool:
+    """Whether an identification repairs, tolerates or estimates the fault, so that it is a note and no caution."""
+    return finding.severity != "error" and finding.fault in thresholds.REPAIRED
+
+
 def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
     """Faults of signals that an estimation does not repair, each once for all logs that have it."""
     groups: dict[tuple[str, str, str], list[Finding]] = {}
     for finding in findings:
-        if finding.fault not in thresholds.REPAIRED:
+        if not is_repaired(finding):
             groups.setdefault((finding.severity, finding.signal, finding.fault), []).append(finding)
     for first, *more in groups.values():
         logs = enumerated([str(finding.log) for finding in (first, *more)])

@@ -20,11 +20,11 @@ from dataclasses import asdict, dataclass
 from statistics import NormalDist
 from typing import Any
 
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.plots import Axis, Guide, Item, Panel, Plot, Points
+from fifthwheel.spoken_names import spoken
 
 FALSE_ALARM = 0.05
 """Probability that a difference of equal trucks counts as one beyond chance."""

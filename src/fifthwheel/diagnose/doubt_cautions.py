@@ -95,10 +95,7 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
     )
     critical = critical_speed(vehicle, highest=NEARLY * highest) if highest > 0 else None
     if critical is not None:
-        message = (
-            f"{name} is unstable above {3.6 * critical:.0f} km/h, and the logs reach {3.6 * highest:.0f} km/h, so that "
-            "they inform on little."
-        )
+        message = f"{name} is unstable above {3.6 * critical:.0f} km/h, and the logs reach {3.6 * highest:.0f} km/h."
         cure = (
             "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
             "prediction errors (--form prediction-error)."

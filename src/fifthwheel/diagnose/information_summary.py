@@ -8,13 +8,13 @@ import numpy as np
 
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.diagnose import thresholds
-from fifthwheel.diagnose.words import named
 from fifthwheel.formatting import approximate, digits, enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.spoken_names import named
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
@@ -183,7 +183,7 @@ def describe_remedy(
     """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged".
 
     Args:
-        naming: the words for a channel, such as `words.named`; by default its name.
+        naming: the words for a channel, such as `spoken_names.named`; by default its name.
     """
     if remedy.known:
         manners: dict[str, list[str]] = {}

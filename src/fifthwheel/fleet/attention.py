@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.diagnose.words import named, named_axle, spoken
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.names import ParameterPath
 from fifthwheel.options import FleetSettings
+from fifthwheel.spoken_names import named, named_axle, spoken
 
 REPEATED = 2
 """Trips with a doubt about the same sensor from which it needs attention."""

@@ -9,7 +9,6 @@ import numpy as np
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
-from fifthwheel.diagnose.words import named, spoken
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS
@@ -20,6 +19,7 @@ from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.report.words import counted
+from fifthwheel.spoken_names import named, spoken
 
 MAX_HISTORIES = 40
 """Trucks whose histories are drawn: those that need attention first."""

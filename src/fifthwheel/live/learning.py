@@ -10,11 +10,11 @@ import copy
 import math
 from collections.abc import Mapping
 
-from fifthwheel.diagnose.words import named
 from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.identify.online import LearnedValue, Learner
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.status import LiveFault
+from fifthwheel.spoken_names import named
 from fifthwheel.stream import VALID, Status
 from fifthwheel.vehicle import Vehicle
 

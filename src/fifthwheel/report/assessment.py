@@ -14,7 +14,6 @@ from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.rollover import Rollover, rollover
 from fifthwheel.assess.truck import Truck
-from fifthwheel.diagnose.words import named_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.formatting import approximate, enumerated, with_sigma
 from fifthwheel.pages import page, terminal
@@ -22,6 +21,7 @@ from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, DARK, GREY
 from fifthwheel.report.provenance import Provenance
+from fifthwheel.spoken_names import named_unit
 
 Runs = Mapping[str, LaneChangeRun]
 """The lane change by model, "linear" and "nonlinear"."""

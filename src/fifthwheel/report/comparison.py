@@ -5,9 +5,9 @@ from pathlib import Path
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.pages import page, terminal
 from fifthwheel.report.words import counted
+from fifthwheel.spoken_names import spoken
 
 EXPLANATION = (
     "Difference: from the first run, with its own sigma. A single difference of equal trucks is beyond 2 sigma with a "

@@ -11,12 +11,11 @@ from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import CautionKind
-from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.doubt_cautions import validation_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
-from fifthwheel.diagnose.thresholds import RELIABLE, REPAIRED, USABLE, WIDE_SIGMA
-from fifthwheel.diagnose.words import named, named_unit, spoken
+from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
 from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
@@ -24,6 +23,7 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
+from fifthwheel.spoken_names import named, named_unit, spoken
 from fifthwheel.vehicle.parameters import FRICTION
 
 CONSEQUENCES = "Probably explained by the cautions"
@@ -116,7 +116,7 @@ def conclude_identification(
         identification_cautions(identification, runs, states, validated), identification.doubts
     )
     contradicted = {str(caution.log) for caution in validation_cautions(validated)}
-    repaired = [f for f in identification.findings if f.fault in REPAIRED]
+    repaired = [f for f in identification.findings if is_repaired(f)]
     return Conclusion(
         good=len(converged) == len(estimated) and not contradicted,
         headline=_headline(identification, converged, estimated, contradicted),

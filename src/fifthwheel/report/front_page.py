@@ -8,7 +8,6 @@ from fifthwheel import pages
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.formatting import enumerated, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.pages.html import text
@@ -19,6 +18,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import lateral_acceleration
 from fifthwheel.report.truck_drawing import truck_drawing
 from fifthwheel.report.words import WIDE_MARK, mark, spoken_verdict
+from fifthwheel.spoken_names import spoken
 
 ESTIMATES = (
     *("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Verdict|full"),

@@ -13,7 +13,6 @@ from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.formatting import approximate, percent, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
@@ -28,6 +27,7 @@ from fifthwheel.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.states import StateConditions, all_states, states_section
 from fifthwheel.report.words import counted
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
 DRAWN = 3

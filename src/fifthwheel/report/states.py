@@ -11,7 +11,6 @@ from fifthwheel import pages
 from fifthwheel.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
 from fifthwheel.channels.lateral import SIDESLIP
 from fifthwheel.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
-from fifthwheel.diagnose.words import named_unit, spoken
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
@@ -25,6 +24,7 @@ from fifthwheel.report import consistency
 from fifthwheel.report.conclusion import Conclusion, conclude_states
 from fifthwheel.report.provenance import Provenance, logs_and_origin
 from fifthwheel.report.words import STATUSES, counted, sentence
+from fifthwheel.spoken_names import named_unit, spoken
 from fifthwheel.vehicle.drawing import UNITS
 
 MAIN_STATES = (SIDESLIP, ARTICULATION, ROLL)

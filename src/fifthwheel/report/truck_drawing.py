@@ -6,7 +6,6 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.diagnose.words import named_unit, spoken
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import Estimate, Verdict
 from fifthwheel.pages.html import text
@@ -14,6 +13,7 @@ from fifthwheel.plots import Area, Line, Panel, Points
 from fifthwheel.plots.items import as_array
 from fifthwheel.plots.palette import DARK
 from fifthwheel.report.words import spoken_verdict
+from fifthwheel.spoken_names import named_unit, spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.drawing import origins
 from fifthwheel.vehicle.parameters import FRICTION

@@ -177,7 +177,7 @@ def assess_information(
         ),
         noise={log.name: {name: log.noise[name] for name in predictor.channels if name in log.noise} for log in logs},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
-        notes=(*[f"{finding.log}: {finding.message}" for finding in dataset.findings], *dataset.notes),
+        notes=dataset.notes,
         version=fifthwheel.__version__,
     )
 

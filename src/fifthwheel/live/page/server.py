@@ -10,12 +10,12 @@ from socket import socket
 from typing import Any
 
 from fifthwheel._addresses import is_address
-from fifthwheel.diagnose.words import named_unit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.live.node import Output
 from fifthwheel.live.page.snapshots import Snapshots
 from fifthwheel.live.session import Session
 from fifthwheel.plots.palette import CYCLE
+from fifthwheel.spoken_names import named_unit
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.drawing import FLOOR, FRAME, OVERHANG, TRACK, WHEEL_RADIUS, WHEEL_WIDTH
 

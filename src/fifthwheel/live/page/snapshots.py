@@ -6,12 +6,12 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 
-from fifthwheel.diagnose.words import spoken
 from fifthwheel.formatting import shown, with_sigma
 from fifthwheel.identify.online import LearnedValue
 from fifthwheel.live.node import Output
 from fifthwheel.live.session import Session
 from fifthwheel.report.words import spoken_verdict
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import unit_of
 
 PERIOD = 0.1

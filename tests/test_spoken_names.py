@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel import vehicle
-from fifthwheel.diagnose.words import named, named_unit, spoken
+from fifthwheel.spoken_names import named, named_unit, spoken
 
 
 @pytest.mark.parametrize(
