@@ -74,15 +74,24 @@ def differences(name: str, tolerance: float = 0.0) -> list[str]:
     return found
 
 
-def same(value: Any, expected: Any, tolerance: float) -> bool:
-    """Whether two stored values are equal, or with a tolerance close; then digests and texts are not compared."""
+def same(value: Any, expected: Any, tolerance: float, smallest: float = 1e-9) -> bool:
+    """Whether two stored values are equal, or with a tolerance close; then digests and texts are not compared.
+
+    Args:
+        value: computed now.
+        expected: as stored.
+        tolerance: relative, of numbers; the elements of an array are compared with the largest of them.
+        smallest: difference that is always allowed.
+    """
     if not tolerance or type(value) is not type(expected):
         return json.dumps(value) == json.dumps(expected)
     if isinstance(value, list) and len(value) == len(expected):
-        return all(same(a, b, tolerance) for a, b in zip(value, expected, strict=True))
+        sizes = [abs(item) for item in expected if isinstance(item, float) and math.isfinite(item)]
+        smallest = max([smallest, *(tolerance * size for size in sizes)])
+        return all(same(a, b, tolerance, smallest) for a, b in zip(value, expected, strict=True))
     if isinstance(value, float):
         both_missing = math.isnan(value) and math.isnan(expected)
-        return both_missing or math.isclose(value, expected, rel_tol=tolerance, abs_tol=1e-9)
+        return both_missing or math.isclose(value, expected, rel_tol=tolerance, abs_tol=smallest)
     return isinstance(value, str) or bool(value == expected)
 
 

@@ -172,7 +172,7 @@ def finding(severity: str, message: str) -> None:
     """A finding with the icon and the colour of its severity."""
     with ui.element("div").classes(f"fw-finding {severity}"):
         icons = {"error": "error", "warning": "warning", "good": "check_circle"}
-        ui.icon(icons[severity]).props("role=img").props["aria-label"] = severity
+        ui.icon(icons[severity]).props("role=img aria-hidden=false").props["aria-label"] = severity
         ui.label(message)
 
 

@@ -118,6 +118,7 @@ def _assumed(vehicle: Vehicle) -> None:
 
 def _questions(workspace: Workspace) -> None:
     """The form; each answer is kept at once, and the drawing follows."""
+    rows: dict[str, ui.element] = {}
 
     def keep(question: Question, value: str | None) -> None:
         answers = _valid(workspace.choices().truck)
@@ -128,18 +129,16 @@ def _questions(workspace: Workspace) -> None:
         choices = workspace.choices().model_copy(update={"truck": answers})
         workspace.write_choices(choices, f"answer {question.key.replace('_', ' ')}")
         preview.refresh()
-        if question.choices:
-            fields.refresh()
+        show_needed(answers)
 
-    @ui.refreshable
-    def fields() -> None:
-        answers = _valid(workspace.choices().truck)
+    def show_needed(answers: Mapping[str, str]) -> None:
         for question in QUESTIONS:
-            needed = _applies(question, answers)
-            if needed:
-                _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
+            rows[question.key].visible = _applies(question, answers)
 
-    fields()
+    answers = _valid(workspace.choices().truck)
+    for question in QUESTIONS:
+        rows[question.key] = _field(question, answers.get(question.key, UNKNOWN), partial(keep, question))
+    show_needed(answers)
 
 
 @ui.refreshable
@@ -198,8 +197,8 @@ def _error(question: Question, text: str) -> str | None:
     return None
 
 
-def _field(question: Question, answer: str, keep: Any) -> None:
-    with ui.element("div").classes("fw-question"):
+def _field(question: Question, answer: str, keep: Any) -> ui.element:
+    with ui.element("div").classes("fw-question") as row:
         ui.label(question.text + (" *" if question.required else ""))
         field: ui.select | ui.input
         if question.choices:
@@ -213,6 +212,7 @@ def _field(question: Question, answer: str, keep: Any) -> None:
         field.props["aria-label"] = question.text
         if question.required:
             field.props["aria-required"] = "true"
+    return row
 
 
 _EXAMPLES = {"m": "7.7 m +- 2 cm", "kg": "7.2 t +- 3 %"}
