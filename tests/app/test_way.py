@@ -53,9 +53,10 @@ def go(page, name):
 
 
 def report(page, headline=True):
-    """The report in its frame, when it is shown."""
+    """The report in its frame, when it is shown; the frame has its whole height."""
     frame = page.frame_locator("iframe.fw-report")
     frame.locator("#verdict .headline").wait_for(timeout=LONG)
+    page.wait_for_function("parseFloat(document.querySelector('.fw-report').style.height) > 2000", timeout=LONG)
     return frame
 
 

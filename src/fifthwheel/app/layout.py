@@ -45,8 +45,8 @@ PROGRESS_POLL = 0.3
 
 def register(folder: Path) -> None:
     files = resources.files("fifthwheel.app")
-    style, cursor = (files.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "cursor.js"))
-    ui.add_head_html(f"<style>{style}</style><script>{cursor}</script>", shared=True)
+    style, script = (files.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
+    ui.add_head_html(f"<style>{style}</style><script>{script}</script>", shared=True)
     result_files.register(folder)
     logging.getLogger("nicegui").addFilter(_without_traceback)
     for name in PAGES:

@@ -139,6 +139,21 @@
   });
   drawVisible();
   document.body.dataset.drawn = "yes";
+  if (window.parent !== window) {  // the workbench gives the page its whole height, scrolls it, and says whether it is dark
+    const themes = [...document.styleSheets].flatMap((sheet) => [...sheet.cssRules])
+      .filter((rule) => rule.media && rule.media.mediaText.includes("prefers-color-scheme"));
+    window.addEventListener("message", (event) => {
+      if (event.source !== window.parent || typeof event.data.dark !== "boolean") return;
+      themes.forEach((rule) => { rule.media.mediaText = event.data.dark ? "screen" : "not all"; });
+      document.documentElement.style.colorScheme = event.data.dark ? "dark" : "light";
+    });
+    document.querySelectorAll('nav a[href^="#"]').forEach((link) => link.addEventListener("click", (event) => {
+      event.preventDefault();  // the frame does not scroll, the page around it does
+      const target = document.querySelector(link.getAttribute("href"));
+      window.parent.postMessage({ top: target.getBoundingClientRect().top }, "*");
+    }));
+    new ResizeObserver(() => window.parent.postMessage({ height: document.documentElement.offsetHeight }, "*")).observe(document.documentElement);
+  }
 
   const drawn = () => [...document.querySelectorAll("div.plot[data-drawn]")].filter((p) => !p.closest("details:not([open])"));
   const printed = { wide: (p) => [680, Math.min(40 + 85 * p.style.getPropertyValue("--panels"), 900)], tall: () => [330, 290], small: () => [215, 165] };

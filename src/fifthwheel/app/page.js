@@ -1,4 +1,4 @@
-// One time cursor in all plots of a log, and the values of their lines at this time.
+// One time cursor in all plots of a log, and the values of their lines at this time; a report in its whole height and in the theme.
 (function () {
   const form = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(4))).replace("-", "\u2212") : "");
 
@@ -70,4 +70,21 @@
   }
   document.addEventListener("pointermove", later);
   document.addEventListener("pointerdown", later);
+
+  const reports = () => [...document.querySelectorAll(".fw-report")];
+  const tellTheme = (report) =>
+    report.contentWindow.postMessage({ dark: document.body.classList.contains("body--dark") }, "*");
+  const BAR = 60;  // pixels that the bar covers
+  window.addEventListener("message", (event) => {  // the report says its height and where a link leads, no more
+    const report = reports().find((frame) => frame.contentWindow === event.source);
+    if (!report || !event.data) return;
+    const { height, top } = event.data;
+    if (top > 0) window.scrollTo({ top: window.scrollY + report.getBoundingClientRect().top + top - BAR });
+    if (!(height > 0)) return;
+    report.style.height = `${Math.min(Math.ceil(height) + 2, 60000)}px`;
+    tellTheme(report);
+  });
+  document.addEventListener("DOMContentLoaded", () => {
+    new MutationObserver(() => reports().forEach(tellTheme)).observe(document.body, { attributeFilter: ["class"] });
+  });
 })();
