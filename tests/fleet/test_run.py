@@ -209,12 +209,17 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
         ({}, "70 % of the variance comes from the scale of all masses, common to the trips: measure it."),
         ({"excited_trips": 1}, "Excitation: 1 of 9 trips determines it."),
         ({"sigma": 1e3}, ""),
-        ({"limited_fraction": 0.4}, ""),
-        ({"limited_by": None, "limited_fraction": None}, ""),
+        ({"limited_fraction": 0.4}, "More trips narrow it."),
+        (
+            {"limited_by": ["mass_scale", "road.bank"]},
+            "70 % of the variance comes from the scale of all masses and the bank of the road, common to the trips: "
+            "measure them.",
+        ),
+        ({"limited_by": [], "limited_fraction": 0.0}, "More trips narrow it."),
     ],
 )
 def test_why_a_band_does_not_narrow(changes, text) -> None:
-    row = {"value": 5e5, "sigma": 5e4, "trips": 9, "excited_trips": 9, "limited_by": "mass_scale"}
+    row = {"value": 5e5, "sigma": 5e4, "trips": 9, "excited_trips": 9, "limited_by": ["mass_scale"]}
     assert limit(row | {"limited_fraction": 0.7} | changes) == text
 
 

@@ -12,7 +12,7 @@ from fifthwheel.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS
-from fifthwheel.formatting import percent, shown, with_sigma
+from fifthwheel.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.options import FleetSettings
 from fifthwheel.pages import page
@@ -80,8 +80,8 @@ def _tables(rows: Mapping[str, Sequence[Row]]) -> Iterator[pages.Block]:
     yield pages.Heading("Trucks", key="trucks")
     yield pages.Hint(
         "Estimate of each tractor parameter at the last trip, from all trips with all trailers, ± sigma. "
-        "Since first: change of the estimate since the first trip, or since the last change. Limited by: why more "
-        "trips of the same kind do not make sigma smaller."
+        "Since first: change of the estimate since the first trip, or since the last change. Limited by: what would "
+        "make sigma smaller, where it is 5 % or more."
     )
     yield pages.Table(("Truck|name", *LATEST), [(pages.Code(r["truck"]), *_latest(r)) for r in trucks[:MAX_ROWS]])
     yield pages.Heading("Trailers", key="trailers")
@@ -100,18 +100,18 @@ def _latest(row: Row) -> tuple[pages.Cell, ...]:
 
 
 def limit(row: Row) -> str:
-    """Why the band of a parameter does not narrow with more trips of this kind; empty if its sigma is small."""
-    if row["sigma"] < NOTABLE_SIGMA * abs(row["value"]) or "limited_by" not in row:  # of an earlier version
-        return ""
+    """What would narrow the band of a parameter; empty if its sigma is small."""
+    if row["sigma"] < NOTABLE_SIGMA * abs(row["value"]) or not isinstance(row.get("limited_by"), list):
+        return ""  # tables of an earlier version have no list
     if row["excited_trips"] < min(row["trips"], ENOUGH_TRIPS):
         trips = f"{row['excited_trips']} of {counted(row['trips'], 'trip')}"
         return f"Excitation: {trips} determine{'s' * (row['excited_trips'] == 1)} it."
-    if row["limited_by"] and row["limited_fraction"] > DOMINANT_FRACTION:
-        source = named(row["limited_by"])
-        return (
-            f"{percent(row['limited_fraction'])} of the variance comes from {source}, common to the trips: measure it."
-        )
-    return ""
+    sources = [named(name) for name in row["limited_by"]]
+    if row["limited_fraction"] > DOMINANT_FRACTION:
+        cure = "measure it" if len(sources) == 1 else "measure them"
+        share = percent(row["limited_fraction"])
+        return f"{share} of the variance comes from {enumerated(sources)}, common to the trips: {cure}."
+    return "More trips narrow it."
 
 
 def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequence[Attention]) -> Iterator[pages.Block]:

@@ -4,8 +4,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
+from fifthwheel.diagnose.thresholds import DOMINANT_FRACTION
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet.dataset import TripDataset, TruckTrips
 from fifthwheel.fleet.trips import DATE, log_knowledge, numbers, texts
@@ -24,7 +26,7 @@ _LATEST = [
     ("trips", pa.int64()),
     *numbers("first_value"),
     ("excited_trips", pa.int64()),
-    *texts("limited_by"),
+    ("limited_by", pa.list_(pa.string())),
     *numbers("limited_fraction"),
 ]
 SCHEMAS: Mapping[str, pa.Schema] = {
@@ -55,7 +57,7 @@ SCHEMAS: Mapping[str, pa.Schema] = {
 }
 """Columns. `date` of a change is that of the first trip with it, `after` that of the last trip without. `value` of a
 history is the estimate at this date from all trips, `trip_value` that of the trip alone. `excited_trips` are those that
-determine the parameter alone; `limited_fraction` of the variance would go if the number `limited_by` were exact."""
+determine the parameter alone; `limited_fraction` of the variance would go if the numbers `limited_by` were exact."""
 
 
 def table_of(rows: Sequence[Mapping[str, Any]], schema: pa.Schema) -> pa.Table:
@@ -135,17 +137,19 @@ def _tables(
     return tables | {"changes": [*_changes(truck, combined)]}
 
 
-def _limit(combined: Combined, unknown: Owned) -> tuple[str | None, float | None]:
-    """The number that limits a parameter after the last trip most, and by what fraction its variance would fall if this
-    number were exact: their squared correlation."""
+def _limit(combined: Combined, unknown: Owned) -> tuple[list[str], float]:
+    """The numbers that limit a parameter after the last trip, and the fraction of its variance that would go if they
+    were exact: the fewest, up to three, to which most of the variance is due."""
     P, i = combined.last.P, combined.layout.unknowns[unknown]
-    fractions = {
-        other.name: float(P[i, j] ** 2 / (P[i, i] * P[j, j]))
-        for other, j in combined.layout.unknowns.items()
-        if other not in combined.layout.estimated
-    }
-    name = max(fractions, key=lambda name: fractions[name], default=None)
-    return name, None if name is None else fractions[name]
+    places = {j: u.name for u, j in combined.layout.unknowns.items() if u not in combined.layout.estimated}
+
+    def fraction(chosen: list[int]) -> float:
+        return float(P[i, chosen] @ np.linalg.lstsq(P[np.ix_(chosen, chosen)], P[chosen, i])[0] / P[i, i])
+
+    chosen: list[int] = []
+    while len(chosen) < min(3, len(places)) and not (chosen and fraction(chosen) > DOMINANT_FRACTION):
+        chosen.append(max(places.keys() - set(chosen), key=lambda j: fraction([*chosen, j])))
+    return [places[j] for j in chosen], fraction(chosen) if chosen else 0.0
 
 
 def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
