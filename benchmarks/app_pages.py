@@ -26,8 +26,10 @@ OUT = ROOT / "docs" / "_static" / "app"
 SIZES = {"wide": (1400, 1000), "narrow": (390, 844)}
 MAX_SIZE = 150_000
 """Bytes of a picture."""
-SETTLED = 4000
-"""ms in which a page is drawn, after the first of its plots."""
+SHOWN = ".js-plotly-plot[role=img] .plot-container, .fw-table table, .fw-report"
+"""A plot, a table or a report, with which a page begins its result."""
+SETTLED = 6000
+"""ms in which a page is drawn, after the first of these."""
 RUNS = {"first": [], "roll stiffness known": ["--set", "roll_stiffness=+- 5 %"]}
 """Options of the identifications."""
 
@@ -68,7 +70,7 @@ def main() -> None:
                     page.get_by_text("channels").first.wait_for()
                     for name in names:
                         page.goto(start.rstrip("/") + address(name))
-                        page.locator(".js-plotly-plot[role=img] .plot-container").first.wait_for(timeout=60_000)
+                        page.locator(SHOWN).first.wait_for(timeout=60_000)
                         page.wait_for_timeout(SETTLED)
                         path = OUT / f"{name}-{form}.webp"
                         save(page.screenshot(), path)
