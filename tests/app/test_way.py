@@ -285,7 +285,7 @@ def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
 
 def test_a_slider_by_keys_changes_the_prediction(browser, tmp_path):
     workspace = prepared(tmp_path / "w")
-    name = "semitrailer.cornering_stiffness"
+    name, path = "Trailer tyres, cornering stiffness", "semitrailer.cornering_stiffness"
     with served(workspace.folder) as address, tab(browser, f"{address}explore") as page:
         table = page.get_by_role("table", name="Fit of each signal")
         table.wait_for(timeout=LONG)
@@ -303,8 +303,8 @@ def test_a_slider_by_keys_changes_the_prediction(browser, tmp_path):
         page.get_by_role("button", name="Write to vehicle.toml").click()
         page.get_by_text("1 number written to vehicle.toml").wait_for()
         assert slider.input_value() == "0"
-    changed = Vehicle.load(workspace.folder / "vehicle.toml").parameters()[name]
-    assert changed == pytest.approx(TRUCK.parameters()[name] * 2**0.25, rel=1e-3)
+    changed = Vehicle.load(workspace.folder / "vehicle.toml").parameters()[path]
+    assert changed == pytest.approx(TRUCK.parameters()[path] * 2**0.25, rel=1e-3)
 
 
 def test_the_verdict_of_the_check_fits_a_narrow_screen(browser, tmp_path):

@@ -10,6 +10,7 @@ import pytest
 
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.simulate import simulate
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, get
 from tests.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
 
@@ -29,8 +30,8 @@ def folder(tmp_path_factory) -> Path:
 
 
 def line_of(out: str, name: str) -> str:
-    """The first line that begins with a name."""
-    return next(line for line in out.splitlines() if line.startswith(name))
+    """The first line that begins with a parameter, by its path or in words."""
+    return next(line for line in out.splitlines() if line.startswith((name, spoken(name))))
 
 
 def test_check_tells_every_parameter(folder, run):  # noqa: F811
@@ -41,7 +42,7 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
         assert re.search(r"\+-30 %|\+-61 %", line_of(outcome.out, name))
         assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
     assert re.search(
-        rf"- {HEIGHT}: \d+ % -> \d+ % if a static test of the semitrailer \(fifthwheel roll-test\) gives .* to 2 cm",
+        rf"- {spoken(HEIGHT)}: \d+ % -> \d+ % if a static test of the semitrailer \(fifthwheel roll-test\) gives .* 2 cm",
         " ".join(outcome.out.split()),
     )
     assert "Errors in the logs" not in outcome.out
@@ -63,7 +64,8 @@ def test_check_of_a_straight_drive(folder, run):  # noqa: F811
     assert outcome.out.startswith("straight: no parameter is identifiable, the excitation is too small.")
     for name in ESTIMATED:
         assert line_of(outcome.out, name).rstrip().endswith("not excited")
-        assert re.match(rf"- {name}: not excited -> [\d.]+ % if one more lane", line_of(outcome.out, f"- {name}"))
+        remedy = rf"(?m)^- {spoken(name)}: not excited -> [\d.]+ % if one more lane"
+        assert re.search(remedy, outcome.out)
     assert "at 88 km/h" in outcome.out
 
 

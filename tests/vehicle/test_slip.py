@@ -1,5 +1,6 @@
 """Masses from weighbridge slips: against a vehicle whose loads are known, and sigma against repeated weighings."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,23 @@ def test_a_brochure_replaces_slips() -> None:
     assert weighed["payload.mass"][1] == pytest.approx((weighed["trailer.mass"][1] ** 2 + 300**2) ** 0.5, rel=1e-6)
     with pytest.raises(VehicleError, match=r"solo: expected the loads of the tractor alone, .*give"):
         weigh(Lengths(wheelbase=3.7, coupling=None, trailer=8.0), slip, GROUPS, tares)
+
+
+def test_the_laden_slip_gives_the_cog_of_the_tractor_where_the_kingpin_is_known() -> None:
+    """With the spread of repeated weighings, brochures and tapes; it counts against what was known before."""
+    random, found = np.random.default_rng(4), []
+    for _ in range(300):
+        loads = {path: load * (1 + 0.01 * random.normal()) for path, load in LADEN.items()}
+        lengths = replace(LENGTHS, coupling=3.1 + 0.02 * random.normal(), coupling_sigma=0.02)
+        tares = {
+            "tractor.mass": (7200 + 200 * random.normal(), 200.0),
+            "tractor.cog": (1.03 + 0.3 * random.normal(), 0.3),
+        }
+        found.append(weigh(lengths, Slip(laden=loads, accuracy=0.01), GROUPS, tares)["tractor.cog"])
+    values, sigmas = np.array(found).T
+    assert np.mean(values) == pytest.approx(1.03, abs=3 * np.std(values) / 300**0.5)
+    assert np.std(values) == pytest.approx(np.mean(sigmas), rel=0.15)
+    assert np.mean(sigmas) < 0.2
 
 
 def test_a_slip_file(tmp_path: Path) -> None:

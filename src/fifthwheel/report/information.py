@@ -8,11 +8,12 @@ from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
-from fifthwheel.formatting import approximate, percent, relative, with_sigma
+from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design.assess import InformationAssessment, ParameterAssessment
 from fifthwheel.identify.design.remedies import Remedy
 from fifthwheel.report.words import spoken_verdict
+from fifthwheel.spoken_names import named, spoken
 
 PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
@@ -36,7 +37,10 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
         pages.Items(errors, "Errors in the logs"),
         pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
         pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
-        pages.Items([f"{p.name} with {', '.join(p.correlated_with)}" for p in correlated], "Strongly correlated"),
+        pages.Items(
+            [f"{spoken(p.name)}, with {enumerated(list(map(named, p.correlated_with)))}" for p in correlated],
+            "Strongly correlated",
+        ),
         pages.Items([*outlook.cautions, *others], "Cautions"),
         pages.Items([*outlook.notes, *_notes(outlook)], "Notes"),
     ]
@@ -50,7 +54,7 @@ def is_identifiable(assessment: ParameterAssessment) -> bool:
 
 def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
     return (
-        pages.Code(p.name),
+        pages.Hinted(spoken(p.name), p.name),
         with_sigma(p.value, None, p.unit),
         f"±{relative(p.value, p.prior)}",
         f"±{relative(p.value, p.sigma)}" if is_identifiable(p) else "–",
@@ -69,11 +73,12 @@ def _bar(p: ParameterAssessment) -> pages.Markup:
 
 
 def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
-    """What "known" means, if a remedy uses it."""
-    texts = " ".join(map(describe_remedy, remedies))
-    if "--set" in texts:
-        yield "Measured and fixed (--set): measure it, and give --set NAME='VALUE exact'."
-    if "known exactly" in texts:
+    """What "known" means, if a remedy uses it, and how a number is stated."""
+    known = {name: describe_remedy(Remedy(known=(name,))) for remedy in remedies for name in remedy.known}
+    if fixed := [name for name, text in known.items() if "measured and fixed" in text]:
+        settings = " ".join(f"--set {name}='VALUE exact'" for name in fixed)
+        yield f"Measured and fixed (--set): measure it, and give {settings}."
+    if any("known exactly" in text for text in known.values()):
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 
 
@@ -93,10 +98,14 @@ def _headline(outlook: InformationAssessment, identifiable: Sequence[ParameterAs
 
 
 def _improvement(p: ParameterAssessment) -> str:
-    """ "name: 20 % -> 12 % if semitrailer.roll_axis_height is calibrated, -> 9 % if one more lane change is driven"."""
+    """As "Trailer, yaw inertia: 20 % -> 12 % if the roll axis height of the trailer is calibrated"."""
     start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
-    changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy)}" for remedy in p.remedies]
-    return f"{p.name}: {start} {', '.join(changes)}"
+    changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy, naming=named)}" for remedy in p.remedies]
+    return f"{spoken(p.name)}: {start} {', '.join(changes)}"
+
+
+def _correlation(p: ParameterAssessment) -> str:
+    return f"{spoken(p.name)}, with {enumerated(list(map(named, p.correlated_with)))}"
 
 
 def _notes(outlook: InformationAssessment) -> Iterator[str]:

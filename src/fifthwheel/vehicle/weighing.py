@@ -287,6 +287,8 @@ class Lengths:
     """From the tractor's first axle to the middle of its other axles."""
     coupling: float | None
     """From the tractor's first axle to the kingpin; None if it is not known, then the slips determine it."""
+    coupling_sigma: float | None = None
+    """By default 1 % of the wheelbase, as in a vehicle file that states nothing."""
     trailer: float
     """From the kingpin to the middle of the trailer's axles."""
 
@@ -295,10 +297,10 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     """Masses and CoG positions, from moments of the loads; Cheng and Cebon (2011), section 2.2.
 
     The groups are the paths of the tractor's two axle groups and of the trailer. The tares are "tractor.mass", kg, and
-    "tractor.cog", m behind the first axle, where there is no solo slip; "trailer.mass" without load, kg, where there is
-    no empty slip. The result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and
-    "coupling", with standard deviations; distances are behind the first axle and the kingpin. What does not follow from
-    the slips is absent.
+    "tractor.cog", m behind the first axle, where there is no solo slip, and "trailer.mass" without load, kg, where
+    there is no empty slip. Without a solo slip, the laden loads inform the tractor's CoG too if the kingpin is known. The
+    result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and "coupling", with standard
+    deviations; distances are behind the first axle and the kingpin. What does not follow from the slips is absent.
 
     Raises:
         VehicleError: a load is missing or unknown, or the loads contradict each other.
@@ -309,6 +311,9 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     for condition in CONDITIONS:
         for path, load in getattr(slip, condition).items():
             inputs[f"{condition}.{groups.index(path)}"] = (load, slip.accuracy * load)
+    if lengths.coupling is not None:
+        sigma = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
+        inputs["coupling"] = (lengths.coupling, sigma if lengths.coupling_sigma is None else lengths.coupling_sigma)
     if not slip.solo:
         inputs |= {key: tares[key] for key in ("tractor.mass", "tractor.cog")}
     if not slip.empty and "trailer.mass" in tares:
@@ -330,7 +335,17 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
             f"laden.{groups[0]}: differs by {difference:+.0f} kg from the prediction with a sigma of {sigma:.0f} kg;"
             " check the position of the fifth wheel, and weigh again on level ground with released brakes"
         )
-    return {key: number for key, number in results.items() if key != "hitch"}
+    if not slip.solo:
+        results["tractor.cog"] = _mean(results["tractor.cog"], results["cog by moments"])
+    return {key: number for key, number in results.items() if key not in ("hitch", "cog by moments")}
+
+
+def _mean(one: Number, other: Number) -> Number:
+    """The mean of two independent numbers, weighted by their information; an exact one is kept."""
+    if not one[1] or not other[1]:
+        return other if one[1] else one
+    weight = one[1] ** 2 / (one[1] ** 2 + other[1] ** 2)
+    return one[0] + weight * (other[0] - one[0]), math.hypot(weight * other[1], (1 - weight) * one[1])
 
 
 def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]) -> None:
@@ -419,7 +434,8 @@ def propagate(
 
 
 def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
-    """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads."""
+    """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads. Where the kingpin is
+    known, the laden loads have a CoG of the tractor that needs no solo loads, "cog by moments"."""
     if "solo.0" in x:
         tractor = x["solo.0"] + x["solo.1"]
         cog = lengths.wheelbase * x["solo.1"] / tractor
@@ -431,7 +447,9 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     if lengths.coupling is None:
         result["coupling"] = moment / hitch if hitch > 0 else math.inf
     else:
-        result["front"] = (lengths.coupling * hitch - moment) / lengths.wheelbase
+        kingpin = x.get("coupling", lengths.coupling)
+        result["front"] = (kingpin * hitch - moment) / lengths.wheelbase
+        result["cog by moments"] = (lengths.wheelbase * x["laden.1"] - kingpin * hitch) / tractor
     trailer = hitch + x["laden.2"]
     result |= {"trailer.mass": trailer, "trailer.cog": lengths.trailer * x["laden.2"] / trailer}
     if "empty.0" in x:

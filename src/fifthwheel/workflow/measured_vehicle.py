@@ -101,6 +101,7 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     lengths = Lengths(
         wheelbase=first - tractor.axle_groups[1].position,
         coupling=first - wheel.leading_position,
+        coupling_sigma=vehicle.stated.get(f"{wheel.name}.leading_position"),
         trailer=wheel.trailing_position - trailer.axle_groups[0].position,
     )
     sigmas = {change.name: abs(change.slopes.get(change.name, 0.0)) for change in changes(vehicle)}
@@ -114,9 +115,10 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     results = weigh(lengths, slip, (front, drive, bogie), tares)
     values: dict[str, Number] = {}
     for key, unit, origin in ((TRACTOR, tractor, first), (TRAILER, trailer, wheel.trailing_position)):
+        (mass, sigma_mass), (cog, sigma_cog) = results[f"{key}.mass"], results[f"{key}.cog"]
+        values[f"{unit.name}.cog"] = (origin - cog, sigma_cog)
         if key == TRAILER or slip.solo:
-            (mass, sigma_mass), (cog, sigma_cog) = results[f"{key}.mass"], results[f"{key}.cog"]
-            values |= {f"{unit.name}.mass": (mass, sigma_mass), f"{unit.name}.cog": (origin - cog, sigma_cog)}
+            values[f"{unit.name}.mass"] = (mass, sigma_mass)
             if unit.payload is None:
                 values[f"{unit.name}.sprung.mass"] = (unit.sprung.mass + mass - unit.mass, None)
     if trailer.payload:

@@ -161,6 +161,7 @@ class _Builder:
         lengths = Lengths(
             wheelbase=-sum(rear) / len(rear),
             coupling=None if position is None else position[0],
+            coupling_sigma=None if position is None else position[1],
             trailer=known.trailer_wheelbase[0],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
@@ -175,7 +176,9 @@ class _Builder:
                 self._set(unit, name, "mass", results[f"{key}.mass"], WEIGHED)
                 self._set(unit, name, "cog", (-cog, sigma), WEIGHED)
             else:
+                cog, sigma = results["tractor.cog"]
                 self._set(unit, name, "mass", known.tractor_tare, BROCHURE)
+                self._set(unit, name, "cog", (-cog, sigma), f"{WEIGHED}: moments of the laden tractor")
         if "coupling" in results:
             where, sigma = results["coupling"]
             self._set(coupling, COUPLING, "leading_position", (-where, sigma), f"{WEIGHED}: moments of the tractor")

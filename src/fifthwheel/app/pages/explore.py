@@ -24,6 +24,7 @@ from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.plots import Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, VERMILLION
 from fifthwheel.record import Record
+from fifthwheel.spoken_names import named_unit, spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
 
@@ -90,7 +91,7 @@ class _Page:
         others = [path for path, value in self.truck.parameters().items() if value and path not in first]
         for unit in dict.fromkeys(path.partition(".")[0] for path in others):
             changed = any(path in self.values for path in others if path.partition(".")[0] == unit)
-            with ui.expansion(f"More of {unit}", value=changed).classes("w-full"):
+            with ui.expansion(f"More of the {named_unit(unit)}", value=changed).classes("w-full"):
                 for path in others:
                     if path.partition(".")[0] == unit:
                         self._slider(path)
@@ -99,13 +100,13 @@ class _Page:
         given = self.truck.parameters()[path]
         value = self.values.get(path, given)
         with ui.element("div").classes("fw-slider"):
-            ui.label(path)
+            ui.label(spoken(path)).tooltip(path)
             number = ui.label(with_sigma(value, None, unit_of(path)))
             # The input of the browser works with keys and screen readers. As HTML, because an update of the page would
             # set the value of an element back.
             steps = round(STEPS * math.log(value / given, FACTOR))
             slider = ui.html(
-                f'<input type="range" min="{-STEPS}" max="{STEPS}" value="{steps}" aria-label="{escape(path)}" '
+                f'<input type="range" min="{-STEPS}" max="{STEPS}" value="{steps}" aria-label="{escape(spoken(path))}" '
                 f'aria-describedby="{number.html_id}">',
                 sanitize=False,
             )
