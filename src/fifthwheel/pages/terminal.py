@@ -21,6 +21,9 @@ COLOURS = {
 }
 """Kind of a mark, which is a verdict, -> colour; its word is always shown too."""
 
+WORD = 14
+"""Longest part of a text that a column of a table keeps in one line."""
+
 
 def show(document: pages.Document, console: "Console | None" = None) -> None:
     """Print the blocks of a document, except plots and HTML; in ASCII where that is no terminal with Unicode."""
@@ -73,15 +76,26 @@ class _Printer:
         self._line(text, "bold")
 
     def _table(self, table: pages.Table) -> None:
-        """A table without lines, and without the columns that have HTML."""
+        """A table without lines, and without the columns that have HTML; where it is too wide, its numbers wrap too."""
         from rich.table import Table as Grid
 
         shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
         columns = [table.columns[k] for k in shown] or table.columns
         grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
-        for column in columns:
+        texts = [
+            [column.head, *(pages.plain(row[k]) for row in table.rows)] for k, column in zip(shown, columns, strict=False)
+        ]
+        fits = sum(1 + max(map(len, column)) for column in texts) <= self._console.width
+        for k, column in enumerate(columns):
             head, right = self._text(column.head), column.is_number
-            grid.add_column(head, justify="right" if right else "left", overflow="fold", no_wrap=right)
+            words = [len(word) for text in texts[k] for word in text.split()] if texts else []
+            grid.add_column(
+                head,
+                justify="right" if right else "left",
+                overflow="fold",
+                no_wrap=right and fits,
+                min_width=None if fits else min(max(words, default=1), WORD),
+            )
         for row in table.rows:
             grid.add_row(*[self._cell(row[k]) for k in shown])
         self._console.print()
