@@ -24,6 +24,7 @@ class Verdict(StrEnum):
     NOT_IDENTIFIABLE = "not_identifiable"
     AT_BOUND = "at_bound"
     FIXED = "fixed"
+    STATED = "stated"
 
 
 def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: float) -> dict[int, Verdict]:

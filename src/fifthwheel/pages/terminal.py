@@ -17,6 +17,7 @@ COLOURS = {
     "not_excited": "red",
     "not_identifiable": "red",
     "at_bound": "red",
+    "stated": "cyan",
     "fixed": "cyan",
 }
 """Kind of a mark, which is a verdict, -> colour; its word is always shown too."""
@@ -82,13 +83,14 @@ class _Printer:
         shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
         columns = [table.columns[k] for k in shown] or table.columns
         grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
-        texts = [
-            [column.head, *(pages.plain(row[k]) for row in table.rows)] for k, column in zip(shown, columns, strict=False)
-        ]
+        texts = [[column.head] for column in columns]
+        for row in table.rows:
+            for k, place in zip(shown, texts, strict=True):
+                place.append(_plain(row[k]))
         fits = sum(1 + max(map(len, column)) for column in texts) <= self._console.width
         for k, column in enumerate(columns):
             head, right = self._text(column.head), column.is_number
-            words = [len(word) for text in texts[k] for word in text.split()] if texts else []
+            words = [len(word) for text in texts[k] for word in text.split()]
             grid.add_column(
                 head,
                 justify="right" if right else "left",
@@ -102,7 +104,7 @@ class _Printer:
         self._console.print(grid)
 
     def _cell(self, cell: pages.Cell) -> str:
-        text = self._text(pages.plain(cell))
+        text = self._text(_plain(cell))
         colour = COLOURS.get(cell.kind) if isinstance(cell, pages.Mark) else None
         return f"[{colour}]{text}[/]" if colour else text
 
@@ -117,3 +119,8 @@ class _Printer:
         for line in items.lines:
             grid.add_row("-", self._text(line))
         self._console.print(grid)
+
+
+def _plain(cell: pages.Cell) -> str:
+    """A cell as plain text; of words with a path the path, which is what options of a command take."""
+    return cell.hint if isinstance(cell, pages.Hinted) else pages.plain(cell)

@@ -108,7 +108,8 @@ def conclude_identification(
         states: of the identified truck, for whether they fit the measurements.
         validated: validation logs, each identified with the knowledge of the identification.
     """
-    estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED and not _is_unused_friction(e)]
+    given = (Verdict.FIXED, Verdict.STATED)
+    estimated = [e for e in identification.parameters if e.verdict not in given and not _is_unused_friction(e)]
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
@@ -220,6 +221,8 @@ def _reason(identification: Identification, e: Estimate) -> str:
     value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
     if e.verdict is Verdict.FIXED:
         return f"{value}, as requested"
+    if e.verdict is Verdict.STATED:
+        return f"{with_sigma(e.value, e.sigma, e.unit)}; the logs add little to what you stated"
     if e.verdict is Verdict.AT_BOUND:
         return f"{value} is the limit of the permitted range and not an estimate"
     if e.verdict is Verdict.DOUBTFUL:

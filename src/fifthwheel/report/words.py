@@ -10,6 +10,7 @@ MARKS = {
     Verdict.NOT_EXCITED: "?",
     Verdict.NOT_IDENTIFIABLE: "∥",
     Verdict.AT_BOUND: "!",
+    Verdict.STATED: "=",
     Verdict.FIXED: "=",
 }
 """Verdict -> mark."""

@@ -298,9 +298,9 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
 
     The groups are the paths of the tractor's two axle groups and of the trailer. The tares are "tractor.mass", kg, and
     "tractor.cog", m behind the first axle, where there is no solo slip, and "trailer.mass" without load, kg, where
-    there is no empty slip. Without a solo slip, the laden loads inform the tractor's CoG too if the kingpin is known. The
-    result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and "coupling", with standard
-    deviations; distances are behind the first axle and the kingpin. What does not follow from the slips is absent.
+    there is no empty slip. Without a solo slip, the laden loads inform the tractor's CoG too if the kingpin is known.
+    The result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and "coupling", with
+    standard deviations; distances are behind the first axle and the kingpin. What does not follow is absent.
 
     Raises:
         VehicleError: a load is missing or unknown, or the loads contradict each other.
@@ -312,8 +312,8 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
         for path, load in getattr(slip, condition).items():
             inputs[f"{condition}.{groups.index(path)}"] = (load, slip.accuracy * load)
     if lengths.coupling is not None:
-        sigma = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
-        inputs["coupling"] = (lengths.coupling, sigma if lengths.coupling_sigma is None else lengths.coupling_sigma)
+        usual = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
+        inputs["coupling"] = (lengths.coupling, usual if lengths.coupling_sigma is None else lengths.coupling_sigma)
     if not slip.solo:
         inputs |= {key: tares[key] for key in ("tractor.mass", "tractor.cog")}
     if not slip.empty and "trailer.mass" in tares:
