@@ -48,9 +48,10 @@ def test_exact_slips_give_the_true_masses() -> None:
 
 @pytest.mark.parametrize("coupling", [None, 3.1])
 def test_sigma_is_the_spread_of_repeated_weighings(coupling: float | None) -> None:
-    lengths, random = Lengths(wheelbase=3.7, coupling=coupling, trailer=8.0), np.random.default_rng(1)
-    results = []
+    random, results = np.random.default_rng(1), []
     for _ in range(300):
+        trailer = 8.0 + 0.05 * random.normal()
+        lengths = Lengths(wheelbase=3.7, coupling=coupling, trailer=trailer, trailer_sigma=0.05)
         noisy = [
             {path: load * (1 + 0.01 * random.normal()) for path, load in loads.items()}
             for loads in (LADEN, SOLO, EMPTY)

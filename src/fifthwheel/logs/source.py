@@ -15,9 +15,11 @@ from fifthwheel.names import split_source
 from fifthwheel.record.timestamps import TimestampFilter
 from fifthwheel.units import factor
 
-TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit")
+TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "tid", "aika", "czas")
 """Columns that are the time of a table unless the map names another, in upper or lower case."""
-_TIME_WORD = re.compile(r"time|zeit|stamp|datum|date")
+_TIME_WORD = re.compile(rf"time|zeit|stamp|datum|date|\b({'|'.join(TIME_COLUMNS[5:])})\b")
+_WITH_UNIT = re.compile(rf"({'|'.join(TIME_COLUMNS)})[ _.]*[(\[]?(s|sec|seconds|sekunden)[)\]]?")
+"""A name of the time that ends with its unit, such as "t_s"; seconds only, because a map has no unit of the time."""
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
 
 ReadProgress = Callable[[float], None]
@@ -98,7 +100,10 @@ def time_column(columns: Mapping[str, Column]) -> str | None:
     """The column with the time of a table's rows by its name and unit, if there is one."""
     rows = [column for column in columns.values() if not column.clock]
     by_name = {column.name.lower(): column.name for column in reversed(rows)}
-    timed = [column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())]
+    in_seconds = [column.name for column in rows if _WITH_UNIT.fullmatch(column.name.lower())]
+    timed = in_seconds or [
+        column.name for column in rows if column.unit in _TIME_UNITS and _TIME_WORD.search(column.name.lower())
+    ]
     return next((by_name[name] for name in TIME_COLUMNS if name in by_name), next(iter(timed), None))
 
 

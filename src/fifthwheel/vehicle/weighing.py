@@ -291,6 +291,8 @@ class Lengths:
     """By default 1 % of the wheelbase, as in a vehicle file that states nothing."""
     trailer: float
     """From the kingpin to the middle of the trailer's axles."""
+    trailer_sigma: float | None = None
+    """By default that of axle positions in a vehicle file that states nothing."""
 
 
 def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]) -> dict[str, Number]:
@@ -314,6 +316,8 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if lengths.coupling is not None:
         usual = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
         inputs["coupling"] = (lengths.coupling, usual if lengths.coupling_sigma is None else lengths.coupling_sigma)
+    usual = DEFAULT_SIGMAS["axle_positions"].sigma
+    inputs["trailer"] = (lengths.trailer, usual if lengths.trailer_sigma is None else lengths.trailer_sigma)
     if not slip.solo:
         inputs |= {key: tares[key] for key in ("tractor.mass", "tractor.cog")}
     if not slip.empty and "trailer.mass" in tares:
@@ -451,7 +455,7 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
         result["front"] = (kingpin * hitch - moment) / lengths.wheelbase
         result["cog by moments"] = (lengths.wheelbase * x["laden.1"] - kingpin * hitch) / tractor
     trailer = hitch + x["laden.2"]
-    result |= {"trailer.mass": trailer, "trailer.cog": lengths.trailer * x["laden.2"] / trailer}
+    result |= {"trailer.mass": trailer, "trailer.cog": x.get("trailer", lengths.trailer) * x["laden.2"] / trailer}
     if "empty.0" in x:
         result["payload.mass"] = trailer - (x["empty.0"] + x["empty.1"] - tractor + x["empty.2"])
     elif "unladen" in x:

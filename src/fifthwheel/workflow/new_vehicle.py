@@ -18,6 +18,9 @@ MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "giv
 TARE_SIGMA = 0.03
 """Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ. A load
 without a standard deviation has it too where it is compared with slips."""
+HEIGHT_SIGMA = 0.2
+"""Standard deviation of a height of the load on which nothing is stated, as a fraction: with it the CoG of the load is
+within 10 % of the height, which a uniform load would have at half of it."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,7 +145,9 @@ class _Builder:
         known, path = self.known, f"{TRAILER}.payload"
         payload: dict[str, Any] = {"shape": known.load_shape}
         self._set(payload, path, "mass", known.load_mass, GIVEN)
-        self._set(payload, path, "height", known.load_height, MEASURED)
+        if known.load_height is not None:
+            height, sigma = known.load_height
+            self._set(payload, path, "height", (height, HEIGHT_SIGMA * height if sigma is None else sigma), MEASURED)
         self._set(payload, path, "width", known.load_width, MEASURED)
         self._set(payload, path, "floor_height", known.floor_height, MEASURED)
         return payload
@@ -163,6 +168,7 @@ class _Builder:
             coupling=None if position is None else position[0],
             coupling_sigma=None if position is None else position[1],
             trailer=known.trailer_wheelbase[0],
+            trailer_sigma=known.trailer_wheelbase[1],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
         results = weigh(lengths, known.slip, groups, self._tares(lengths))

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import AS_LIKELY, UNUSUAL_CHANGE, PriorTest
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.identify.one_stage.problem import Problem
@@ -29,6 +30,10 @@ ITERATIONS, TOLERANCE = 16, 1.0
 """Of each fit, whose result is a rank and a size."""
 WIDER = 10.0
 """The bounds of an unknown without its prior are so many times further apart."""
+USUAL_CLOCK_ERROR = 0.02
+"""Largest relative error of the rate of a clock that loggers have; beyond it, a timestamp column must be wrong."""
+UNUSUAL_WEIGHT = 0.5
+"""Of the decrease of the cost by a larger one: a wrong number of the vehicle is the more common error by far."""
 NO_TAIL = 1e-3
 """Tail of a prior, in its standard deviations, that is almost without effect."""
 
@@ -43,6 +48,13 @@ class _Alternative:
     """Decrease of the cost."""
     possible: bool
     """Whether the unknown may be so far from its prior mean."""
+    usual: bool
+    """Whether such errors are common; all are but gross errors of a clock."""
+
+    @property
+    def rank(self) -> float:
+        """The larger, the likelier."""
+        return self.gain if self.usual else UNUSUAL_WEIGHT * self.gain
 
 
 def likely_causes(
@@ -63,8 +75,8 @@ def likely_causes(
         found.append(_without_prior(base, test))
     progress(TITLE, len(candidates), len(candidates))
     found = [a for a in found if a.possible] or found
-    found.sort(key=lambda alternative: -alternative.gain)
-    return [a.test for a in found if a.gain >= AS_LIKELY**2 * found[0].gain]
+    found.sort(key=lambda alternative: -alternative.rank)
+    return [a.test for a in found if a.rank >= AS_LIKELY**2 * found[0].rank]
 
 
 def _base(solution: Solution) -> Minimum[Problem]:
@@ -85,10 +97,13 @@ def _without_prior(base: Minimum[Problem], test: PriorTest) -> _Alternative:
     shifts = minimum.z - z
     shifts[_initial_states(problem)] = 0.0
     implied = float(minimum.z[problem.names.index(test.name)])
+    unknown = problem.unknowns_by_name[test.name]
+    clock_error = TIME_SCALE in unknown.moves and abs(unknown.change(implied)) > USUAL_CLOCK_ERROR
     return _Alternative(
         test=replace(test, implied=implied, shifts=shifts),
         gain=base.model.cost - minimum.model.cost,
-        possible=problem.unknowns_by_name[test.name].is_possible(implied),
+        possible=unknown.is_possible(implied),
+        usual=not clock_error,
     )
 
 
