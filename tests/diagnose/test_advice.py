@@ -227,7 +227,8 @@ def test_causes_in_words(result, sign):
                 {position: sign * 0.1, "tractor.drive.position": sign * -0.25, "tractor.drive.static_load": 5e3},
                 "tractor.axle_positions",
             ),
-            f"the axles of tractor are up to 0.25 m {'closer to' if later else 'further from'} its front ({times})",
+            "the axles of the tractor are up to 0.25 m "
+            f"{'closer to' if later else 'further from'} its front axle ({times})",
         ),
         (
             cause({"yaw_rate.tractor.gain": sign * 0.1}),

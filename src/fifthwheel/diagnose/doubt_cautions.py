@@ -14,6 +14,7 @@ from fifthwheel.identify.knowledge.history import changes_in_words
 from fifthwheel.identify.knowledge.information import LogKnowledge
 from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
 from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.spoken_names import FIRST_UNITS, named_unit
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.parameters import POSITIONS
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
@@ -147,7 +148,10 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if cause.name.endswith(".axle_positions"):
         largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"
-        return f"the axles of {ParameterPath.of(path).unit} are up to {digits(largest, 2)} m {side} its front ({times})"
+        unit = ParameterPath.of(path).unit
+        origin = "front axle" if unit in FIRST_UNITS else "front coupling"
+        size = f"up to {digits(largest, 2)} m {side} its {origin}"
+        return f"the axles of the {named_unit(unit)} are {size} ({times})"
     value = values.get(path) if cause.prior_mean is None else cause.prior_mean
     if value is None:
         return f"{cause.name} is different ({times})"
