@@ -66,3 +66,15 @@ def test_a_file_that_lists_its_assumed_numbers() -> None:
     exact = Vehicle.loads("exact = true\n" + FILE)
     other = exact.replace({"semitrailer.yaw_inertia": 4e5})
     assert Vehicle.loads(edited("exact = true\n" + FILE, other)) == other
+
+
+def test_an_assumed_number_becomes_a_key_in_its_place() -> None:
+    """The number behind the # is not left beside it: both as keys would be no TOML."""
+    assumed = '# yaw_inertia = "21900 kg m^2 +- 4900 kg m^2"   # radius of gyration'
+    text = TEXT.replace('class = "tractor_4x2"\n', f'class = "tractor_4x2"\n{assumed}\n', 1)
+    assert assumed in text
+    vehicle = Vehicle.loads(text)
+    changed = edited(text, vehicle.replace({"tractor.yaw_inertia": 25e3}))
+    assert Vehicle.loads(changed).parameters()["tractor.yaw_inertia"] == 25e3
+    assert "# yaw_inertia" not in changed
+    assert '# was "21900 kg m^2 +- 4900 kg m^2", assumed: radius of gyration' in changed

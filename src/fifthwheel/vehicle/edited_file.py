@@ -1,5 +1,6 @@
 """A vehicle file with other numbers: its comments and its order stay."""
 
+import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -50,12 +51,22 @@ def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
 
 
 def _replace(table: Any, key: str, text: str) -> None:
-    """Give a key another text; the comment says what it was, because it is the source of the former number."""
+    """Give a key another text; the comment says what it was, because it is the source of the former number. An assumed
+    number behind a # becomes a key."""
     import tomlkit
+    from tomlkit.items import Comment
 
     item = tomlkit.string(text)
     if key in table:
         former = table.item(key)
         comment = former.trivia.comment.removeprefix("#").strip()
         item.comment(f"was {former.as_string()}" + (f": {comment}" if comment else ""))
+        table[key] = item
+        return
+    for name, assumed in getattr(getattr(table, "value", table), "body", ()):
+        words = assumed.trivia.comment.removeprefix("#").strip() if isinstance(assumed, Comment) else ""
+        if name is None and (found := re.fullmatch(rf"{key} = (\"[^\"]*\")\s*(?:#\s*(.*))?", words)):
+            assumed.trivia.indent = assumed.trivia.comment = assumed.trivia.trail = ""
+            item.comment(f"was {found[1]}, assumed" + (f": {found[2]}" if found[2] else ""))
+            break
     table[key] = item
