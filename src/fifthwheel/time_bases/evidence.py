@@ -1,5 +1,6 @@
 """What speaks for the map of a record: each signal beside what speed and steer angle predict for it."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -42,7 +43,7 @@ class ChannelEvidence:
     offset: TimeOffset | None
     """How late its timestamps are, where that can be measured."""
     gain: float | None
-    """The signal over the prediction at the best lag, where that can be measured."""
+    """The signal over the prediction at the best lag, of the variant with the closest size; None if not measurable."""
 
     @property
     def is_inverted(self) -> bool:
@@ -104,15 +105,16 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
             explained=None if curve is None else curve.explained_at(0.0),
             inverted=None if curve is None else curve.inverted,
             offset=offsets.get(name),
-            gain=None if curve is None else _gain(curve),
+            gain=_gain([row[k] for row in prediction.curves]),
         )
     return SignalEvidence(time=prediction.time, channels=channels, others=others, findings=findings)
 
 
-def _gain(curve: LagCurve) -> float | None:
-    """Measured over predicted; None where the prediction does not explain the signal."""
-    gain, _, explained = curve.gain() or (0.0, 0.0, 0.0)
-    return gain if explained >= MIN_EXPLAINED else None
+def _gain(curves: Iterable[LagCurve | None]) -> float | None:
+    """Measured over predicted, of the variant that is closest to the signal; None where none explains it."""
+    found = [gain for curve in curves if curve is not None and (gain := curve.gain())]
+    gains = [gain for gain, _, explained in found if explained >= MIN_EXPLAINED and gain > 0]
+    return min(gains, key=lambda gain: abs(np.log(gain)), default=None)
 
 
 def _best_variant(prediction: Prediction) -> int:

@@ -18,30 +18,32 @@ Progress = Callable[[str, int, int], None]
 
 
 def read_vehicle(name: str) -> Vehicle:
-    """The vehicle of this name in the catalogue, or of this file.
+    """The vehicle of this name in the catalogue, of this file, or of this result folder.
 
     Raises:
         VehicleError: neither exists, or the file does not describe a vehicle.
     """
     if name in catalogue.names():
         return catalogue.get(name)
-    _require_file(name)
-    return Vehicle.load(Path(name))
+    return Vehicle.load(_file(name))
 
 
 def vehicle_text(name: str) -> str:
     """The vehicle file of this name in the catalogue, or of this path; errors as in `read_vehicle`."""
     if name in catalogue.names():
         return catalogue.text(name)
-    _require_file(name)
-    return toml_format.read(Path(name))
+    return toml_format.read(_file(name))
 
 
-def _require_file(name: str) -> None:
-    if not Path(name).is_file():
+def _file(name: str) -> Path:
+    path = Path(name)
+    if path.is_dir() and (path / "vehicle.toml").is_file():
+        return path / "vehicle.toml"
+    if not path.is_file():
         raise VehicleError(
             f"{name}: no such file, and not in the catalogue, which has {', '.join(catalogue.names())}; check the path"
         )
+    return path
 
 
 def read_records(
