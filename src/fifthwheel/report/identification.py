@@ -29,6 +29,7 @@ from fifthwheel.report.states import StateConditions, all_states, states_section
 from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.uncertainty import changes
 
 DRAWN = 3
 """Logs whose measurements and states are drawn before the appendix."""
@@ -168,27 +169,34 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
     explanation = pages.Hint(
         "These numbers are not exact. They are estimated together with the parameters, from their priors, and every "
         "sigma above includes their uncertainty. The last column is the fraction of the prior sigma that remains: at "
-        "100 % the logs contain no information on the number. A row without a value is a group of numbers that change "
-        "together, such as all masses with the scale that weighed them."
+        "100 % the logs contain no information on the number. Of numbers that change together, such as all masses with "
+        "the scale that weighed them, a row shows the one that changes most."
     )
     remaining, rows = dict(identification.remaining_uncertainty), list[tuple[pages.Cell, ...]]()
     for e in identification.uncertain:
-        unit = shown(e.unit)
-        value, sigma = value_and_sigma(e.value * unit.factor, None if e.sigma is None else e.sigma * unit.factor)
-        prior, spread = value_and_sigma(e.initial * unit.factor, None if e.prior is None else e.prior * unit.factor)
+        cells = _change(e.value, e.sigma, e.initial, e.prior, e.unit)
         left = remaining.pop(e.name, None)
-        rows.append(
-            (
-                pages.Hinted(spoken(e.name), e.name),
-                value,
-                sigma or "–",
-                unit.name,
-                prior if spread is None else f"{prior} ± {spread}",
-                "–" if left is None else percent(left),
-            )
-        )
-    rows += [(pages.Hinted(spoken(name), name), "–", "–", "", "–", percent(left)) for name, left in remaining.items()]
+        rows.append((pages.Hinted(spoken(e.name), e.name), *cells, "–" if left is None else percent(left)))
+    together = {change.name: change.slopes for change in changes(identification.initial_vehicle)}
+    before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
+    for name, kept in remaining.items():
+        slopes = {path: abs(slope) for path, slope in together.get(name, {}).items() if path in before}
+        if path := max(slopes, key=lambda path: slopes[path], default=None):
+            cells = _change(after[path], kept * slopes[path], before[path], slopes[path], unit_of(path))
+            hint = name if path == name else f"{name}: {path}"
+        else:
+            cells, hint = ("–", "–", "", "–"), name
+        rows.append((pages.Hinted(spoken(name), hint), *cells, percent(kept)))
     yield pages.Folded(f"Uncertain numbers ({len(rows)})", (explanation, pages.Table(UNCERTAIN, rows)))
+
+
+def _change(value: float, sigma: float | None, initial: float, prior: float | None, unit: str) -> tuple[str, ...]:
+    """Value, sigma, unit and prior of an uncertain number."""
+    unit_shown = shown(unit)
+    sizes = [None if size is None else size * unit_shown.factor for size in (sigma, prior)]
+    text, spread = value_and_sigma(value * unit_shown.factor, sizes[0])
+    before, prior_text = value_and_sigma(initial * unit_shown.factor, sizes[1])
+    return text, spread or "–", unit_shown.name, before if prior_text is None else f"{before} ± {prior_text}"
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:
