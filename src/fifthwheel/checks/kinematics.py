@@ -109,16 +109,17 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     ]
     for culprit in leading_faults:
         yield _finding(next(r for r in turning if r.fault is culprit), culprit, of_leading=True)
+    confirmed = any(relation.agrees for relation in turning)
     for relation, fault in zip(turning, faults, strict=True):
         if fault is Fault.DEGREES and relation.gain < 1:
             yield _finding(relation, fault, of_leading=True)
         elif fault is not None and fault not in leading_faults:
-            yield _finding(relation, fault, of_leading=False)
+            yield _finding(relation, fault, of_leading=False, confirmed=confirmed)
     # A roll rate is compared with the yaw rate of its own unit, which must be without a fault.
     doubtful = {SignalName.of(r.signal).unit for r in turning if r.fault and is_of(r.signal, YAW_RATE)}
     for relation in rolling:
         if relation.fault and not leading_faults and SignalName.of(relation.signal).unit not in doubtful:
-            yield _finding(relation, relation.fault, of_leading=False)
+            yield _finding(relation, relation.fault, of_leading=False, confirmed=confirmed)
 
 
 def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:
@@ -224,13 +225,13 @@ def correlation(a: Array, b: Array, mask: NDArray[np.bool_], shift: int) -> floa
     return float(np.corrcoef(x, y)[0, 1])
 
 
-def _finding(relation: Relation, fault: Fault, *, of_leading: bool) -> Finding:
-    """The finding on the relation's signal, or on the leading yaw rate."""
+def _finding(relation: Relation, fault: Fault, *, of_leading: bool, confirmed: bool = False) -> Finding:
+    """The finding on the relation's signal, or on the leading yaw rate; `confirmed`: a third signal agrees with it."""
     signal, other = relation.signal, relation.leading
     gain = relation.gain
     if of_leading:
         signal, other, gain = other, signal, 1 / max(gain, 1e-12)
-    problem, remedy, cure = _explain(relation, fault, signal=signal, other=other, gain=gain)
+    problem, remedy, cure = _explain(relation, fault, signal=signal, other=other, gain=gain, confirmed=confirmed)
     if fault is Fault.UNIT and remedy["unit"] != "g":
         signal = "speed"
     finding = warning if fault in (Fault.OFFSET, Fault.GAIN) else error
@@ -238,7 +239,7 @@ def _finding(relation: Relation, fault: Fault, *, of_leading: bool) -> Finding:
 
 
 def _explain(
-    relation: Relation, fault: Fault, *, signal: str, other: str, gain: float
+    relation: Relation, fault: Fault, *, signal: str, other: str, gain: float, confirmed: bool
 ) -> tuple[str, Mapping[str, str | float], str]:
     """What is wrong with `signal`, the keys of signals.toml that remove it, and the cure where keys do not suffice."""
     unit = si_unit(signal) or ""
@@ -250,8 +251,12 @@ def _explain(
                 f"the sign contradicts {other} (correlation {relation.correlation:.2f}, positive expected); in a left "
                 "turn steer, yaw rate, lateral acceleration and roll are positive, articulation is negative"
             )
-            remedy = {"sign": -1}
-            return problem, remedy, remedy_text(remedy) + ("" if signal == relation.leading else f", or for {other}")
+            remedy, more = {"sign": -1}, ""
+            if signal != relation.leading and relation.turn.has_other_causes:
+                more = "; a sensor that faces backwards inverts roll, and not yaw"
+            elif signal != relation.leading and not confirmed:
+                more = f", or for {other}"
+            return problem, remedy, remedy_text(remedy) + more
         case Fault.WRONG_COLUMN if relation.lead > relation.turn.longest_lead:
             late = f"{relation.leading} by {relation.lead:.1f} s"
             problem = f"the signal leads {late}, which is impossible for a towed unit"
