@@ -76,6 +76,18 @@ def test_shared_logs_make_the_difference_a_lower_bound(result):
 FIXED = {"verdict": Verdict.FIXED, "sigma": None}
 
 
+def test_what_differs_in_the_vehicle_files_is_noted(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.05))
+    longer = a.initial_vehicle.replace({"semitrailer.cog": -5.25})
+    b = run(result, "1", estimate(FRONT, value=1.1, sigma=0.05), initial_vehicle=longer)
+    notes = compare({"a": a, "b": b}).notes
+    assert notes[0].startswith(
+        "The vehicle file of b differs from that of a: Trailer, CoG position −5.25 m instead of "
+    )
+    assert "It shows the effect of the vehicle files and of the settings" in notes[1]
+    assert not any("differs" in note for note in compare({"a": a, "b": a}).notes)
+
+
 def test_a_fixed_value_counts_as_exact(result):
     a, b = run(result, "1", estimate(FRONT, sigma=0.03)), run(result, "2", estimate(FRONT, **FIXED))
     assert difference(a, b).sigma == pytest.approx(0.03)

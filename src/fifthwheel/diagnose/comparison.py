@@ -25,11 +25,14 @@ from fifthwheel.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.plots import Axis, Guide, Item, Panel, Plot, Points
 from fifthwheel.spoken_names import spoken
+from fifthwheel.vehicle import Vehicle, unit_of
 
 FALSE_ALARM = 0.05
 """Probability that a difference of equal trucks counts as one beyond chance."""
 PRIOR_FRACTION = 0.1
 """An estimate that takes a larger fraction of its information from the prior is noted."""
+SAME_NUMBER, LISTED_NUMBERS = 1e-4, 3
+"""Numbers of two vehicle files are the same up to this relative difference; of the others so many are listed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -232,14 +235,36 @@ def _shared_logs(a: Identification, b: Identification) -> list[str]:
     )
 
 
+def _changed_numbers(a: Vehicle, b: Vehicle) -> list[str]:
+    """What differs in two vehicle files, as "Trailer, mass 33 t instead of 32 t"; the largest relative change first."""
+    before, after = a.parameters(), b.parameters()
+    sizes = {
+        path: abs(after[path] - before[path]) / max(abs(after[path]), abs(before[path]))
+        for path in before.keys() & after.keys()
+        if after[path] != before[path] and path not in a.assumed.keys() & b.assumed.keys()
+    }
+    return [
+        f"{spoken(path)} {with_sigma(after[path], None, unit_of(path))} "
+        f"instead of {with_sigma(before[path], None, unit_of(path))}"
+        for path in sorted(sizes, key=lambda path: (-sizes[path], path))
+        if sizes[path] > SAME_NUMBER
+    ]
+
+
 def _notes(runs: Mapping[str, Identification]) -> list[str]:
     first, *others = runs
     notes = []
     for other in others:
+        changed = _changed_numbers(runs[first].initial_vehicle, runs[other].initial_vehicle)
+        if changed:
+            more = f", and {len(changed) - LISTED_NUMBERS} more" if len(changed) > LISTED_NUMBERS else ""
+            some = "; ".join(changed[:LISTED_NUMBERS])
+            notes.append(f"The vehicle file of {other} differs from that of {first}: {some}{more}.")
         if shared := _shared_logs(runs[first], runs[other]):
+            effect = "the vehicle files and of the settings" if changed else "the settings"
             notes.append(
                 f"{first} and {other} share {enumerated(shared)}: their noise is common, so that the difference in "
-                "sigmas is at least the one shown. It shows the effect of the settings and is not a test."
+                f"sigmas is at least the one shown. It shows the effect of {effect} and is not a test."
             )
         if not _common_sources(runs[first], runs[other]):
             notes.append(f"{first} and {other} have no uncertain number in common: their sigmas count as independent.")
