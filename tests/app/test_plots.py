@@ -58,3 +58,18 @@ def test_signals_are_found_by_name_and_a_finding_is_beside_its_plot(browser, tmp
         page.get_by_label("Find a signal").fill("semi")
         page.get_by_role("region", name="speed", exact=True).wait_for(state="hidden")
         assert section.is_visible()
+
+
+def test_a_time_column_without_the_name_of_a_time_is_chosen(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    first, rest = LOG.read_text().split("\n", 1)
+    assert first.startswith("time")
+    (folder / "logs" / "lane.csv").write_text(f"{first.replace('time', 'run', 1)}\n{rest}".replace("run [s]", "run"))
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_text("No column has the name of a time.").wait_for(timeout=60_000)
+        page.get_by_label("Time column of lane.csv").click()
+        page.get_by_role("option", name="run", exact=True).click()
+        page.get_by_text("17.0 s, 13 channels").wait_for(timeout=60_000)
+        page.get_by_role("link", name="2 Signals").click()
+        page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
+    assert '[time]\ncolumn = "run"' in (folder / "signals.toml").read_text()

@@ -40,9 +40,10 @@ def _silent(title: str, done: int, total: int) -> None:
 
 
 def stored_folder(workspace: Workspace, name: str) -> Path:
-    """Where the samples of a log are stored; another folder when the log or a database changes."""
+    """Where the samples of a log are stored; another folder when the log, a database or its time column changes."""
     described = [_described(path) for path in (workspace.log(name), *workspace.databases())]
-    key = hashlib.sha256(json.dumps(described).encode()).hexdigest()[:16]
+    time = workspace.choices().of(name).time
+    key = hashlib.sha256(json.dumps([*described, time] if time else described).encode()).hexdigest()[:16]
     return workspace.folder / HIDDEN / "logs" / f"{name}-{key}"
 
 
@@ -64,6 +65,8 @@ def store(folder: Path, name: str, progress: Progress = _silent) -> None:
     with _temporary_folder(final) as temporary:
         report = partial(report_fraction, progress, f"reading {name}")
         with open_log(workspace.log(name), workspace.databases(), report) as log:
+            time = workspace.choices().of(name).time
+            log.time = time if time in log.columns else None
             store_log(log, temporary, report)
         surveyed = survey_log(StoredLog(temporary), partial(report_fraction, progress, f"surveying {name}"))
         (temporary / _SURVEY).write_text(json.dumps(asdict(surveyed)), encoding="utf-8")

@@ -48,6 +48,8 @@ class LogChoice(BaseModel):
     use: bool = True
     exclude: tuple[tuple[float, float], ...] = ()
     """Windows that are left out: first and last instant by the timestamps of the log, s."""
+    time: str | None = None
+    """The column with the time of the rows, where its name does not tell."""
 
 
 class Choices(BaseModel):

@@ -13,7 +13,7 @@ from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress, time_column
+from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
 from fifthwheel.record.record import Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
@@ -110,7 +110,7 @@ def _outside(
 ) -> Iterator[Chunk]:
     """The samples outside the windows; a SignalError if there are none."""
     named = signal_map.time.column if signal_map.time else None
-    rows, left = log.find(named) if named else time_column(log.columns), False
+    rows, left = log.find(named) if named else log.row_time, False
     for chunk in log.chunks({*columns, rows or ""} - {""}):
         time = log.times(chunk, rows)
         if time is None:
@@ -246,7 +246,7 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     """The column with the time of a table's rows."""
     if signal_map.time is not None and signal_map.time.column is not None:
         return log.find(signal_map.time.column)
-    column = time_column(log.columns)
+    column = log.row_time
     if column is None:
         raise SignalError(
             f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "

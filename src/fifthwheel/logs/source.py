@@ -126,8 +126,15 @@ class LogSource(ABC):
         """What was left out or is damaged, one sentence each; complete after all chunks are read."""
         self.unusable: dict[str, str] = {}
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
+        self.time: str | None = None
+        """The column with the time of a table's rows, where its name does not tell; see `row_time`."""
         self.sampled = False
         """Whether only a sample of the file is read; see `sample`."""
+
+    @property
+    def row_time(self) -> str | None:
+        """The column with the time of a table's rows, if there is one."""
+        return self.time or time_column(self.columns)
 
     @abstractmethod
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress, time_column
+from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 from fifthwheel.plots import downsample
 from fifthwheel.units import factor
 
@@ -41,7 +41,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
             _append(folder / f"time{clocks[chunk.clock]}", chunk.time)
         rows[chunk.clock] += len(next(iter(chunk.values.values())))
         progress(0.9 * chunk.done)
-    time_of_rows = time_column(log.columns)
+    time_of_rows = log.row_time
     for clock, k in clocks.items():
         column = time_of_rows if not clock else None
         if clock in timed:
@@ -56,6 +56,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
         "name": log.name,
         "columns": [asdict(column) for column in log.columns.values()],
         "clocks": {clock: {"rows": rows[clock], "timed": clock in timed} for clock in clocks},
+        "time": log.time,
         "notes": log.notes,
         "unusable": log.unusable,
     }
@@ -76,7 +77,7 @@ class StoredLog(LogSource):
         self._axes: dict[str, Array] = {}
         self._numbers = {name: k for k, name in enumerate(self.columns)}
         self._clock_numbers = {clock: k for k, clock in enumerate(self._clocks)}
-        self.notes, self.unusable = index["notes"], index["unusable"]
+        self.notes, self.unusable, self.time = index["notes"], index["unusable"], index.get("time")
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""

@@ -1,6 +1,5 @@
 """What speaks for the map of a record: each signal beside what speed and steer angle predict for it."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +42,9 @@ class ChannelEvidence:
     offset: TimeOffset | None
     """How late its timestamps are, where that can be measured."""
     gain: float | None
-    """The signal over the prediction at the best lag, of the variant with the closest size; None if not measurable."""
+    """The signal over the prediction at the best lag, where that can be measured."""
+    is_scaled: bool
+    """Whether the signal has the course of the prediction, and another size than any variant has."""
 
     @property
     def is_inverted(self) -> bool:
@@ -54,11 +55,6 @@ class ChannelEvidence:
     def is_late(self) -> bool:
         """Whether the timestamps are late or early by more than an identification estimates."""
         return self.offset is not None and abs(self.offset.offset) > max(2 * self.offset.sigma, MIN_LATE)
-
-    @property
-    def is_scaled(self) -> bool:
-        """Whether the signal has the course of the prediction, and another size."""
-        return self.gain is not None and not 1 / MAX_FACTOR < self.gain < MAX_FACTOR
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -93,6 +89,7 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
     channels = {}
     for k, name in enumerate(prediction.names):
         curve = prediction.curves[best][k]
+        gains = [gain for row in prediction.curves if (gain := _gain(row[k])) is not None]
         variants = prediction.predicted[:, :, k]
         known = np.isfinite(variants).all(axis=0)
         lowest, highest = np.full((2, known.size), np.nan)
@@ -105,16 +102,16 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
             explained=None if curve is None else curve.explained_at(0.0),
             inverted=None if curve is None else curve.inverted,
             offset=offsets.get(name),
-            gain=_gain([row[k] for row in prediction.curves]),
+            gain=_gain(curve),
+            is_scaled=bool(gains) and not any(1 / MAX_FACTOR < gain < MAX_FACTOR for gain in gains),
         )
     return SignalEvidence(time=prediction.time, channels=channels, others=others, findings=findings)
 
 
-def _gain(curves: Iterable[LagCurve | None]) -> float | None:
-    """Measured over predicted, of the variant that is closest to the signal; None where none explains it."""
-    found = [gain for curve in curves if curve is not None and (gain := curve.gain())]
-    gains = [gain for gain, _, explained in found if explained >= MIN_EXPLAINED and gain > 0]
-    return min(gains, key=lambda gain: abs(np.log(gain)), default=None)
+def _gain(curve: LagCurve | None) -> float | None:
+    """Measured over predicted; None where the prediction does not explain the signal."""
+    gain, _, explained = (None if curve is None else curve.gain()) or (0.0, 0.0, 0.0)
+    return gain if explained >= MIN_EXPLAINED else None
 
 
 def _best_variant(prediction: Prediction) -> int:

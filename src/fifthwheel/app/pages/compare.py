@@ -64,7 +64,7 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
     used = inputs.used_logs(workspace)
     if not used:
         return
-    layout.heading("Measured and predicted")
+    layout.heading("Measured and predicted, with linear tyres")
     choose = ui.select(used, value=used[0], label="Log").classes("fw-field")
     place = ui.column().classes("w-full")
 

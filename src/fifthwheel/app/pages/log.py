@@ -117,7 +117,10 @@ class _Page:
                     layout.failure(job.error or "reading was cancelled")
                 elif inputs.is_stored(self.workspace, name):
                     survey = inputs.survey(self.workspace, name)
-                    ui.label(f"{survey.stop - survey.start:.1f} s, {len(survey.contents)} channels")
+                    if survey.start <= survey.stop:
+                        ui.label(f"{survey.stop - survey.start:.1f} s, {len(survey.contents)} channels")
+                    else:
+                        self._ask_for_time(name, list(survey.contents))
                 else:
                     ui.label("waits to be read")
             with ui.element("td"):
@@ -125,6 +128,18 @@ class _Page:
                     ui.button("Read again", on_click=partial(self._read_again, name)).props("flat dense no-caps")
                 remove = ui.button("Remove", on_click=partial(self._ask_to_remove, name))
                 remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
+
+    def _ask_for_time(self, name: str, columns: list[str]) -> None:
+        """A field for the time column, where no name tells it."""
+
+        def choose(event: events.ValueChangeEventArguments[Any]) -> None:
+            label = f"time of {name}: {event.value}"
+            self.workspace.write_choices(self.workspace.choices().with_log(name, time=event.value), label)
+            self.refresh()
+
+        layout.failure("No column has the name of a time. Choose the column with the seconds:")
+        field = ui.select(columns, label="Time column", with_input=True, on_change=choose).props("dense")
+        field.props["aria-label"] = f"Time column of {name}"
 
     def _read_again(self, name: str) -> None:
         self.workspace.write_choices(self.workspace.choices().with_log(name, use=True), f"use {name}")
@@ -150,7 +165,7 @@ def _read_next(workspace: Workspace, logs: list[str]) -> None:
     if any(job is not None and job.running for job in states.values()):
         return
     for name, job in states.items():
-        if job is None and not inputs.is_stored(workspace, name):
+        if (job is None or job.state == "done") and not inputs.is_stored(workspace, name):
             jobs.start(_key(name), inputs.store, workspace.folder, name)
             return
 

@@ -13,7 +13,6 @@ from fifthwheel.app import documents, inputs, layout
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.errors import printable
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
-from fifthwheel.logs.source import time_column
 from fifthwheel.logs.stored import StoredLog
 from fifthwheel.pages.html import COURSE_POINTS, course
 from fifthwheel.plots import Axis, Line, Panel, Plot, Span
@@ -43,7 +42,7 @@ def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
     layout.heading(name)
     for note in survey.notes:
         ui.label(note)
-    times = time_column(log.columns)
+    times = log.row_time
     shown = [column for column in drawn if column in log.columns][:MOST]
     shown = shown or [n for n, c in survey.contents.items() if c.alive and n != times and c.sigma > 0][:FIRST]
     view = _View(workspace, name, log, survey, shown)

@@ -185,7 +185,10 @@ class _Page:
                         layout.finding("warning", text)
                 if not findings and not against:
                     with ui.element("li"):
-                        layout.finding("good", "Nothing speaks against the map.")
+                        if any(channel.explained is not None for channel in self.evidence.channels.values()):
+                            layout.finding("good", "Nothing speaks against the map.")
+                        else:
+                            layout.finding("warning", "No signal can be compared with a prediction.")
 
     @ui.refreshable_method
     def _rows(self) -> None:

@@ -16,7 +16,7 @@ from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct
 from fifthwheel.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_rate_by_unit, is_speed_by_unit
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
-from fifthwheel.logs.source import LogSource, time_column
+from fifthwheel.logs.source import LogSource
 from fifthwheel.record.record import Record
 from fifthwheel.units import factor
 
@@ -78,7 +78,7 @@ def propose_map(
         reasons[f"yaw_rate.{units[-1]}"] += f"; {towed_reason}"
     if "speed" not in signals:
         _assign_speed(survey, signals, reasons, others, units[0])
-    rows = time_column(log.columns)
+    rows = log.row_time
     time = TimeColumn(column=rows) if rows not in (None, "time", "t") else None
     proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
     proposed, corrections, findings = correct_map(log, proposed, wheelbase)

@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import printable
-from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress, time_column
+from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
 from fifthwheel.record.timestamps import typical_step
 
 
@@ -54,7 +54,7 @@ def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurve
     moments = {name: _Moments() for name in log.columns}
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
-    rows = time_column(log.columns)
+    rows = log.row_time
     for chunk in log.chunks(list(log.columns)):
         time = log.times(chunk, rows)
         time = np.empty(0) if time is None else time[np.isfinite(time)]
