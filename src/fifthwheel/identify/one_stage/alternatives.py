@@ -60,9 +60,10 @@ class _Alternative:
 def likely_causes(
     solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None
 ) -> list[PriorTest]:
-    """The causes that explain a contradiction about as well as the best one, the best first; none without one.
+    """The causes that explain a contradiction about as well as the best one, the likeliest first; none without one.
 
-    A cause that is physically impossible counts only if all are. `tests` are those of the priors, the largest statistic
+    A cause that is physically impossible counts only if all are. A gross error of a clock is behind others that explain
+    half as much. `tests` are those of the priors, the largest statistic
     first.
     """
     if not tests or tests[0].size <= UNUSUAL_CHANGE:
@@ -76,7 +77,8 @@ def likely_causes(
     progress(TITLE, len(candidates), len(candidates))
     found = [a for a in found if a.possible] or found
     found.sort(key=lambda alternative: -alternative.rank)
-    return [a.test for a in found if a.rank >= AS_LIKELY**2 * found[0].rank]
+    least, most = AS_LIKELY**2 * found[0].rank, max(a.gain for a in found)
+    return [a.test for a in found if a.rank >= least or a.gain == most]
 
 
 def _base(solution: Solution) -> Minimum[Problem]:
