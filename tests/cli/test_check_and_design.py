@@ -42,7 +42,8 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
         assert re.search(r"\+-30 %|\+-61 %", line_of(outcome.out, name))
         assert line_of(outcome.out, name).rstrip().endswith(" identifiable")
     assert re.search(
-        rf"- {spoken(HEIGHT)}: \d+ % -> \d+ % if a static test of the semitrailer \(fifthwheel roll-test\) gives .*",
+        rf"- {spoken(HEIGHT)}: \d+ % -> \d+ % if a static test of the semitrailer \(fifthwheel roll-test\) gives "
+        r".* to 2 cm",
         " ".join(outcome.out.split()),
     )
     assert "Errors in the logs" not in outcome.out

@@ -68,7 +68,7 @@ def test_a_file_that_lists_its_assumed_numbers() -> None:
     assert Vehicle.loads(edited("exact = true\n" + FILE, other)) == other
 
 
-def test_an_assumed_number_becomes_a_key_in_its_place() -> None:
+def test_an_assumed_number_becomes_a_key() -> None:
     """The number behind the # is not left beside it: both as keys would be no TOML."""
     assumed = '# yaw_inertia = "21900 kg m^2 +- 4900 kg m^2"   # radius of gyration'
     text = TEXT.replace('class = "tractor_4x2"\n', f'class = "tractor_4x2"\n{assumed}\n', 1)

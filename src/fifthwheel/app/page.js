@@ -72,7 +72,7 @@
   document.addEventListener("pointerdown", later);
 
   const reports = () => [...document.querySelectorAll(".fw-report")];
-  const tellTheme = (report) =>
+  const sendTheme = (report) =>
     report.contentWindow.postMessage({ dark: document.body.classList.contains("body--dark") }, "*");
   const BAR = 60;  // pixels that the bar covers
   window.addEventListener("message", (event) => {  // the report says its height and where a link leads, no more
@@ -82,9 +82,9 @@
     if (top > 0) window.scrollTo({ top: window.scrollY + report.getBoundingClientRect().top + top - BAR });
     if (!(height > 0)) return;
     report.style.height = `${Math.min(Math.ceil(height) + 2, 60000)}px`;
-    tellTheme(report);
+    sendTheme(report);
   });
   document.addEventListener("DOMContentLoaded", () => {
-    new MutationObserver(() => reports().forEach(tellTheme)).observe(document.body, { attributeFilter: ["class"] });
+    new MutationObserver(() => reports().forEach(sendTheme)).observe(document.body, { attributeFilter: ["class"] });
   });
 })();

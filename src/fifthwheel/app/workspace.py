@@ -49,7 +49,7 @@ class LogChoice(BaseModel):
     exclude: tuple[tuple[float, float], ...] = ()
     """Windows that are left out: first and last instant by the timestamps of the log, s."""
     time: str | None = None
-    """The column with the time of the rows, where its name does not tell."""
+    """The column with the time of the rows, where it does not have the name of a time."""
 
 
 class Choices(BaseModel):

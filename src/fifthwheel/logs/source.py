@@ -127,7 +127,7 @@ class LogSource(ABC):
         self.unusable: dict[str, str] = {}
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
         self.time: str | None = None
-        """The column with the time of a table's rows, where its name does not tell; see `row_time`."""
+        """The column with the time of a table's rows, where it does not have the name of a time; see `row_time`."""
         self.sampled = False
         """Whether only a sample of the file is read; see `sample`."""
 

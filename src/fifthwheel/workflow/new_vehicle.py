@@ -19,8 +19,8 @@ TARE_SIGMA = 0.03
 """Standard deviation of the mass in a brochure, as a fraction: equipment, driver and fuel differ. A load
 without a standard deviation has it too where it is compared with slips."""
 HEIGHT_SIGMA = 0.2
-"""Standard deviation of a height of the load on which nothing is stated, as a fraction: with it the CoG of the load is
-within 10 % of the height, which a uniform load would have at half of it."""
+"""Standard deviation of a height of the load that is stated without one, as a fraction. A uniform load has its CoG at
+half of its height; loads are not uniform, and the standard deviation of the CoG is 10 % of the height."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -130,7 +130,7 @@ class _Page:
                 remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
 
     def _ask_for_time(self, name: str, columns: list[str]) -> None:
-        """A field for the time column, where no name tells it."""
+        """A field for the time column, where no column has the name of a time."""
 
         def choose(event: events.ValueChangeEventArguments[Any]) -> None:
             label = f"time of {name}: {event.value}"
