@@ -59,6 +59,9 @@ def main() -> None:
     try:
         sys.exit(app(standalone_mode=False))
     except _UsageError as error:
+        if type(error).__name__ == "NoArgsIsHelpError":
+            typer.echo(error.format_message(), err=True)
+            sys.exit(2)
         _refuse(f"{error.format_message()} See fifthwheel --help")
     except FifthwheelError as error:
         _refuse(str(error))

@@ -10,40 +10,21 @@ from typer.core import TyperGroup
 
 from fifthwheel.settings import Option, Settings, limits, options_of
 
-app = typer.Typer(
-    name="fifthwheel",
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    rich_markup_mode="markdown",
-    context_settings={"help_option_names": ["-h", "--help"]},
-    help="Estimate parameters and states of articulated heavy vehicles from logged sensor signals.",
+COMMANDS = (
+    *("vehicle", "weigh", "roll-test", "signals", "check", "design", "identify", "states", "compare", "assess"),
+    *("knowledge", "live", "app", "fleet", "export", "simulate", "reproduce", "selfcheck"),
 )
-
-export_app = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-    help="Write an estimator or the model for other programs.",
-)
-app.add_typer(export_app, name="export")
+"""In the order of a user's way from a truck and a log to its states."""
 
 
-fleet_app = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-    help="Many trips of many trucks: identify, combine, follow changes.",
-)
-app.add_typer(fleet_app, name="fleet")
+class _Commands(TyperGroup):
+    """The commands in the order of a user's way."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return sorted(super().list_commands(ctx), key=COMMANDS.index)
 
 
-knowledge_app = typer.Typer(
-    no_args_is_help=True,
-    rich_markup_mode="markdown",
-    help="Knowledge of one truck from its logs: show, history, forget a log, merge.",
-)
-app.add_typer(knowledge_app, name="knowledge")
-
-
-class _VehicleGroup(TyperGroup):
+class _Vehicles(TyperGroup):
     """Commands on vehicles; another word is the name of a vehicle of the catalogue."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
@@ -51,8 +32,33 @@ class _VehicleGroup(TyperGroup):
         return super().resolve_command(ctx, named)
 
 
-vehicle_app = typer.Typer(cls=_VehicleGroup, rich_markup_mode="markdown")
-app.add_typer(vehicle_app, name="vehicle")
+app = typer.Typer(
+    name="fifthwheel",
+    cls=_Commands,
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,  # its tables leave a third of a terminal for the help, and cut names
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Estimate parameters and states of articulated heavy vehicles from logged sensor signals.",
+)
+
+
+def _group(name: str, help: str, **settings: Any) -> typer.Typer:
+    group = typer.Typer(rich_markup_mode=None, **settings)
+    app.add_typer(group, name=name, help=help, short_help=help)
+    return group
+
+
+export_app = _group("export", "Write an estimator or the model for other programs.", no_args_is_help=True)
+fleet_app = _group("fleet", "Many trips of many trucks: identify, combine, follow changes.", no_args_is_help=True)
+knowledge_app = _group(
+    "knowledge", "Knowledge of one truck from its logs: show, history, forget a log, merge.", no_args_is_help=True
+)
+vehicle_app = _group(
+    "vehicle",
+    "List the catalogue of published vehicles, print one of them, or describe your own.",
+    cls=_Vehicles,
+)
 
 
 @dataclass(frozen=True)
@@ -67,10 +73,11 @@ def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., No
 
     A parameter whose annotation is a class of settings becomes the options of these settings.
     """
-    epilog = "**Examples**\n\n" + "\n\n".join(f"`{line}`" for line in examples)
+    epilog = "Examples:\n\n\b\n" + "\n".join(f"  {line}" for line in examples)
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
-        of.command(epilog=epilog)(_with_options(function))
+        whole_sentence = " ".join((function.__doc__ or "").partition("\n\n")[0].split())
+        of.command(epilog=epilog, short_help=whole_sentence)(_with_options(function))
         return function
 
     return register
@@ -113,7 +120,8 @@ def _parameter(kind: type[Settings], name: str, option: Option) -> inspect.Param
     elif option.unit:
         hint = str | None
     smallest, largest = limits(kind, name)
-    info = typer.Option(*option.flags_of(name), help=help, min=option.smallest or smallest, max=largest)
+    least, hidden = option.smallest or smallest, bool(option.replaced_by)
+    info = typer.Option(*option.flags_of(name), help=help, min=least, max=largest, hidden=hidden)
     return inspect.Parameter(name, _KEYWORD, default=default, annotation=Annotated[hint, info])
 
 

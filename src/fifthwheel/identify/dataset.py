@@ -145,8 +145,8 @@ def prepare_dataset(
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
     if vehicle.assumed:
         notes.append(
-            f"{len(vehicle.assumed)} numbers of the vehicle file are assumed from vehicle classes: "
-            f"{', '.join(vehicle.assumed)}. `fifthwheel vehicle show` gives their uncertainty, source and effect."
+            f"{len(vehicle.assumed)} numbers of the vehicle file are assumed from vehicle classes. `fifthwheel vehicle "
+            "show` gives each with its uncertainty, source and effect."
         )
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))

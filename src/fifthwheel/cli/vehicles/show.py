@@ -15,7 +15,6 @@ from fifthwheel.cli.options import ForceFileOption, JsonOption
 
 @vehicle_app.callback(invoke_without_command=True)
 def _list(context: typer.Context, as_json: JsonOption = False) -> None:
-    """List the catalogue of published vehicles, print one of them, or describe your own."""
     if context.invoked_subcommand is None:
         catalogue(None, as_json=as_json)
 
