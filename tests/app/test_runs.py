@@ -17,6 +17,7 @@ from fifthwheel.app.workspace import Choices, LogChoice, Workspace
 from fifthwheel.diagnose import LogPrediction
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.logs import SignalMap, write_record
 from fifthwheel.pages import Code, Plots
 from fifthwheel.pages.html import cell
@@ -220,9 +221,14 @@ def test_the_history_of_the_truck_in_a_result(workspace, known):
     (workspace.folder / "runs" / "old").mkdir()
     (workspace.folder / "runs" / "old" / "identification.json").write_text("{}")
     assert runs.known_results(workspace) == [known]
-    blocks = runs.history(workspace.folder, known).blocks
+    assert not [block for block in runs.history(workspace.folder, known).blocks if isinstance(block, Plots)]
+    settings = OneStage(free=(FRONT,), consider={}, tyres="linear")
+    earlier = Knowledge.load(workspace.run(known) / "knowledge.json")
+    later = identify([simulate(TRUCK, count=1, seed=6)], TRUCK, settings, knowledge=earlier)
+    later.save(workspace.folder / "runs" / "later")
+    blocks = runs.history(workspace.folder, "later").blocks
     (plots,) = [block.plots for block in blocks if isinstance(block, Plots)]
-    assert [plot.plot.title for plot in plots] == [f"{FRONT}, truck"]
+    assert [plot.plot.title for plot in plots] == ["Front tyres, cornering stiffness (truck)"]
 
 
 def test_a_check_refuses_the_knowledge_of_another_truck(workspace, known):

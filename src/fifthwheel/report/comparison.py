@@ -53,7 +53,7 @@ def _table(comparison: Comparison, *, repeat: bool = False) -> pages.Table:
         (pages.Hinted(spoken(name), name) if repeat or run == first else "", run, *texts)
         for name, run, *texts in comparison.rows()
     ]
-    heads = ("Parameter|name", "Run|main", "Estimate>", "Difference>", "In %>", "In sigma>")
+    heads = ("Parameter|name", "Run|main", "Estimate>", "Difference>|wide", "In %>", "In sigma>")
     return pages.Table(heads, rows, label="Estimates of all results")
 
 

@@ -1,6 +1,6 @@
 """The knowledge of a truck for people: its estimates, and the history of its logs."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE
 from fifthwheel.report.words import counted
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import unit_of
 
 
@@ -36,7 +37,10 @@ def knowledge_document(estimates: Sequence[SharedEstimate], logs: int, *, everyt
 
 
 def _estimates(estimates: Sequence[SharedEstimate], label: str) -> pages.Table:
-    rows = [(pages.Code(e.name), with_sigma(e.value, e.sigma, e.unit), e.belongs_to, e.log) for e in estimates]
+    rows = [
+        (pages.Hinted(spoken(e.name), e.name), with_sigma(e.value, e.sigma, e.unit), e.belongs_to, e.log)
+        for e in estimates
+    ]
     return pages.Table(("Parameter|name", "Value|main", "Belongs to", "Last log"), rows, label=label)
 
 
@@ -57,14 +61,21 @@ def truck_history_document(knowledge: Knowledge) -> pages.Document:
     blocks: list[pages.Block] = [
         _headline(entries),
         _estimates([each.last for each in histories], "Estimated parameters"),
-        pages.Heading("Histories"),
-        pages.Hint("Estimates from all logs at the date of each log; band of two sigma. Vertical lines: changes."),
-        pages.Plots([_plot(each) for each in histories]),
+        *_plots(histories),
         pages.Heading("Logs"),
         _logs(entries),
         pages.Folded("Sigma before and after each log", [_added(entries)]),
     ]
     return pages.Document("Truck's history", blocks)
+
+
+def _plots(histories: Sequence[EstimateHistory]) -> Iterator[pages.Block]:
+    yield pages.Heading("Histories")
+    if all(len(np.unique(each.time)) < 2 for each in histories):
+        yield pages.Hint("They are drawn from two logs on: identify another log with this result as its vehicle.")
+        return
+    yield pages.Hint("Estimates from all logs at the date of each log; band of two sigma. Vertical lines: changes.")
+    yield pages.Plots([_plot(each) for each in histories])
 
 
 def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
@@ -78,9 +89,11 @@ def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
             items += [Band(x, y - 2 * spread, y + 2 * spread, colour=BLUE), Line(x, y, name=name, colour=BLUE)]
     items.append(Points(dates, value, y_sigma=sigma, name="at a log, ± sigma", colour=BLUE, size=6))
     items += [Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes]
-    title = f"{each.last.name}, {each.last.belongs_to}"
-    plot = Plot(title=title, panels=[Panel(items=items, x=Axis(date=True), y=Axis(unit=unit.name))])
-    return pages.CaptionedPlot(pages.Code(each.last.name), plot, "knowledge", ("", "history", title))
+    title = f"{spoken(each.last.name)} ({each.last.belongs_to})"
+    plot = Plot(
+        title=title, panels=[Panel(items=items, x=Axis(label="date of the log", date=True), y=Axis(unit=unit.name))]
+    )
+    return pages.CaptionedPlot(spoken(each.last.name), plot, "knowledge", ("", "history", title))
 
 
 def _headline(entries: Sequence[LogEntry]) -> pages.Headline:
@@ -99,7 +112,7 @@ def _logs(entries: Sequence[LogEntry]) -> pages.Table:
 
 def _added(entries: Sequence[LogEntry]) -> pages.Table:
     rows = [
-        (e.log.name, pages.Code(name), approximate(before, unit), approximate(after, unit))
+        (e.log.name, pages.Hinted(spoken(name), name), approximate(before, unit), approximate(after, unit))
         for e in entries
         for name, (before, after) in e.sigmas.items()
         for unit in [unit_of(name)]

@@ -7,6 +7,7 @@ from fifthwheel.checks.axle_loads import StaticLoad
 from fifthwheel.diagnose.assumptions import AssumedNumber
 from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
 NOTHING_ASSUMED = "No number is assumed from a vehicle class."
@@ -22,7 +23,12 @@ def vehicle_document(vehicle: Vehicle, summary: VehicleSummary, assumed: Sequenc
 def assumed_blocks(numbers: Sequence[AssumedNumber]) -> list[pages.Block]:
     """The numbers that a vehicle file leaves to classes, with their effects and sources."""
     rows = [
-        (pages.Code(n.path), with_sigma(n.value, n.sigma, unit_of(n.path)), _effect(n.yaw), _effect(n.roll))
+        (
+            pages.Hinted(spoken(n.path), n.path),
+            with_sigma(n.value, n.sigma, unit_of(n.path)),
+            _effect(n.yaw),
+            _effect(n.roll),
+        )
         for n in numbers
     ]
     sources: dict[str, list[str]] = {}
