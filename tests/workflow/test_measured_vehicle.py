@@ -69,6 +69,17 @@ def test_a_slip_gives_masses_and_their_uncertainty():
     assert weighed.vehicle == Vehicle.loads(weighed.text)
 
 
+def test_the_stated_sigma_of_the_trailers_axles_reaches_its_cog():
+    axles = [f"semitrailer.{axle.name}.position" for axle in TRUCK.unit("semitrailer").axles]
+    sure, unsure = (
+        weigh_by_slip(Slip(laden=SLIP, solo=SOLO), TRUCK.with_stated(dict.fromkeys(axles, sigma)).to_toml()).vehicle
+        for sigma in (0.01, 0.3)
+    )
+    # the CoG lies at 0.6 to 0.8 of the length behind the kingpin
+    assert unsure.stated["semitrailer.cog"] == pytest.approx(0.3 * 0.7, rel=0.15)
+    assert sure.stated["semitrailer.cog"] < 0.1
+
+
 def test_a_slip_rescales_what_the_classes_give():
     lighter = Vehicle.loads(CLASSES_TEXT.replace("33.45 t", "30 t"))
     laden = {group: load / STANDARD_GRAVITY for group, load in lighter.axle_loads().items()}

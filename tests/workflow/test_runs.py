@@ -3,6 +3,7 @@
 import json
 import math
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,15 @@ def test_files_of_an_identification(run, tmp_path):
     stored = Identification.load(files["identification.json"])
     assert [log.name for log in stored.logs] == ["run"]
     assert stored.covariance.names == run.identification.covariance.names
+
+
+def test_an_assumed_number_keeps_the_sigma_of_its_class(run, tmp_path):
+    path, estimated = "tractor.yaw_inertia", "semitrailer.yaw_inertia"
+    sources = dict.fromkeys((path, estimated), "class")
+    guess = Vehicle(**TRUCK.model_dump() | {"assumed": sources, "stated": {path: 4400.0, estimated: 1e5}})
+    found = replace(run.identification, initial_vehicle=guess)
+    files = write_results(replace(run, identification=found), tmp_path)
+    assert Vehicle.load(files["vehicle.toml"]).stated == {path: 4400.0}
 
 
 def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):

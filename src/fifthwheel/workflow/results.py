@@ -124,7 +124,7 @@ def write_results(
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
-        vehicle, covariance = run.identification.vehicle, run.identification.covariance
+        vehicle, covariance = _with_class_sigmas(run.identification), run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
             temporary.write_text(text, encoding="utf-8")
@@ -146,6 +146,15 @@ def write_results(
     names = STATES_FILES if isinstance(run, StatesRun) else IDENTIFICATION_FILES
     written = [name for name in names if (folder / name).exists()]
     return {name: folder / name for name in (*written, *(["figures"] if drawn else []))}
+
+
+def _with_class_sigmas(identification: Identification) -> Vehicle:
+    """The identified vehicle, in which a number that was assumed keeps the standard deviation of its class: the logs
+    say little of it alone, and the file would be too sure without."""
+    before, vehicle = identification.initial_vehicle, identification.vehicle
+    estimated = {e.name for e in identification.parameters}
+    kept = before.assumed.keys() & before.stated.keys() - vehicle.stated.keys() - estimated
+    return vehicle.with_stated({path: before.stated[path] for path in vehicle.parameters() if path in kept})
 
 
 def write_loads(
