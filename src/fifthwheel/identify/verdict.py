@@ -5,7 +5,10 @@ from collections.abc import Iterable, Sequence
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle import Vehicle
 
 
 class Verdict(StrEnum):
@@ -55,6 +58,15 @@ def uninformed_parameters(
     uninformed: dict[str, Verdict] = {posterior.names[i]: v for i, v in verdicts.items() if v is not Verdict.CONVERGED}
     excited = len(uninformed) < len(names) or Verdict.NOT_IDENTIFIABLE in uninformed.values()
     return uninformed | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
+
+
+def is_stated(vehicle: Vehicle, settings: OneStage, name: str) -> bool:
+    """Whether a user has said how well a parameter is known: by a statement, or a payload height in the file.
+
+    It is STATED where the logs do not determine it.
+    """
+    in_file = name in vehicle.stated and name not in vehicle.assumed and ParameterPath.of(name).is_payload_height
+    return name in settings.stated_priors or in_file
 
 
 def estimate_verdict(

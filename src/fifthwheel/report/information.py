@@ -29,11 +29,12 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
     """Predicted sigma and verdict of each parameter, what would help, and what is wrong with the logs."""
     errors = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity == "error"]
     others = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity != "error"]
-    identifiable = [p for p in outlook.parameters if is_identifiable(p)]
+    unknown = [p for p in outlook.parameters if p.verdict is not Verdict.STATED]
+    identifiable = [p for p in unknown if is_identifiable(p)]
     correlated = [p for p in outlook.parameters if p.correlated_with and p.remedies]
-    complete = len(identifiable) == len(outlook.parameters) and not errors
+    complete = len(identifiable) == len(unknown) and not errors
     blocks: list[pages.Block] = [
-        pages.Headline(_headline(outlook, identifiable, bool(errors)), complete),
+        pages.Headline(_headline(outlook, identifiable, len(unknown), bool(errors)), complete),
         pages.Items(errors, "Errors in the logs"),
         pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
         pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
@@ -52,12 +53,17 @@ def is_identifiable(assessment: ParameterAssessment) -> bool:
     return assessment.verdict is Verdict.CONVERGED
 
 
+def _has_sigma(p: ParameterAssessment) -> bool:
+    """Whether the predicted sigma means something: of an estimate, or of what a user stated."""
+    return is_identifiable(p) or p.verdict is Verdict.STATED
+
+
 def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
     return (
         pages.Hinted(spoken(p.name), p.name),
         with_sigma(p.value, None, p.unit),
         f"±{relative(p.value, p.prior)}",
-        f"±{relative(p.value, p.sigma)}" if is_identifiable(p) else "–",
+        f"±{relative(p.value, p.sigma)}" if _has_sigma(p) else "–",
         _bar(p),
         pages.Mark(spoken_verdict(p.verdict, predicted=True), p.verdict),
     )
@@ -68,7 +74,7 @@ def _bar(p: ParameterAssessment) -> pages.Markup:
     prior, predicted = (min(sigma / abs(p.value), 1.0) if p.value else 1.0 for sigma in (p.prior, p.sigma))
     return pages.Markup(
         f'<div class="fw-bar" aria-hidden="true"><span class="prior" style="width: {100 * prior:.1f}%"></span>'
-        f'<span class="predicted" style="width: {100 * predicted if is_identifiable(p) else 0:.1f}%"></span></div>'
+        f'<span class="predicted" style="width: {100 * predicted if _has_sigma(p) else 0:.1f}%"></span></div>'
     )
 
 
@@ -82,16 +88,18 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 
 
-def _headline(outlook: InformationAssessment, identifiable: Sequence[ParameterAssessment], has_errors: bool) -> str:
+def _headline(
+    outlook: InformationAssessment, identifiable: Sequence[ParameterAssessment], count: int, has_errors: bool
+) -> str:
     """How many parameters are identifiable, and whether the logs have errors."""
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
         unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
         text = f"{logs}: no parameter is identifiable" + (", the excitation is too small." if unexcited else ".")
     else:
-        wide = sum(p.sigma / abs(p.value) > WIDE_SIGMA for p in identifiable)
-        sigma = f", {wide} with a sigma above {percent(WIDE_SIGMA)}" if wide else ""
-        text = f"{logs}: {len(identifiable)} of {len(outlook.parameters)} parameters are identifiable{sigma}."
+        wide = [spoken(p.name) for p in identifiable if p.sigma / abs(p.value) > WIDE_SIGMA]
+        sigma = f"; sigma above {percent(WIDE_SIGMA)}: {enumerated(wide)}" if wide else ""
+        text = f"{logs}: {len(identifiable)} of {count} parameters are identifiable{sigma}."
     if has_errors:
         text += " The logs have errors: correct them first. The predictions below use the logs as they are."
     return text
@@ -99,7 +107,7 @@ def _headline(outlook: InformationAssessment, identifiable: Sequence[ParameterAs
 
 def _improvement(p: ParameterAssessment) -> str:
     """As "Trailer, yaw inertia: 20 % -> 12 % if the roll axis height of the trailer is calibrated"."""
-    start = relative(p.value, p.sigma) if is_identifiable(p) else spoken_verdict(p.verdict)
+    start = relative(p.value, p.sigma) if _has_sigma(p) else spoken_verdict(p.verdict)
     changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy, naming=named)}" for remedy in p.remedies]
     return f"{spoken(p.name)}: {start} {', '.join(changes)}"
 

@@ -306,3 +306,12 @@ def test_json(assessment):
     assert content["logs"] == ["lanes"]
     with pytest.raises(KeyError):
         assessment["tractor.mass"]
+
+
+def test_a_height_that_the_user_knows_better_than_the_log_is_stated(truck, record):
+    """As the verdict of the identification."""
+    known = truck.with_stated({HEIGHT: 0.02})
+    assert identify([record], known)[HEIGHT].verdict is Verdict.STATED
+    assessment = assess_information([record], known)[HEIGHT]
+    assert (assessment.verdict, assessment.prior) == (Verdict.STATED, pytest.approx(0.02))
+    assert 0.01 < assessment.sigma < 0.02

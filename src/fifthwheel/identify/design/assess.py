@@ -18,7 +18,7 @@ from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.verdict import Verdict
+from fifthwheel.identify.verdict import Verdict, is_stated
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
@@ -191,6 +191,8 @@ def _assess_parameter(
     logs: Sequence[str],
 ) -> ParameterAssessment:
     value, prior, verdict = predictor.vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
+    if verdict is not Verdict.CONVERGED and is_stated(predictor.vehicle, predictor.settings, name):
+        verdict = Verdict.STATED
     sigma, target = posterior.sigma(name) * prior, assessment.enough * abs(value)
     if verdict is Verdict.CONVERGED and sigma <= target:
         best: tuple[Remedy, ...] = ()

@@ -19,11 +19,10 @@ from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Estimate, Identification, LogSummary
-from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.identify.verdict import Verdict, estimate_verdict, uncertain_verdict
-from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.identify.verdict import Verdict, estimate_verdict, is_stated, uncertain_verdict
+from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 
@@ -97,7 +96,7 @@ def _estimate(solution: Solution, unknown: Unknown, value: float, converged: boo
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
     uninformed = solution.uninformed.get(name)
-    if uninformed and _is_stated(solution.problem.vehicle, settings, name):
+    if uninformed and is_stated(solution.problem.vehicle, settings, name):
         uninformed = Verdict.STATED
     verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
     settled = None if uninformed else history.settled_row(name, settings.tolerance)
@@ -109,12 +108,6 @@ def _estimate(solution: Solution, unknown: Unknown, value: float, converged: boo
         settling_time=None if settled is None else float(history.time[settled]),
         correlated_with=_correlated(solution, posterior, name, verdict),
     )
-
-
-def _is_stated(vehicle: Vehicle, settings: OneStage, name: str) -> bool:
-    """Whether a user has said how well a parameter is known: by a statement, or a payload height in the file."""
-    in_file = name in vehicle.stated and name not in vehicle.assumed and ParameterPath.of(name).is_payload_height
-    return name in settings.stated_priors or in_file
 
 
 def _correlated(solution: Solution, posterior: Posterior, name: str, verdict: Verdict) -> tuple[str, ...]:
