@@ -23,6 +23,7 @@ from fifthwheel.plots.palette import CYCLE
 from fifthwheel.report import provenance_of_run
 from fifthwheel.report.knowledge import truck_history_document
 from fifthwheel.settings import arguments, options_of
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import (
     IDENTIFICATION_FILES,
@@ -206,5 +207,5 @@ def overlay(folder: Path, names: Sequence[str], log: str) -> Plot:
         identification = Identification.load(workspace.run(name))
         for fit in LogPrediction.of(record, identification.vehicle, identification).fits():
             signals.setdefault(fit.signal, (fit, []))[1].append(prediction(fit, name, colour))
-    panels = [fit_panel(fit, *lines, title=signal) for signal, (fit, lines) in signals.items()]
+    panels = [fit_panel(fit, *lines, title=spoken(signal)) for signal, (fit, lines) in signals.items()]
     return Plot(title=f"Measured and predicted, {log}", panels=panels)

@@ -268,7 +268,7 @@ def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:
             after,
             prediction(before, "vehicle file", BLUE, "dash"),
             prediction(after, "sliders", VERMILLION),
-            title=after.signal,
+            title=spoken(after.signal),
         )
         for before, after in zip(given, changed, strict=True)
     ]
@@ -283,7 +283,7 @@ def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
             f"{percent(max(fit.explained, 0.0), round_down=True)}, {approximate(fit.rms, si_unit(fit.signal))}"
             for fit in (before, after)
         ]
-        rows.append((pages.Code(after.signal), *cells))
+        rows.append((pages.Hinted(spoken(after.signal), after.signal), *cells))
     return pages.Table(("Explained, residual rms", "vehicle file>", "sliders>"), rows, label="Fit of each signal")
 
 
@@ -301,8 +301,8 @@ def _panels(kind: str, vehicle: Vehicle, speed: float, record: Record | None) ->
     yaw = [f"yaw_rate.{unit.name}" for unit in vehicle.units]
     system = linear_system(vehicle, speed, [*yaw, *[f"roll.{unit.name}" for unit in vehicle.units]])
     if kind == "step response":
-        return list(plot.step_response(system).panels)
-    return [replace(panel, title=name) for name in yaw for panel in plot.bode(system, name).panels]
+        return [replace(panel, title=spoken(panel.title)) for panel in plot.step_response(system).panels]
+    return [replace(panel, title=spoken(name)) for name in yaw for panel in plot.bode(system, name).panels]
 
 
 def _together(given: Panel, changed: Panel) -> Panel:
