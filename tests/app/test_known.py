@@ -42,4 +42,7 @@ def test_statements_and_settings_are_sentences(workspace):
 def test_numbers_of_truck_road_and_sensors_can_be_stated(workspace):
     numbers = known.numbers(workspace, TRUCK)
     assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "steer_delay"} <= set(numbers)
+    assert (numbers["time_base"], numbers["misalignment"]) == (
+        "Time base, rate (time_base)", "Misalignment (misalignment)",
+    )  # fmt: skip
     assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"

@@ -8,6 +8,7 @@ from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
 from fifthwheel.channels import error_kinds
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.settings import options_of
 from fifthwheel.spoken_names import spoken
@@ -75,5 +76,6 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     signal_map = workspace.signal_map()
     signals = () if signal_map is None else tuple(signal_map.signals)
     errors = [f"{signal}.{kind}" for signal in signals if "." in signal for kind in error_kinds(signal)]
-    names = [*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *errors, *SENSOR_PRIORS]
+    of_truck = (*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters())
+    names = (*of_truck, *errors, *SENSOR_PRIORS, *MODEL_ERRORS)
     return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}
