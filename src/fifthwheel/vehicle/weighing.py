@@ -335,9 +335,11 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
         )
     difference, sigma = results.pop("front")
     if abs(difference) > CONTRADICTION * (sigma or 0.0) + 1e-6 * results["hitch"][0]:
+        where = _kingpin({key: value for key, (value, _) in inputs.items()}, lengths)["kingpin"]
         raise VehicleError(
-            f"laden.{groups[0]}: differs by {difference:+.0f} kg from the prediction with a sigma of {sigma:.0f} kg;"
-            " check the position of the fifth wheel, and weigh again on level ground with released brakes"
+            f"laden: expected a kingpin {lengths.coupling:.2f} m behind the front axle, got {where:.2f} m by the loads"
+            f" ({groups[0]} differs by {difference:+.0f} kg with a sigma of {sigma:.0f} kg); measure the position of"
+            " the fifth wheel, or weigh again on level ground with released brakes"
         )
     if not slip.solo:
         results["tractor.cog"] = _mean(results["tractor.cog"], results["cog by moments"])
@@ -369,10 +371,10 @@ def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tar
             other = _statics(lengths, _exchanged(slip, conditions, groups), groups, tares)
             if all(fits for _, fits in other.values()):
                 loads = getattr(slip, conditions[0])
-                as_stated, exchanged = ("; ".join(found[c][0] for c in wrong) for found in (stated, other))
+                as_stated, exchanged = (found[wrong[0]][0] for found in (stated, other))
                 raise VehicleError(
-                    f"{' and '.join(conditions)}: {EXCHANGED}: with {loads[front]:g} kg on {front} and"
-                    f" {loads[drive]:g} kg on {drive}, {as_stated}; exchanged, {exchanged}; exchange them"
+                    f"{' and '.join(conditions)}: {EXCHANGED}; write {loads[drive]:g} kg for {front} and"
+                    f" {loads[front]:g} kg for {drive}. As stated, {as_stated}; exchanged, {exchanged}"
                 )
 
 
