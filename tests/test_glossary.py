@@ -75,7 +75,6 @@ TERMS = (
     "joint filter",
     "smoother",
     "NIS",
-    "NEES",
     "variance budget",
 )
 

@@ -13,8 +13,19 @@ from hypothesis import strategies as st
 from fifthwheel import dynamics
 from fifthwheel.cheng_cebon_2011 import dual
 from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, Scaling
-from fifthwheel.filters import Model, Noise, kalman, sample_rows
-from tests.filters.examples import Array, Article, Example, Linear, Numbers, example, linear, max_difference, without
+from fifthwheel.filters import Model, Noise, sample_rows
+from tests.filters.examples import (
+    Array,
+    Article,
+    Example,
+    Linear,
+    Numbers,
+    example,
+    linear,
+    max_difference,
+    run_kalman,
+    without,
+)
 
 NOTHING = np.empty(0)
 WIDE = 1e9
@@ -104,7 +115,7 @@ def test_joint_filter(gate: float) -> None:
     states, results = row_by_row(BIASED, rows, START, c=C, noise=noise, scaling=plain(CENTRE, SCALE))
     process = np.zeros((5, 5))
     process[:3, :3] = Q
-    expected = kalman.run_kalman(
+    expected = run_kalman(
         augmented(),
         rows,
         p=NOTHING,
@@ -659,7 +670,7 @@ def test_fixed_parameters_give_the_kalman_filter(article: Article) -> None:
         zip(FREE, scaling.to_p(z), strict=True)
     )
     arguments = article.arguments() | {"c": article.model.known_values(values)}
-    expected = kalman.run_kalman(article.model, article.rows, **arguments)
+    expected = run_kalman(article.model, article.rows, **arguments)
     assert actual.end.x == pytest.approx(expected.state[-1], abs=1e-11)
     assert max_difference(actual.end.P[None], expected.covariance[-1:]) <= 1e-11
     assert actual.innovation == pytest.approx(expected.innovation, abs=1e-11)

@@ -1,4 +1,4 @@
-"""Models for the filters, and reference filters in NumPy."""
+"""Models for the filters, runs of the filters over a record, and reference filters in NumPy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from fifthwheel import dynamics, vehicle
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters import Model, Noise
+from fifthwheel.filters import Model, Noise, kalman, smoother
+from fifthwheel.filters.model import pack_array, packed_size, sizes, unpack_array
 from fifthwheel.filters.step_rows import step_rows
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -20,6 +21,64 @@ GYROS = ("roll_rate.tractor", "roll_rate.semitrailer", "yaw_rate.tractor", "yaw_
 NOISE = np.array([4.52e-4, 4.70e-5, 1.52e-5, 1.11e-5])
 DEVIATION = {"lateral_velocity": 0.1, "yaw_rate": 0.03, "articulation": 0.02, "roll": 0.01, "roll_rate": 0.03}
 ARGUMENTS = ("x", "dt", "d", "p", "c")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Filtered:
+    """Result of the filter for a record of N samples, n states and m channels.
+
+    Innovations are those of the sequential update: the innovation of a channel is conditioned on the previous channels
+    of the same sample, so that the sum of squared innovations over their variances is the NIS of the sample.
+    """
+
+    state: Array  # (N, n) after the update
+    covariance: Array  # (N, n, n) after the update
+    predicted_state: Array  # (N, n) before the update
+    predicted_covariance: Array  # (N, n, n) before the update
+    innovation: Array  # (N, m), 0 where missing
+    innovation_variance: Array  # (N, m)
+    accepted: Array  # (N, m) 1 where the measurement was used, 0 where it was missing or outside the gate
+
+
+def run_kalman(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:
+    """Filter one record.
+
+    Args:
+        model: of the record.
+        rows: (N, 1 + n_d + 2 n_y), from `model.sample_rows`.
+        p, c: parameters of the model, (n_p,) and (n_c,).
+        noise: of process and measurements.
+        x0, P0: state (n,) and covariance (n, n) before the first row.
+    """
+    n_x, _, _, _, n_y = sizes(model)
+    carry = np.concatenate([x0, pack_array(P0)])
+    _, out = kalman.kalman_step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
+    edges = np.cumsum([n_x, packed_size(n_x), n_y, n_y, n_y, n_x])
+    x, P, innovation, variance, accepted, before, P_before = np.split(out, edges, axis=1)
+    return Filtered(
+        state=x,
+        covariance=unpack_array(P, n_x),
+        predicted_state=before,
+        predicted_covariance=unpack_array(P_before, n_x),
+        innovation=innovation,
+        innovation_variance=variance,
+        accepted=accepted,
+    )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smoothed:
+    """Smoothed states of a record."""
+
+    state: Array  # (N, n)
+    covariance: Array  # (N, n, n)
+
+
+def run_smoother(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Smoothed:
+    """Filter a record forwards, then smooth it backwards; arguments as in `run_kalman`."""
+    constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
+    (smoothed,) = smoother.smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +175,7 @@ class Article:
         return self.rows[:, 5:9]
 
     def arguments(self) -> dict[str, object]:
-        """Arguments of `kalman.run_kalman` and `smoother.run_smoother`."""
+        """Arguments of `run_kalman` and `run_smoother`."""
         return {"p": np.empty(0), "c": self.c, "noise": self.noise, "x0": self.x0, "P0": self.P0}
 
 

@@ -5,8 +5,18 @@ import numpy as np
 import pytest
 from statsmodels.tsa.statespace.kalman_smoother import KalmanSmoother
 
-from fifthwheel.filters import Noise, kalman, sample_rows, smoother
-from tests.filters.examples import Array, Article, Linear, example, linear, max_difference, without
+from fifthwheel.filters import Noise, sample_rows
+from tests.filters.examples import (
+    Array,
+    Article,
+    Linear,
+    example,
+    linear,
+    max_difference,
+    run_kalman,
+    run_smoother,
+    without,
+)
 
 NOTHING = np.empty(0)
 SPRING = example(
@@ -73,7 +83,7 @@ def dense_solution(system: Linear, rows: Array, process: Array) -> tuple[Array, 
 @pytest.mark.parametrize("process", PROCESS)
 def test_equals_the_dense_solution(process: str, gaps: bool) -> None:
     rows = spring_rows(gaps=gaps)
-    actual = smoother.run_smoother(SPRING, rows, **arguments(PROCESS[process]))
+    actual = run_smoother(SPRING, rows, **arguments(PROCESS[process]))
     state, covariance = dense_solution(linear(SPRING, rows, P, C), rows, PROCESS[process])
     assert np.abs(actual.state - state).max() <= 1e-10
     assert max_difference(actual.covariance, covariance) <= 1e-10
@@ -96,7 +106,7 @@ def test_without_process_noise_it_is_least_squares() -> None:
             targets.append([(rows[k, 2 + i] - system.b[k, i] - h @ offset) / sigma])
     A = np.vstack(equations)
     start = np.linalg.lstsq(A, np.concatenate(targets))[0]
-    actual = smoother.run_smoother(SPRING, rows, **arguments(PROCESS["no process noise"]))
+    actual = run_smoother(SPRING, rows, **arguments(PROCESS["no process noise"]))
     information = A.T @ A
     for k, (by_start, offset) in enumerate(trajectory):
         assert actual.state[k] == pytest.approx(by_start @ start + offset, abs=1e-10)
@@ -110,7 +120,7 @@ def test_rauch_tung_striebel(process: str) -> None:
     """The textbook's backward pass over the results of the filter."""
     rows = spring_rows(gaps=True)
     given = arguments(PROCESS[process])
-    filtered, system = kalman.run_kalman(SPRING, rows, **given), linear(SPRING, rows, P, C)
+    filtered, system = run_kalman(SPRING, rows, **given), linear(SPRING, rows, P, C)
     x, P_k = filtered.state[-1], filtered.covariance[-1]
     states, covariances = [x], [P_k]
     for k in range(len(rows) - 2, -1, -1):
@@ -119,7 +129,7 @@ def test_rauch_tung_striebel(process: str) -> None:
         x = filtered.state[k] + gain @ (x - filtered.predicted_state[k + 1])
         P_k = filtered.covariance[k] + gain @ (P_k - before) @ gain.T
         states.append(x), covariances.append(P_k)
-    actual = smoother.run_smoother(SPRING, rows, **given)
+    actual = run_smoother(SPRING, rows, **given)
     assert np.abs(actual.state - np.array(states[::-1])).max() <= 1e-8
     assert max_difference(actual.covariance, np.array(covariances[::-1])) <= 1e-8
 
@@ -131,8 +141,8 @@ def test_rejected_sample_equals_a_missing_sample() -> None:
     assert rows[:, 4:][spikes].sum() >= 2
     with_spikes[:, 2:4][spikes] += 1e3
     process = PROCESS["process noise"]
-    expected = smoother.run_smoother(SPRING, without(rows, spikes, 1), **arguments(process, gate=20.0))
-    actual = smoother.run_smoother(SPRING, with_spikes, **arguments(process, gate=20.0))
+    expected = run_smoother(SPRING, without(rows, spikes, 1), **arguments(process, gate=20.0))
+    actual = run_smoother(SPRING, with_spikes, **arguments(process, gate=20.0))
     assert np.array_equal(actual.state, expected.state)
     assert np.array_equal(actual.covariance, expected.covariance)
     state, covariance = dense_solution(linear(SPRING, rows, P, C), without(rows, spikes, 1), process)
@@ -142,7 +152,7 @@ def test_rejected_sample_equals_a_missing_sample() -> None:
 
 def test_one_sample() -> None:
     rows = spring_rows(gaps=False)[:1]
-    filtered, actual = (f(SPRING, rows, **arguments(np.eye(3))) for f in (kalman.run_kalman, smoother.run_smoother))
+    filtered, actual = (f(SPRING, rows, **arguments(np.eye(3))) for f in (run_kalman, run_smoother))
     assert max_difference(actual.state, filtered.state) <= 1e-12
     assert max_difference(actual.covariance, filtered.covariance) <= 1e-12
 
@@ -155,7 +165,7 @@ def test_article(article: Article, noisy: bool) -> None:
     rows = without(article.rows, missing, 4)
     process = article.noise.process * (1.0 if noisy else 0.0)
     given = article.arguments() | {"noise": Noise(process=process, measurement=article.noise.measurement)}
-    filtered, actual = (f(article.model, rows, **given) for f in (kalman.run_kalman, smoother.run_smoother))
+    filtered, actual = (f(article.model, rows, **given) for f in (run_kalman, run_smoother))
     assert max_difference(actual.state[-1:], filtered.state[-1:]) <= 1e-12
     assert max_difference(actual.covariance[-1:], filtered.covariance[-1:]) <= 1e-12
     scale = np.sqrt(np.einsum("kii->ki", filtered.covariance))
@@ -169,7 +179,7 @@ def test_article(article: Article, noisy: bool) -> None:
 def test_statsmodels(article: Article) -> None:
     missing = np.random.default_rng(2).random((len(article.rows), 4)) < 0.2
     missing[300:400] = True
-    actual = smoother.run_smoother(article.model, without(article.rows, missing, 4), **article.arguments())
+    actual = run_smoother(article.model, without(article.rows, missing, 4), **article.arguments())
     system, N = article.linear, len(article.rows)
     later = np.r_[1:N, N - 1]
     other = KalmanSmoother(k_endog=4, k_states=8, k_posdef=8)
@@ -189,9 +199,7 @@ def test_statsmodels(article: Article) -> None:
 
 def test_smoothing_reduces_all_variances(article: Article) -> None:
     """The variance of every state decreases, except at the end of the record."""
-    actual, filtered = (
-        f(article.model, article.rows, **article.arguments()) for f in (smoother.run_smoother, kalman.run_kalman)
-    )
+    actual, filtered = (f(article.model, article.rows, **article.arguments()) for f in (run_smoother, run_kalman))
     variances = [np.einsum("kii->ki", f.covariance)[:-20] for f in (actual, filtered)]
     assert (variances[0] < variances[1]).all()
     assert np.abs(actual.state[:100] - filtered.state[:100]).max() > 1e-4
@@ -207,7 +215,7 @@ def test_state_without_effect() -> None:
     )
     rows = spring_rows(gaps=False)
     given = arguments(PROCESS["process noise"]) | {"p": NOTHING, "c": NOTHING}
-    actual = smoother.run_smoother(model, rows, **given)
+    actual = run_smoother(model, rows, **given)
     state, covariance = dense_solution(linear(model, rows, NOTHING, NOTHING), rows, PROCESS["process noise"])
     assert np.abs(actual.state - state).max() <= 1e-10
     assert np.abs(actual.covariance - covariance).max() <= 1e-10

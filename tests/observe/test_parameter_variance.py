@@ -2,12 +2,13 @@
 
 import numpy as np
 
-from fifthwheel.filters import kalman
+from fifthwheel.filters import Noise
 from fifthwheel.filters.model import sizes, unpack_array
 from fifthwheel.observe.observer_step import reported_signals
 from fifthwheel.observe.parameter_variance import SigmaPoints, parameter_variance
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import stream_segments
+from tests.filters.examples import run_kalman
 from tests.observe.exact import TRUCK
 from tests.observe.test_stream import LANE_CHANGES, observer
 
@@ -38,8 +39,8 @@ def test_variance_is_that_of_filters_with_the_same_gains() -> None:
 
     c, _ = split(constant)
     Q, R = unpack_array(constant[n_c : n_c + n * (n + 1) // 2], n), constant[n_c + n * (n + 1) // 2 :][:m]
-    noise = kalman.Noise(process=Q, measurement=R)
-    run = kalman.run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:-n], n))
+    noise = Noise(process=Q, measurement=R)
+    run = run_kalman(model, rows, p=np.zeros(0), c=c, noise=noise, x0=start[:n], P0=unpack_array(start[n:-n], n))
     gains = []  # P H' / R of the given parameters, 0 for missing measurements
     for row, P in zip(rows, run.covariance, strict=True):
         d = row[1 : 1 + n_d]

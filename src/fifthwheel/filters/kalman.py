@@ -14,25 +14,8 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.native import Scan, compiled
-
-
-@dataclass(frozen=True, kw_only=True)
-class Filtered:
-    """Result of the filter for a record of N samples, n states and m channels.
-
-    Innovations are those of the sequential update: the innovation of a channel is conditioned on the previous channels
-    of the same sample, so that the sum of squared innovations over their variances is the NIS of the sample.
-    """
-
-    state: Array  # (N, n) after the update
-    covariance: Array  # (N, n, n) after the update
-    predicted_state: Array  # (N, n) before the update
-    predicted_covariance: Array  # (N, n, n) before the update
-    innovation: Array  # (N, m), 0 where missing
-    innovation_variance: Array  # (N, m)
-    accepted: Array  # (N, m) 1 where the measurement was used, 0 where it was missing or outside the gate
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,29 +159,3 @@ def kalman_step(model: Model) -> ca.Function:
     carried = ca.vertcat(after, pack(P_after))
     output = ca.vertcat(carried, channel_columns(channels), before, pack(P_before))
     return ca.Function("kalman", [carry, sample, constant], [ca.densify(carried), ca.densify(output)], {"cse": True})
-
-
-def run_kalman(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Filtered:
-    """Filter one record.
-
-    Args:
-        model: of the record.
-        rows: (N, 1 + n_d + 2 n_y), from `model.sample_rows`.
-        p, c: parameters of the model, (n_p,) and (n_c,).
-        noise: of process and measurements.
-        x0, P0: state (n,) and covariance (n, n) before the first row.
-    """
-    n_x, _, _, _, n_y = sizes(model)
-    carry = np.concatenate([x0, pack_array(P0)])
-    _, out = kalman_step(model)(carry, rows, np.concatenate([p, c, noise.vector()]))
-    edges = np.cumsum([n_x, packed_size(n_x), n_y, n_y, n_y, n_x])
-    x, P, innovation, variance, accepted, before, P_before = np.split(out, edges, axis=1)
-    return Filtered(
-        state=x,
-        covariance=unpack_array(P, n_x),
-        predicted_state=before,
-        predicted_covariance=unpack_array(P_before, n_x),
-        innovation=innovation,
-        innovation_variance=variance,
-        accepted=accepted,
-    )

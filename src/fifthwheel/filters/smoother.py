@@ -5,7 +5,6 @@ covariance, so the process noise may be zero. Without process noise the smoothed
 which starts at the initial state with the best fit to the record.
 """
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import casadi as ca
@@ -13,20 +12,12 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
+from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, unpack
 from fifthwheel.native import Scan, compiled
 
 CHUNK = 500
 """Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the
 backward pass repeats the filter chunk by chunk."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Smoothed:
-    """Smoothed states of a record."""
-
-    state: Array  # (N, n)
-    covariance: Array  # (N, n, n)
 
 
 @compiled(Scan)
@@ -63,15 +54,6 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     carried = ca.vertcat(adjoint, pack(information), dt, d)
     outputs = [ca.densify(carried), ca.densify(ca.vertcat(*results))]
     return ca.Function("smoother", [carry, sample, constant], outputs, {"cse": True})
-
-
-def run_smoother(
-    model: Model, rows: Array, *, p: Array, c: Array, noise: kalman.Noise, x0: Array, P0: Array
-) -> Smoothed:
-    """Filter a record forwards, then smooth it backwards; arguments as in `kalman.run_kalman`."""
-    constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
-    (smoothed,) = smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
-    return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
 
 
 def smoothed_rows(model: Model, report: Model | None, rows: Array, carry: Array, constant: Array) -> Array:
