@@ -91,7 +91,7 @@ def test_information_is_that_of_the_problem(truck, record):
     )
     predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
     names, information = combine_information([predictor.run_information(log)])
-    settings = replace(predictor.settings, outlier=np.inf)
+    settings = replace(predictor.setup.settings, outlier=np.inf)
     problem = Problem(replace(predictor.setup, settings=settings), [log])
     expected = problem.expand(np.zeros(len(problem.names))).hessian - np.eye(len(problem.names))
     order = [problem.names.index(name) for name in names]

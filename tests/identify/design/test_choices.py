@@ -71,12 +71,14 @@ def test_the_shortest_run_near_the_best_if_none_reaches_the_targets() -> None:
 class Predictor:
     """Sigma of a parameter by what is known, added and repeated; its prior sigma is 10."""
 
-    estimated = ("stiffness",)
-    channels = ("yaw", "roll", "hitch")
-    vehicle = SimpleNamespace(units=[SimpleNamespace(name=name, axle_groups=()) for name in ("tractor", "trailer")])
-    unknowns = tuple(
-        SimpleNamespace(name=n)
-        for n in ("stiffness", "gain", MASS_SCALE, "tractor.mass", "trailer.mass", "axle.softening", "offset")
+    setup = SimpleNamespace(
+        estimated=("stiffness",),
+        outputs=("yaw", "roll", "hitch"),
+        vehicle=SimpleNamespace(units=[SimpleNamespace(name=name, axle_groups=()) for name in ("tractor", "trailer")]),
+        unknowns=tuple(
+            SimpleNamespace(name=n)
+            for n in ("stiffness", "gain", MASS_SCALE, "tractor.mass", "trailer.mass", "axle.softening", "offset")
+        ),
     )
 
     def __init__(self, **sigmas: float) -> None:
@@ -206,7 +208,7 @@ def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
     gaps = lanes.signals[other].copy()
     gaps[100:300] = np.nan
     expected = Problem(
-        replace(predictor.setup, settings=replace(predictor.settings, outlier=np.inf)),
+        replace(predictor.setup, settings=replace(predictor.setup.settings, outlier=np.inf)),
         [replace(log, segments=[replace(lanes, signals={**kept, other: gaps})])],
     )
     hessian = expected.expand(np.zeros(len(expected.names))).hessian - np.eye(len(expected.names))
@@ -223,7 +225,7 @@ def test_the_conditional_sigma_of_a_parameter(truck, lanes) -> None:
     information, parameters = run.information(), vehicle.parameters()
     nuisances = [i for i, n in enumerate(run.names) if n.startswith(("steer.", *GYROS, "articulation.")) or "@" in n]
     assert len(nuisances) > 20
-    for name in predictor.estimated:
+    for name in predictor.setup.estimated:
         assert name in parameters
         kept = [run.names.index(name), *nuisances]
         expected = np.linalg.inv(np.eye(len(kept)) + information[np.ix_(kept, kept)])[0, 0]
@@ -270,7 +272,8 @@ def test_the_noise_of_segments_is_weighted_by_their_length(truck) -> None:
         Record(time=time[:size], signals={name: sigma * rng.normal(size=size)})
         for size, sigma in ((3000, 0.003), (1000, 0.009), (20, 0.5))
     ]
-    predictor = SimpleNamespace(channels=(name, "roll_rate.tractor"), settings=OneStage(), vehicle=truck)
+    setup = SimpleNamespace(outputs=(name, "roll_rate.tractor"), settings=OneStage(), vehicle=truck)
+    predictor = SimpleNamespace(setup=setup)
     noise = _noise_variances(predictor, LogData(name="a", segments=segments))
     single = [estimate_noise_variance(s.time, s.signals[name]) for s in segments]
     assert single == [pytest.approx(0.003**2, rel=0.3), pytest.approx(0.009**2, rel=0.3), None]

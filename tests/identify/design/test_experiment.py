@@ -56,11 +56,11 @@ def simulated(design: ExperimentDesign, seed: int = 0) -> Record:
 
 def sigmas_along(predictor: InformationPredictor, run: ProposedRun) -> dict[str, float]:
     """Relative sigmas by the derivatives along the complete run, without convolution."""
-    record = steer_record(predictor.vehicle, run.speed, run.steer, 100.0, run.kind)
+    record = steer_record(predictor.setup.vehicle, run.speed, run.steer, 100.0, run.kind)
     log = LogData(name="run", segments=[record], noise=dict(GYROS))
     result = predictor.posterior([predictor.run_information(log, list(GYROS))])
-    values = predictor.vehicle.parameters()
-    return {name: result.sigma(name) * predictor.prior_sigma(name) / values[name] for name in predictor.estimated}
+    values = predictor.setup.vehicle.parameters()
+    return {name: result.sigma(name) * predictor.prior_sigma(name) / values[name] for name in predictor.setup.estimated}
 
 
 COLOURED = WHITE | {
@@ -86,7 +86,7 @@ def test_the_impulse_response_of_coloured_noise(steered):
     result = predictor.posterior_of(response.names, response.information(manoeuvre, steer, 2).at(1.0)[-1], GYROS)
     white = ImpulseResponse.of(predictor, speed, rate=rate, noise=WHITE)
     other = predictor.posterior_of(white.names, white.information(manoeuvre, steer, 2).at(1.0)[-1], GYROS)
-    for name in predictor.estimated:
+    for name in predictor.setup.estimated:
         assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-3)
     assert other.sigma(HEIGHT) < 0.95 * result.sigma(HEIGHT)
 
@@ -114,7 +114,7 @@ def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
         initial = [i for i, name in enumerate(response.names) if name.endswith("@0.0")]
         scaled[initial], scaled[:, initial] = information[initial], information[:, initial]
         same_start = predictor.posterior_of(response.names, scaled, GYROS)
-        for name in predictor.estimated:
+        for name in predictor.setup.estimated:
             assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-4)
             assert same_start.sigma(name) == pytest.approx(expected.sigma(name), rel=1e-6)
         steered_block = np.ix_(*2 * [response.steered & (np.diag(information) > 0)])

@@ -88,7 +88,7 @@ def sigma_ratios(truth: Mapping[str, np.ndarray], time: np.ndarray, truck: Vehic
     posterior = predictor.posterior([predictor.run_information(log, list(GYROS))])
     return {
         name: posterior.sigma(name) * predictor.prior_sigma(name) / float(np.mean([r[name].sigma for r in results]))
-        for name in predictor.estimated
+        for name in predictor.setup.estimated
     }
 
 

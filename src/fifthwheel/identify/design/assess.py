@@ -166,16 +166,16 @@ def assess_information(
     lane_change = lane_change_information(predictor, speed=speed, rate=rate, channels=tuple(noise), noise=noise)
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
-    names = tuple(record.name for record in records)
+    names, setup = tuple(record.name for record in records), predictor.setup
     return InformationAssessment(
         vehicle=vehicle.name,
         logs=names,
         speed=speed,
         findings=tuple(findings),
         parameters=tuple(
-            _assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in predictor.estimated
+            _assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in setup.estimated
         ),
-        noise={log.name: {name: log.noise[name] for name in predictor.channels if name in log.noise} for log in logs},
+        noise={log.name: {name: log.noise[name] for name in setup.outputs if name in log.noise} for log in logs},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
         notes=dataset.notes,
         version=fifthwheel.__version__,
@@ -190,8 +190,9 @@ def _assess_parameter(
     assessment: AssessmentSettings,
     logs: Sequence[str],
 ) -> ParameterAssessment:
-    value, prior, verdict = predictor.vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
-    if verdict is not Verdict.CONVERGED and is_stated(predictor.vehicle, predictor.settings, name):
+    vehicle, settings = predictor.setup.vehicle, predictor.setup.settings
+    value, prior, verdict = vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
+    if verdict is not Verdict.CONVERGED and is_stated(vehicle, settings, name):
         verdict = Verdict.STATED
     sigma, target = posterior.sigma(name) * prior, assessment.enough * abs(value)
     if verdict is Verdict.CONVERGED and sigma <= target:
@@ -225,13 +226,13 @@ def _with_log_name(name: str, logs: Sequence[str]) -> str:
 
 def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str, float]:
     """Noise variance of each channel that a log has, SI squared."""
-    result = {}
-    for name in predictor.channels:
+    result, setup = {}, predictor.setup
+    for name in setup.outputs:
         segments = [s for s in log.segments if name in s.signals and np.isfinite(s.signals[name]).any()]
         if not segments:
             continue
-        default = variances.sensor_variance(predictor.vehicle, name, predictor.settings.noise)
-        if not predictor.settings.adapt_noise:
+        default = variances.sensor_variance(setup.vehicle, name, setup.settings.noise)
+        if not setup.settings.adapt_noise:
             result[name] = default
             continue
         estimates = [(len(s), estimate_noise_variance(s.time, s.signals[name])) for s in segments]
@@ -243,7 +244,7 @@ def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str,
 
 
 def _unstable_caution(predictor: InformationPredictor) -> str:
-    vehicle, first = predictor.vehicle, next(iter(predictor.start))
+    vehicle, first = predictor.setup.vehicle, next(iter(predictor.start))
     axles = " and ".join(name.removesuffix(".cornering_stiffness") for name in predictor.start)
     factor = predictor.start_vehicle.parameters()[first] / vehicle.parameters()[first]
     critical_speed = dynamics.critical_speed(vehicle) or float("nan")

@@ -287,8 +287,8 @@ def _unmet_targets(
     if not missed:
         return ()
     rate = planning.rate
-    models = road_noise(predictor.vehicle, best.speed, rate, noise, planning.roughness)
-    record = steer_record(predictor.vehicle, best.speed, best.steer, rate, best.kind)
+    models = road_noise(predictor.setup.vehicle, best.speed, rate, noise, planning.roughness)
+    record = steer_record(predictor.setup.vehicle, best.speed, best.steer, rate, best.kind)
     log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=models)
     run = predictor.run_information(log, list(noise))
     lane_change = lane_change_information(
@@ -297,7 +297,7 @@ def _unmet_targets(
     remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
     unmet = []
     for name, target in missed.items():
-        value = abs(predictor.vehicle.parameters()[name])
+        value = abs(predictor.setup.vehicle.parameters()[name])
         changes = remedies.best(name, best.sigma[name] * value, target=target * value, min_reduction=0.1, max_count=2)
         unmet.append(
             UnmetTarget(

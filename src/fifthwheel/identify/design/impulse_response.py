@@ -98,10 +98,10 @@ class ImpulseResponse:
     ) -> "ImpulseResponse":
         """Derivatives of both runs at a speed, m/s, and sampling rate, Hz, for the noise of each logged channel."""
         steer = np.zeros(round(DECAY_TIME * rate))
-        names, straight = _derivatives(predictor, predictor.unknowns, speed, steer, rate, list(noise))
+        names, straight = _derivatives(predictor, predictor.setup.unknowns, speed, steer, rate, list(noise))
         steered = np.asarray(~straight.any(axis=(1, 2)), dtype=np.bool_)
         steer[1] = PULSE_SIZE  # linear between samples: the pulse begins to act after the first sample
-        _, pulse = _derivatives(predictor, predictor.unknowns, speed, steer, rate, list(noise))
+        _, pulse = _derivatives(predictor, predictor.setup.unknowns, speed, steer, rate, list(noise))
         superposed = steered & [not along_run(name) for name in names]
         return cls(
             predictor=predictor,
@@ -121,7 +121,7 @@ class ImpulseResponse:
 
     def along(self, steer: Array) -> Array:
         """Whitened derivatives (q, N, m) for the q unknowns of `along_run` and a steer angle (N,), rad."""
-        unknowns = [u for u in self.predictor.unknowns if along_run(u.name)]
+        unknowns = [u for u in self.predictor.setup.unknowns if along_run(u.name)]
         names, derivatives = _derivatives(self.predictor, unknowns, self.speed, steer, self.rate, list(self.noise))
         return self._whitened(derivatives[[names.index(self.names[i]) for i in self.separate]])
 
@@ -168,11 +168,11 @@ def _derivatives(
     logged: Sequence[str],
 ) -> tuple[tuple[str, ...], Array]:
     """Names (k,) of the unknowns, and the derivatives (k, N, m) of the logged channels."""
-    record = steer_record(predictor.vehicle, speed, steer, rate, "impulse response")
-    log = LogData(name=record.name, segments=[with_every_sample(record, predictor.channels)])
+    record = steer_record(predictor.setup.vehicle, speed, steer, rate, "impulse response")
+    log = LogData(name=record.name, segments=[with_every_sample(record, predictor.setup.outputs)])
     problem = Problem(replace(predictor.setup, unknowns=tuple(unknowns)), [log])
     jacobian, first = np.zeros((len(problem.names), len(record), len(logged))), 0
-    channels = [predictor.channels.index(name) for name in logged]
+    channels = [predictor.setup.outputs.index(name) for name in logged]
     for block in problem.blocks(np.zeros(len(problem.names)), 0, 0):
         rows = slice(first, first + len(block.time))
         jacobian[block.indices, rows] = np.moveaxis(block.jacobian[:, channels], -1, 0)

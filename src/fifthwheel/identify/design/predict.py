@@ -23,7 +23,6 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
@@ -150,34 +149,9 @@ class InformationPredictor:
         started = vehicle.replace({name: values[name] for name in start})
         return cls(setup=setup, start=start, start_vehicle=started, earlier=earlier(setup))
 
-    @property
-    def vehicle(self) -> Vehicle:
-        """With the values of its file."""
-        return self.setup.vehicle
-
-    @property
-    def settings(self) -> OneStage:
-        """Of the fit."""
-        return self.setup.settings
-
-    @property
-    def estimated(self) -> tuple[str, ...]:
-        """Paths of the estimated parameters."""
-        return self.setup.estimated
-
-    @property
-    def channels(self) -> tuple[str, ...]:
-        """Every channel that a fit can use."""
-        return self.setup.outputs
-
-    @property
-    def unknowns(self) -> tuple[Unknown, ...]:
-        """All unknowns but the initial states."""
-        return self.setup.unknowns
-
     def prior_sigma(self, name: str) -> float:
         """Prior standard deviation of an unknown, SI."""
-        return next(u.prior_sigma for u in self.unknowns if u.name == split_log(name)[0])
+        return next(u.prior_sigma for u in self.setup.unknowns if u.name == split_log(name)[0])
 
     def run_information(self, log: LogData, logged: Collection[str] | None = None) -> RunInformation:
         """Information of one run; a VehicleError if the truck is unstable in it.
@@ -188,28 +162,29 @@ class InformationPredictor:
         presence = [self._presence(segment, logged) for segment in log.segments]
         log = LogData(
             name=log.name,
-            segments=[with_every_sample(segment, self.channels) for segment in log.segments],
+            segments=[with_every_sample(segment, self.setup.outputs) for segment in log.segments],
             noise=dict(log.noise),
             noise_models=log.noise_models,
         )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.setup, [log])
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
-        information = {name: np.zeros((len(z), len(z))) for name in self.channels}
+        information = {name: np.zeros((len(z), len(z))) for name in self.setup.outputs}
         for j, samples in enumerate(presence):
             first = 0
             for block in problem.blocks(z, 0, j):
                 in_block, first = samples[first : first + len(block.time)], first + len(block.time)
                 places = np.ix_(block.indices, block.indices)
-                for c, name in enumerate(self.channels):
+                for c, name in enumerate(self.setup.outputs):
                     used = in_block[:, c] if present[c] else in_block.any(axis=1)
                     scaled = block.jacobian[:, c] * (used / np.sqrt(block.variance[:, c]))[:, None]
                     information[name][places] += scaled.T @ scaled
         if not all(np.isfinite(matrix).all() for matrix in information.values()):
             raise VehicleError(
-                f"{self.vehicle.name}: unstable in {log.name}; check masses, axle positions and cornering stiffnesses"
+                f"{self.setup.vehicle.name}: unstable in {log.name}; "
+                "check masses, axle positions and cornering stiffnesses"
             )
-        is_logged = dict(zip(self.channels, present.tolist(), strict=True))
+        is_logged = dict(zip(self.setup.outputs, present.tolist(), strict=True))
         return RunInformation(
             names=problem.names,
             logged={name: matrix for name, matrix in information.items() if is_logged[name]},
@@ -219,9 +194,9 @@ class InformationPredictor:
     def _presence(self, segment: Record, logged: Collection[str] | None) -> NDArray[np.bool_]:
         """Whether each channel has each sample (N, m)."""
         if logged is not None:
-            return np.tile([name in logged for name in self.channels], (len(segment), 1))
+            return np.tile([name in logged for name in self.setup.outputs], (len(segment), 1))
         missing = np.full(len(segment), np.nan)
-        return np.column_stack([np.isfinite(segment.signals.get(name, missing)) for name in self.channels])
+        return np.column_stack([np.isfinite(segment.signals.get(name, missing)) for name in self.setup.outputs])
 
     def posterior(
         self,
@@ -257,12 +232,12 @@ class InformationPredictor:
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
-        of_vehicle = {u.name for u in self.unknowns if not u.is_sensor_error}
+        of_vehicle = {u.name for u in self.setup.unknowns if not u.is_sensor_error}
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
         posterior = Posterior.from_information(names, information, nuisances=nuisances)
-        estimated = [name for name in self.estimated if name in names]
+        estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        not_identified = uninformed_parameters(posterior, estimated, no_channel, self.settings.excited)
+        not_identified = uninformed_parameters(posterior, estimated, no_channel, self.setup.settings.excited)
         return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
 
 

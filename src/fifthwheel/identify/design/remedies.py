@@ -75,9 +75,9 @@ class PredictedRemedies:
 
         `estimated_knowable`: whether also an estimated parameter could be known.
         """
-        knowable = [n for n in _knowable(predictor) if estimated_knowable or n not in predictor.estimated]
+        knowable = [n for n in _knowable(predictor) if estimated_knowable or n not in predictor.setup.estimated]
         logged = {name for run in runs for name in run.logged}
-        not_logged = [name for name in predictor.channels if name not in logged]
+        not_logged = [name for name in predictor.setup.outputs if name not in logged]
         with_lane_change = [*runs, lane_change]
         return cls(
             predictor=predictor,
@@ -89,7 +89,7 @@ class PredictedRemedies:
                 *[_with_known(predictor, runs, (name,)) for name in knowable],
                 *[
                     _with_roll_test(predictor, runs, unit)
-                    for unit in predictor.vehicle.units
+                    for unit in predictor.setup.vehicle.units
                     if len(unit.axle_groups) == 1
                 ],
                 *[(Remedy(channel=name), predictor.posterior(runs, added=[name])) for name in not_logged],
@@ -152,7 +152,7 @@ def _with_roll_test(predictor: InformationPredictor, runs: Sequence[RunInformati
 
 def _prior_sigma(predictor: InformationPredictor, path: str) -> float:
     """Prior standard deviation of a parameter by all unknowns that alter it, SI."""
-    return float(np.linalg.norm([u.slopes.get(path, 0.0) * u.prior_sigma for u in predictor.unknowns]))
+    return float(np.linalg.norm([u.slopes.get(path, 0.0) * u.prior_sigma for u in predictor.setup.unknowns]))
 
 
 def _ratio(sigma: float, prior: float) -> float:
@@ -167,14 +167,14 @@ def _knowable(predictor: InformationPredictor) -> list[str]:
     scale weighs all units, so their masses are known together.
     """
     unknowable = ".softening", ".variation", ".self_steering"
-    names = [u.name for u in predictor.unknowns if not u.name.endswith(unknowable)]
+    names = [u.name for u in predictor.setup.unknowns if not u.name.endswith(unknowable)]
     weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
     return [name for name in names if name not in weighed]
 
 
 def _unknowns(predictor: InformationPredictor, *known: str) -> list[str]:
     """The unknowns that are known with what `Remedy.known` names."""
-    masses = [f"{unit.name}.mass" for unit in predictor.vehicle.units] if MASS_SCALE in known else []
+    masses = [f"{unit.name}.mass" for unit in predictor.setup.vehicle.units] if MASS_SCALE in known else []
     return [*known, *masses]
 
 
@@ -194,6 +194,6 @@ def lane_change_information(
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate
     steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
-    record = steer_record(predictor.vehicle, speed, steer, rate, "one more lane change")
+    record = steer_record(predictor.setup.vehicle, speed, steer, rate, "one more lane change")
     log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=noise_models)
     return predictor.run_information(log, channels)

@@ -109,7 +109,7 @@ def search_candidates(
     for i, (speed, manoeuvre) in enumerate(manoeuvres):
         progress("design", i, len(manoeuvres))
         if speed not in responses:
-            models = road_noise(predictor.vehicle, speed, settings.rate, noise, settings.roughness)
+            models = road_noise(predictor.setup.vehicle, speed, settings.rate, noise, settings.roughness)
             responses = {speed: ImpulseResponse.of(predictor, speed, rate=settings.rate, noise=models)}
         yield from _candidates_of(predictor, responses[speed], manoeuvre, targets, settings)
     progress("design", len(manoeuvres), len(manoeuvres))
@@ -123,8 +123,8 @@ def _candidates_of(
     settings: DesignSettings,
 ) -> Iterator[CandidateRun]:
     """One manoeuvre at every size and with every number of repetitions."""
-    steer = manoeuvre.steer(predictor.vehicle, settings.rate)
-    accelerations = lateral_acceleration(predictor.vehicle, manoeuvre.speed, steer, settings.rate)
+    steer = manoeuvre.steer(predictor.setup.vehicle, settings.rate)
+    accelerations = lateral_acceleration(predictor.setup.vehicle, manoeuvre.speed, steer, settings.rate)
     unit_acceleration = float(np.abs(accelerations).max())
     unit_steer_rate = float(np.abs(np.diff(steer)).max() * settings.rate)
     sizes = sorted({min(a / unit_acceleration, settings.max_steer_rate / unit_steer_rate) for a in settings.sizes})
@@ -132,14 +132,12 @@ def _candidates_of(
     if not sizes:
         return
     information = response.information(manoeuvre, steer, max(settings.repetitions))
-    values = predictor.vehicle.parameters()
+    values, estimated = predictor.setup.vehicle.parameters(), predictor.setup.estimated
     for size in sizes:
         of_repetitions = information.at(size)
         for count in settings.repetitions:
             result = predictor.posterior_of(response.names, of_repetitions[count - 1], response.noise)
-            sigma = {
-                n: result.reliable_sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in predictor.estimated
-            }
+            sigma = {n: result.reliable_sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in estimated}
             yield CandidateRun(
                 manoeuvre=manoeuvre,
                 count=count,
@@ -147,7 +145,7 @@ def _candidates_of(
                 acceleration=size * unit_acceleration,
                 steer=steer,
                 sigma=sigma,
-                verdicts={n: result.verdict(n) for n in predictor.estimated},
+                verdicts={n: result.verdict(n) for n in estimated},
                 worst_ratio=max(sigma[name] / target for name, target in targets.items()),
             )
 
