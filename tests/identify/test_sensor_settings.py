@@ -18,7 +18,15 @@ def error(name: str, value: float, log: str | None) -> SimpleNamespace:
     return SimpleNamespace(name=name, value=value, log=log, sigma=0.003)
 
 
-IDENTIFICATION: Any = SimpleNamespace(
+class Fields(SimpleNamespace):
+    """Some fields of an identification, with what an observer gets from them."""
+
+    friction = Identification.friction
+    sensor_settings = Identification.sensor_settings
+    _uncertainties = Identification._uncertainties
+
+
+IDENTIFICATION: Any = Fields(
     sensors=[
         error(f"{STEER}.gain", 1.1, None),
         error(f"{YAW}.offset", 0.001, "first"),
@@ -42,7 +50,7 @@ VARYING = math.hypot(0.02, MODEL_ERRORS["bank_variation"])
 )
 def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None, noise: float) -> None:
     """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
-    settings = Identification.sensor_settings(IDENTIFICATION, log)
+    settings = IDENTIFICATION.sensor_settings(log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
     exact = {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}, "friction": None} | exact
@@ -63,8 +71,8 @@ def test_bank_and_offsets_of_a_log(log: str | None, joint: bool, bank_mean: floa
     within a log."""
     sensors = [*IDENTIFICATION.sensors, *(error(f"{name}.offset", 0.004, "first") for name in (STEER, LATERAL))]
     changes = {"sensors": sensors, "settings": OneStage(), "covariance": object() if joint else None}
-    identification: Any = SimpleNamespace(**{**vars(IDENTIFICATION), **changes})
-    settings = Identification.sensor_settings(identification, log)
+    identification: Any = Fields(**{**vars(IDENTIFICATION), **changes})
+    settings = identification.sensor_settings(log)
     assert [settings[name] for name in ("bank_mean", "bank", "steer_offset")] == [bank_mean, bank, offset]
     assert settings["acceleration_offset"] == (0.3 if offset == 0.01 else offset)
 

@@ -37,7 +37,7 @@ def test_other_kinds(result, tmp_path, kind, start):
 
 def test_the_same_figure_is_the_same_file(result, tmp_path):
     fit = result.identification.fits[0]
-    figure = CaptionedPlot("fit", display.fit_plot([fit, fit], ""), "log", ("log", "fit", fit.signal))
+    figure = CaptionedPlot("fit", Plot(panels=[display.fit_panel(fit)] * 2), "log", ("log", "fit", fit.signal))
     first, second = page.save_images(tmp_path, [figure, figure], "svg")
     assert first != second
     assert first.read_bytes() == second.read_bytes()

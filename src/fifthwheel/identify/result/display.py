@@ -67,16 +67,6 @@ def parameter_plot(estimates: Sequence[Estimate], title: str) -> Plot:
     )
 
 
-def fit_plot(fits: Sequence[Fit], title: str) -> Plot:
-    """Each channel as measured and as predicted by the model without correction by measurements."""
-    return Plot(title=title, panels=list(map(fit_panel, fits)))
-
-
-def residual_plot(fits: Sequence[Fit], title: str) -> Plot:
-    """Each channel as measured less as predicted."""
-    return Plot(title=title, panels=list(map(residual_panel, fits)))
-
-
 def history_plot(histories: Mapping[str, ParameterHistory], estimates: Sequence[Estimate], title: str) -> Plot:
     """Every estimate over the data, as of `history_panel`."""
     by_name = {e.name: e for e in estimates}

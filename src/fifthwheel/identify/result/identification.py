@@ -1,26 +1,33 @@
 """The result of an identification: values, sigmas and verdicts, and the data to judge or repeat it."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
+import numpy as np
+
 from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
+from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
 from fifthwheel.errors import SignalError, printable, suggestion
+from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
-from fifthwheel.identify.result.sensor_settings import friction, sensor_settings
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
+from fifthwheel.vehicle.parameters import FRICTION
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -64,8 +71,16 @@ class Identification(IdentificationData):
 
     @property
     def friction(self) -> float | None:
-        """Peak friction of the road; None with linear tyres."""
-        return friction(self)
+        """Peak friction of the road; None with linear tyres.
+
+        Logs that use little of the friction do not limit it upwards. An observer gets the nearest friction that a road
+        has.
+        """
+        settings = self.settings
+        if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
+            return None
+        estimated = next((e.value for e in self.parameters if e.name == FRICTION), settings.friction)
+        return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
         """Sensor errors, noise, and friction and bank of the road, as arguments of `ObserverSettings`.
@@ -74,7 +89,39 @@ class Identification(IdentificationData):
             log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
                 latter only, the noise of the first log, and the priors of steering offset and bank.
         """
-        return sensor_settings(self, log)
+        sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
+        errors = {error.name: error.value for error in sensors if error.log in (None, log)}
+        noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
+        return {"sensor_errors": errors, "noise": noise, "friction": self.friction} | self._uncertainties(log)
+
+    def _uncertainties(self, log: str | None) -> dict[str, float]:
+        """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
+
+        If there is a joint covariance, it contains the offsets of a log, so that they are exact for the observer of
+        that log.
+        """
+        settings = self.settings
+        if not settings.nuisances:
+            return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
+        prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
+        estimates = [each.bank for each in self.logs if each.name == log and each.bank]
+        variation = getattr(settings, "consider", {}).get("bank_variation", 0.0)
+        mean, bank = (estimates[0][0], math.hypot(estimates[0][1], variation)) if estimates else (0.0, prior)
+        own = [error for error in self.sensors if error.log is not None and error.log == log]
+
+        def offset(channel: Channel, prior: float) -> float:
+            offsets = [error for error in own if is_sensor_error(error.name, "offset")]
+            sigmas = [error.sigma for error in offsets if is_of(error.name, channel)]
+            known = self.covariance is not None and sigmas
+            return 0.0 if known else max(sigmas, default=prior)
+
+        acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
+        return {
+            "bank_mean": mean,
+            "bank": bank,
+            "steer_offset": offset(STEER, settings.steer_offset_prior),
+            "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
+        }
 
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
@@ -146,10 +193,9 @@ class Identification(IdentificationData):
         """
         if kind == "parameters":
             return display.parameter_plot(self.parameters, self._title)
-        if kind == "fits":
-            return display.fit_plot(display.chosen_fits(self.fits, log), self._title)
-        if kind == "residuals":
-            return display.residual_plot(display.chosen_fits(self.fits, log), self._title)
+        if kind in ("fits", "residuals"):
+            panel = display.fit_panel if kind == "fits" else display.residual_panel
+            return Plot(title=self._title, panels=list(map(panel, display.chosen_fits(self.fits, log))))
         if kind == "histories":
             if not self.histories:
                 raise SignalError("histories: none in the file of this identification; identify again")
@@ -169,7 +215,9 @@ class Identification(IdentificationData):
         with atomic_write(folder / storage.CONTENTS) as temporary:
             temporary.write_text(self.to_json() + "\n", encoding="utf-8")
         self.vehicle.save(folder / "vehicle.toml")
-        storage.write_series(folder / storage.SERIES, storage.series_of(self))
+        with atomic_write(folder / storage.SERIES) as temporary, temporary.open("wb") as file:
+            series: Any = storage.series_of(self)  # the stub of savez_compressed takes only arrays and a flag
+            np.savez_compressed(file, **series)
         if self.knowledge is not None:
             self.knowledge.save(folder / KNOWLEDGE)
 

@@ -11,7 +11,6 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
 from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError, SignalError
@@ -137,12 +136,6 @@ def parts(kind: type[T], rows: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
             name = ".".join(inner) or row.get("name") or str(first["loc"][0])
             raise SignalError(f"{name}: expected another value: {first['msg']}, got {first['input']!r}") from None
     return tuple(made)
-
-
-def write_series(path: Path, series: Mapping[str, Array]) -> None:
-    """Write time series by name."""
-    with atomic_write(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **series)  # type: ignore[arg-type]  # its stub takes only arrays and a flag
 
 
 def read_contents(path: Path) -> dict[str, Any]:
