@@ -27,7 +27,7 @@ class Snapshots:
         self._session = session
         self._texts: deque[str] = deque(maxlen=HISTORY)
         self._count = 0
-        self._ended = False
+        self.ended = False
         self._new = threading.Condition()
         self._next = -math.inf  # time of the next snapshot, s
         self._steer: dict[str, float] = {}
@@ -48,7 +48,7 @@ class Snapshots:
     def close(self) -> None:
         """Wake all readers; there are no more snapshots."""
         with self._new:
-            self._ended = True
+            self.ended = True
             self._new.notify_all()
 
     def history(self) -> tuple[int, str]:
@@ -59,12 +59,8 @@ class Snapshots:
     def after(self, count: int, timeout: float) -> tuple[int, str]:
         """The newest snapshot when there are more than `count`; empty after `timeout`, s, or at the end."""
         with self._new:
-            self._new.wait_for(lambda: self._count > count or self._ended, timeout)
+            self._new.wait_for(lambda: self._count > count or self.ended, timeout)
             return (self._count, self._texts[-1]) if self._count > count else (count, "")
-
-    @property
-    def ended(self) -> bool:
-        return self._ended
 
     def _snapshot(self, output: Output) -> Mapping[str, object]:
         learning = self._session.learning

@@ -70,10 +70,7 @@ FORMATS = (
     Format(
         name="MATLAB",
         module="mat",
-        begins=lambda head: (
-            head.startswith((b"MATLAB 5.0 MAT", b"MATLAB 7.3 MAT", b"\x89HDF\r\n\x1a\n"))
-            or matlab_4_order(head) is not None
-        ),
+        begins=lambda head: head.startswith(_MATLAB) or matlab_4_order(head) is not None,
     ),
     Format(name="MCAP", module="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
     Format(name="CAN trace", module="can", begins=lambda head: trace_kind(head) is not None),

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.formatting import DISPLAY_UNITS, DisplayUnit, digits, plain_ascii, value_and_sigma
+from fifthwheel.formatting import digits, plain_ascii, shown, value_and_sigma
 from fifthwheel.vehicle.catalogue import get
 from fifthwheel.vehicle.classes.completion import complete
 from fifthwheel.vehicle.component import Component
@@ -138,7 +138,7 @@ class _Numbers:
     def text(self, path: str) -> str:
         """A number with its standard deviation, rounded to two digits of it, in a practical unit."""
         si = unit_of(path)
-        unit = DISPLAY_UNITS.get(si, DisplayUnit(si, 1.0))
+        unit = shown(si)
         sigma = self.vehicle.stated.get(path)
         value, spread = value_and_sigma(self.values[path] * unit.factor, (sigma or 0.0) * unit.factor)
         if spread is None:
