@@ -9,7 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.online.evidence import find_doubts, score_tests
+from fifthwheel.identify.online.learned import find_doubts, score_tests
 from fifthwheel.identify.online.start import Considered
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 

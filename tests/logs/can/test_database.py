@@ -12,8 +12,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.bits import Bits
-from fifthwheel.logs.can.database import CanSignal, group, load
+from fifthwheel.logs.can.database import Bits, CanSignal, group, load
 
 DBC = """VERSION ""
 BU_: A

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
-from fifthwheel.logs.can.bits import Bits
-from fifthwheel.logs.can.database import CanSignal, load
+from fifthwheel.logs.can.database import Bits, CanSignal, load
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder, Quality
 
 

@@ -1,4 +1,4 @@
-"""What a learner learned, as the knowledge of a log.
+"""What a learner learned, as the knowledge of a log, and its doubts by the rules of `identify.doubts`.
 
 With the means z0 and z1 of the estimated unknowns at the start and now, and their covariances P0 and P1, which contain
 the effect of the considered unknowns, the samples between contribute the information H = P1^-1 - P0^-1 and
@@ -20,15 +20,16 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.identify.doubts import describe_doubt
+from fifthwheel.filters.relinearised import JointEstimate
+from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, describe_doubt, most_likely
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, masses_of_load
 from fifthwheel.identify.knowledge.storage import log_contents, log_of
 from fifthwheel.identify.one_stage.shared_information import marginal_information
 from fifthwheel.identify.one_stage.solution import LogLinearisation
-from fifthwheel.identify.online.evidence import find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
 from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.names import ParameterPath
 
 GAINED = 1e-3
@@ -130,3 +131,47 @@ def _variation(setup: Setup) -> Array:
     sigma = setup.settings.consider.get("stiffness_variation", 0.0)
     varies = [ParameterPath.of(u.name).quantity == "cornering_stiffness" for u in setup.unknowns]
     return np.array([(sigma / u.scale) ** 2 if v else 0.0 for u, v in zip(setup.unknowns, varies, strict=True)])
+
+
+def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
+    """The doubts of a filter at an estimate, each with the parameters that it concerns."""
+    setup, learner, innovations = live.setup, live.learner, live.innovations
+    unknowns = setup.estimated_unknowns
+    evidence = Evidence(
+        names=[u.name for u in unknowns],
+        z=estimate.z,
+        covariance=estimate.covariance()[: len(unknowns), : len(unknowns)],
+        unknowns={u.name: u for u in setup.unknowns},
+        parameters=tuple(u.name for u in unknowns if u.kind is not UnknownKind.SENSOR),
+    )
+    doubts = [
+        *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate))),
+        *evidence.unusual_estimates(),
+    ]
+    size, autocorrelation = max(innovations.mean_square), max(innovations.autocorrelation)
+    if size > learner.max_innovation_ratio or autocorrelation > learner.max_autocorrelation:
+        largest = max(size, autocorrelation)
+        doubts.append(Doubt(kind=DoubtKind.NOISE, causes=(), parameters=evidence.parameters, statistic=largest))
+    return tuple(doubts)
+
+
+def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
+    """The score test of every considered unknown, the largest |t| first.
+
+    The innovations of the filter are independent of the estimates, so no other information matrix is needed.
+    """
+    tests, cross = [], estimate.B @ estimate.correlation
+    for i, unknown in enumerate(live.setup.considered_unknowns):
+        gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
+        if information > 0:
+            implied = -gradient / (1 + information)
+            tests.append(
+                PriorTest(
+                    name=unknown.name,
+                    statistic=-gradient / np.sqrt(information),
+                    implied=implied * float(live.considered.sigma[i]),
+                    size=abs(implied),
+                    shifts=cross[:, i] * implied,
+                )
+            )
+    return sorted(tests, key=lambda test: -abs(test.statistic))

@@ -20,8 +20,7 @@ from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.online.evidence import find_doubts
-from fifthwheel.identify.online.learned import LearnedLog
+from fifthwheel.identify.online.learned import LearnedLog, find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.persistence import LEARNER_FILE, EstimateBlock, combine_blocks
