@@ -47,7 +47,7 @@ def ended(job, state="running"):
 def test_progress_is_in_words_with_the_time_left_where_it_can_be_known(monkeypatch):
     now = 100.0
     monkeypatch.setattr(jobs.time, "monotonic", lambda: now)
-    job = jobs.Job("a", started=now, title_since=now)
+    job = jobs.Job(started=now, title_since=now)
     assert job.words() == "starting, 0 s so far"
     job.report("states", 0, 4)
     now += 6

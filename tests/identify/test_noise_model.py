@@ -36,13 +36,13 @@ def draws(model: NoiseModel, count: int, n: int, seed: int) -> Array:
 @pytest.mark.parametrize("model", MODELS, ids=str)
 def test_spectrum_is_that_of_the_covariance(model: NoiseModel) -> None:
     """Twice the Fourier transform of the autocovariance (Wiener-Khinchin); its integral is the variance."""
-    lags = np.arange(1, round(20 * model.time_constant / DT))
+    variance, lags = model.white + model.discrepancy, np.arange(1, round(20 * model.time_constant / DT))
     autocovariance = model.discrepancy * np.exp(-lags * DT / model.time_constant)
     for frequency in (0.3, 4.0, 50.0):
-        expected = 2 * DT * (model.variance + 2 * autocovariance @ np.cos(2 * np.pi * frequency * lags * DT))
+        expected = 2 * DT * (variance + 2 * autocovariance @ np.cos(2 * np.pi * frequency * lags * DT))
         assert model.spectrum(np.array([frequency]), DT) == pytest.approx(expected, rel=1e-6)
     frequency = (np.arange(200_000) + 0.5) / 200_000 * 0.5 / DT
-    assert model.spectrum(frequency, DT).mean() * 0.5 / DT == pytest.approx(model.variance, rel=1e-6)
+    assert model.spectrum(frequency, DT).mean() * 0.5 / DT == pytest.approx(variance, rel=1e-6)
 
 
 @pytest.mark.parametrize("model", MODELS, ids=str)

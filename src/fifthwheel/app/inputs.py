@@ -43,7 +43,7 @@ def stored_folder(workspace: Workspace, name: str) -> Path:
     """Where the samples of a log are stored; another folder when the log, a database or its time column changes."""
     described = [_described(path) for path in (workspace.log(name), *workspace.databases())]
     time = workspace.choices().of(name).time
-    key = hashlib.sha256(json.dumps([*described, time] if time else described).encode()).hexdigest()[:16]
+    key = hashlib.sha256(json.dumps({"files": described, "time": time}).encode()).hexdigest()[:16]
     return workspace.folder / HIDDEN / "logs" / f"{name}-{key}"
 
 

@@ -30,7 +30,6 @@ COUNTED = 100
 class Job:
     """A computation in a process of its own."""
 
-    key: str
     state: Literal["running", "done", "failed", "cancelled"] = "running"
     title: str = "starting"
     """What it does now."""
@@ -101,7 +100,7 @@ def start(
     if job is not None and job.running:
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
-    job = Job(key, on_cancel=on_cancel)
+    job = Job(on_cancel=on_cancel)
     job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
     _jobs[key] = job
     job.process.start()

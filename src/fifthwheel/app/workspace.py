@@ -252,11 +252,6 @@ class Workspace:
         """Whether the documents are not those any more that this tab shows."""
         return self._stamp() != self.seen
 
-    @property
-    def version(self) -> int:
-        """Number of changes, undone and repeated ones included."""
-        return int(self._state()["version"])
-
     def _step(self, direction: int) -> str | None:
         with self._changing() as state:
             position = state["position"] + min(direction, 0)

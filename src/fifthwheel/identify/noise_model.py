@@ -39,11 +39,6 @@ class NoiseModel:
     time_constant: float = 1.0
     """tau of the discrepancy, s."""
 
-    @property
-    def variance(self) -> float:
-        """Variance of a residual, r + q."""
-        return self.white + self.discrepancy
-
     def with_discrepancy(self, least: float) -> "NoiseModel":
         """The same noise with a discrepancy of at least this variance, SI squared."""
         return replace(self, discrepancy=max(self.discrepancy, least))

@@ -61,8 +61,6 @@ class Column:
     """Columns with the same one are sampled together; "" is that of the rows of a table."""
     time_base: str = ""
     """Name of the physical clock behind the timestamps, where it is not that of the logger; "" is the logger's."""
-    about: str = ""
-    """Description in the file."""
     sensor: str = ""
     """What the file states of the sensor: a `channels.sensors.SensorPrior` as JSON."""
 

@@ -21,7 +21,7 @@ def bits(draw):
 
 @given(bits(), st.binary(min_size=17, max_size=17), st.sampled_from([None, 1, 250, 0xFAFF]))
 def test_one_frame_has_the_value_that_many_frames_have(place, payload, highest):
-    signal = CanSignal(name="s", bits=place, scale=0.3, offset=-7.0, unit=None, about="", highest=highest)
+    signal = CanSignal(name="s", bits=place, scale=0.3, offset=-7.0, unit=None, highest=highest)
     data, length = np.frombuffer(payload, np.uint8)[None], np.array([len(payload)], np.int32)
     assert signal.in_payload(payload) == signal.present(data, length)[0] == True  # noqa: E712
     np.testing.assert_array_equal(signal.value(payload), signal.values(data, length)[0])
@@ -29,15 +29,13 @@ def test_one_frame_has_the_value_that_many_frames_have(place, payload, highest):
 
 @given(bits(), st.binary(max_size=20))
 def test_a_payload_that_is_too_short_has_no_value(place, payload):
-    signal = CanSignal(name="s", bits=place, scale=1.0, offset=0.0, unit=None, about="")
+    signal = CanSignal(name="s", bits=place, scale=1.0, offset=0.0, unit=None)
     assert signal.in_payload(payload) == (len(payload) >= place.span[1])
 
 
 def test_gates_of_a_multiplexed_signal():
     gate = ("mux", Bits(start=0, length=8), frozenset({3}))
-    signal = CanSignal(
-        name="s", bits=Bits(start=8, length=8), scale=1.0, offset=0.0, unit=None, about="", gates=(gate,)
-    )
+    signal = CanSignal(name="s", bits=Bits(start=8, length=8), scale=1.0, offset=0.0, unit=None, gates=(gate,))
     assert signal.in_payload(b"\x03\x05")
     assert signal.value(b"\x03\x05") == 5.0
     assert not signal.in_payload(b"\x02\x05")

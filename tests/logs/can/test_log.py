@@ -49,7 +49,6 @@ def test_known_values_come_back_from_every_format(tmp_path, kind):
     log = readers.open_log(write(tmp_path / f"a.{kind}", rows), progress=told.append)
     assert log.columns["VDC2.yaw_rate@0B"].unit == "rad/s"
     assert log.columns["VDC2.yaw_rate@0B"].clock == "VDC2@0B"
-    assert "SPN 1808; 300 frames of VDC2" in log.columns["VDC2.yaw_rate@0B"].about
     assert log.find("VDC2.yaw_rate") == "VDC2.yaw_rate@0B"
     at, values = samples(log, "VDC2.yaw_rate@0B")["VDC2.yaw_rate@0B"]
     assert np.allclose(values, rate, atol=0.51 / 8192)
@@ -142,7 +141,6 @@ def test_frames_that_do_not_follow_in_time_are_left_out_and_counted_once():
     assert log.notes == [
         "3 frames left out: their timestamp is not later than that of the previous frame of the same message"
     ]
-    assert "5 frames of VDC2" in log.columns["VDC2.yaw_rate@0B"].about
 
 
 def test_many_frames_are_read_again(monkeypatch):
@@ -165,8 +163,7 @@ def test_the_same_name_in_two_databases_makes_two_columns(tmp_path):
     one.write_text(DBC)
     two.write_text(DBC.replace("BO_ 100", "BO_ 101").replace("CM_ BO_ 100", "CM_ BO_ 101"))
     log = log_of((0.0, 100, bytes(8)), (0.1, 101, bytes(8)), databases=[one, two])
-    assert "a.dbc" in log.columns["Motor.Speed"].about
-    assert "b.dbc" in log.columns["Motor#2.Speed"].about
+    assert {"Motor.Speed", "Motor#2.Speed"} <= log.columns.keys()
 
 
 def test_what_no_database_knows_is_told():

@@ -53,7 +53,7 @@ class FaultyLog(LogSource):
     """Ten chunks of a thousand rows of x = 2 t, and a table y without time."""
 
     def __init__(self, name: str, reading: str, unit: str) -> None:
-        columns = {"x": Column(name="x", unit=unit, clock="c", about="ä\n" * 900), "y": Column(name="y")}
+        columns = {"x": Column(name="x", unit=unit, clock="c"), "y": Column(name="y")}
         super().__init__(name, columns)
         self.reading = reading
         self.notes.append("opened")

@@ -58,10 +58,7 @@ def save(path: Path, *groups: Any, version: Any = "4.10", compression: Any = 0, 
 def test_what_asammdf_writes(tmp_path: Path, version: str, compression: int) -> None:
     kinds = ["i1", "i2", "i4", "i8", "u2", "u4", "u8", "f4", "f8", ">i2", ">f8", "?"]
     numbers = {kind: (np.arange(400) * 0.3 - 40 * ("u" not in kind)).astype(kind) for kind in kinds}
-    signals = [
-        Signal(RAW, T, name=name, conversion=dict(rule), unit=f"u {name}", comment=f"about {name}")
-        for name, rule in CONVERSIONS.items()
-    ]
+    signals = [Signal(RAW, T, name=name, conversion=dict(rule), unit=f"u {name}") for name, rule in CONVERSIONS.items()]
     signals += [Signal(values, T, name=f"number {kind}") for kind, values in numbers.items()]
     signals.append(Signal(np.array([b"abc"] * 400), T, name="text", encoding="latin-1"))
     slow = [Signal(np.arange(4.0), T[::100], name="slow", unit="m/s")]
@@ -70,7 +67,6 @@ def test_what_asammdf_writes(tmp_path: Path, version: str, compression: int) -> 
         assert list(log.columns) == [*CONVERSIONS, *(f"number {kind}" for kind in kinds), "slow"]
         assert log.columns["slow"].unit == "m/s"
         assert log.columns["linear"].unit == "u linear"
-        assert log.columns["linear"].about == "about linear"
         assert log.columns["linear"].clock != log.columns["slow"].clock
         found = read(log)
         for name, expected in EXPECTED.items():

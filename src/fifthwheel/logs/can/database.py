@@ -99,7 +99,6 @@ class CanSignal:
     scale: float
     offset: float
     unit: str | None
-    about: str
     gates: Gates = ()
     highest: int | None = None
     """Raw values above it mean an error or not available; None where all are values."""
@@ -142,8 +141,6 @@ class Message:
 
     name: str
     signals: tuple[CanSignal, ...]
-    source: str
-    """Name of the file that defines it."""
 
 
 class Databases:
@@ -189,7 +186,7 @@ def load(paths: Sequence[str | Path]) -> Databases:
     """
     tables = [_file(Path(path)) for path in paths]
     text = files("fifthwheel.logs.can").joinpath("j1939.dbc").read_text("utf-8")
-    return Databases([*tables, _table(text, "dbc", "J1939", builtin=True)])
+    return Databases([*tables, _table(text, "dbc", builtin=True)])
 
 
 def _file(path: Path) -> list[tuple[int, bool, Message]]:
@@ -205,26 +202,26 @@ def _file(path: Path) -> list[tuple[int, bool, Message]]:
     for kind in (ending,) if ending in _FORMATS else _FORMATS:
         with damage(reasons.append):
             text = data.decode(_ENCODINGS.get(kind, "utf-8"), "replace").removeprefix("\ufeff")
-            if table := _table(text, kind, path.name):
+            if table := _table(text, kind):
                 return table
             reasons.append("it defines no message")
     why = reasons[0].partition(': "')[0]  # without the line of the file
     raise SignalError(f"{path.name}: not a valid CAN database ({why}); give a DBC or ARXML file")
 
 
-def _table(text: str, kind: str, source: str, *, builtin: bool = False) -> list[tuple[int, bool, Message]]:
+def _table(text: str, kind: str, *, builtin: bool = False) -> list[tuple[int, bool, Message]]:
     """Id, whether it has 29 bits, and message, of all messages in the text of a database."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         database: Any = cantools.database.load_string(text, kind, strict=False)
     return [
-        (message.frame_id, bool(message.is_extended_frame), _message(message, source, builtin=builtin))
+        (message.frame_id, bool(message.is_extended_frame), _message(message, builtin=builtin))
         for message in database.messages
         if message.signals and message.name != _PLACEHOLDER
     ]
 
 
-def _message(message: Any, source: str, *, builtin: bool) -> Message:
+def _message(message: Any, *, builtin: bool) -> Message:
     by_name = {signal.name: signal for signal in message.signals}
     signals = tuple(
         CanSignal(
@@ -233,13 +230,12 @@ def _message(message: Any, source: str, *, builtin: bool) -> Message:
             scale=float(signal.scale),
             offset=float(signal.offset),
             unit=str(signal.unit) if signal.unit else None,
-            about=" ".join(str(signal.comment or message.comment or "").split()),
             gates=_gates(signal, by_name),
             highest=_highest(signal, message, builtin=builtin),
         )
         for signal in message.signals
     )
-    return Message(name=message.name, signals=signals, source=source)
+    return Message(name=message.name, signals=signals)
 
 
 def _bits(signal: Any) -> Bits:

@@ -55,7 +55,6 @@ class _Stream:
     source: int | None
     """J1939 source address; None with 11 bits."""
     bus: int
-    frames: int = 0
     present: set[Gates] = field(default_factory=set)
     """Of a multiplexed message, the gates that were open in some frame."""
 
@@ -89,7 +88,6 @@ def open_can_log(
             kept = kept if sum(len(some) for some, _ in kept) <= _KEPT_FRAMES else None
         for stream, rows in _split(keys, streams):
             rows = rows[dropped.keep(stream, frames.time[rows])]
-            stream.frames += rows.size
             for signal in stream.message.signals:
                 closed = signal.gates and signal.gates not in stream.present
                 if closed and signal.present(frames.data[rows], frames.length[rows]).any():
@@ -208,7 +206,6 @@ def _columns(streams: Sequence[_Stream]) -> dict[str, tuple[Column, _Stream, Can
                 continue
             gate = "".join(f" {name}={','.join(map(str, sorted(ids)))}" for name, _, ids in signal.gates)
             name = f"{title}.{signal.name}{source}"
-            about = "; ".join(filter(None, (signal.about, f"{stream.frames} frames of {message.name}", message.source)))
-            column = Column(name=name, unit=signal.unit, clock=f"{title}{source}{gate}", about=about)
+            column = Column(name=name, unit=signal.unit, clock=f"{title}{source}{gate}")
             columns[name] = column, stream, signal
     return columns

@@ -125,7 +125,7 @@ def _described(log: LogSource) -> tuple[list[dict[str, Any]], list[str]]:
     columns = [asdict(column) for column in log.columns.values() if _has_usable_names(column)]
     omitted = len(log.columns) - len(columns)
     note = f"{omitted} columns left out: a name, unit or group of more than {MAX_NAME} characters, or not of characters"
-    return [column | {"about": column["about"][:MAX_NAME]} for column in columns], [note] * (omitted > 0)
+    return columns, [note] * (omitted > 0)
 
 
 def _has_usable_names(column: Column) -> bool:

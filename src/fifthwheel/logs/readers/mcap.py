@@ -39,7 +39,6 @@ Decode = Callable[[bytes], Any]
 class Topic:
     """What the first messages of a topic show."""
 
-    about: str = ""
     decode: Decode | None = None
     trouble: str = ""
     """Why its messages cannot be decoded."""
@@ -67,7 +66,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     for schema, channel, message, done in _messages(path, broken):
         topic = topics.get(channel.topic)
         if topic is None:
-            topic = topics[channel.topic] = Topic(about=schema.name if schema else "")
+            topic = topics[channel.topic] = Topic()
             topic.decode, topic.trouble = _decoder(channel.message_encoding, schema)
         if topic.decode is not None and topic.seen < _FIRST:
             values = _decoded(topic, message)
@@ -102,7 +101,7 @@ class McapLog(LogSource):
                     continue
                 column = unused_name(f"{clock}.{key}" if key else clock, columns)
                 time_base = clock if topic.stamped else ""
-                columns[column] = Column(name=column, clock=clock, about=topic.about, time_base=time_base)
+                columns[column] = Column(name=column, clock=clock, time_base=time_base)
                 self._places[column] = (name, key)
         super().__init__(path.name, columns)
         self._path, self._topics = path, topics

@@ -1,6 +1,5 @@
 """ASAM MDF by asammdf, versions 2 to 4.3. Channel groups are clocks; CAN frames in them are decoded."""
 
-import html
 import re
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -31,7 +30,6 @@ _RANGE_TABLE = 6
 _NAME_TABLES = (11, 12)
 """Codes of conversions to text without reference blocks: bit fields of MDF 4, tables of MDF 3."""
 _BUS_PART = re.compile(r"(CAN|LIN|FLX|MOST|ETH|KLINE)_[A-Z]\w*(\.|$)")
-_TEXT = re.compile(r"<TX[^>]*>(.*?)</TX>", re.DOTALL)
 _LONGEST_LABEL = 64
 _PAYLOAD_SIZES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int32)
 """Bytes of payload by DLC."""
@@ -204,7 +202,7 @@ def _columns(mdf: Any, notes: list[str]) -> tuple[dict[str, Column], dict[str, P
         channel = mdf.groups[place[0]].channels[place[1]]
         unique = unused_name(name if total[name] == 1 else f"{name}@{clock}", columns)
         unit = (channel.conversion and channel.conversion.unit) or channel.unit or None
-        columns[unique] = Column(name=unique, unit=unit, clock=clock, about=_about(channel))
+        columns[unique] = Column(name=unique, unit=unit, clock=clock)
         places[unique] = place
     return columns, places
 
@@ -226,15 +224,6 @@ def _timed(mdf: Any, group: int) -> bool:
         group = mdf.groups[group].channel_group.cg_master_index
     master = mdf.masters_db.get(group)
     return master is not None and getattr(mdf.groups[group].channels[master], "sync_type", _TIME) == _TIME
-
-
-def _about(channel: Any) -> str:
-    """The comment of a channel, without its XML; the description in MDF 3."""
-    comment = channel.comment or getattr(channel, "description", b"").decode("latin-1").strip(" \t\n\0")
-    if not comment.startswith("<"):
-        return str(comment)
-    found = _TEXT.search(comment)
-    return html.unescape(found[1]).strip() if found else ""
 
 
 def _can_log(
