@@ -3,7 +3,7 @@
 import asyncio
 import math
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -277,7 +277,7 @@ def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:
 
 def fit_table(given: list[Fit], changed: list[Fit]) -> pages.Table:
     """Signal, and explained fraction and residual of both."""
-    rows = []
+    rows: list[Sequence[pages.Cell]] = []
     for before, after in zip(given, changed, strict=True):
         cells = [
             f"{percent(max(fit.explained, 0.0), round_down=True)}, {approximate(fit.rms, si_unit(fit.signal))}"
