@@ -37,7 +37,9 @@ def line_of(out: str, name: str) -> str:
 def test_check_tells_every_parameter(folder, run):  # noqa: F811
     outcome = run("check", folder / "drive.csv", "-v", TRUCK)
     assert (outcome.code, outcome.err) == (0, "")
-    headline = "drive: 5 of 5 parameters are identifiable; sigma above 15 %: Trailer payload, height."
+    headline = (
+        "drive: 5 of 5 parameters are identifiable; rough, with a sigma above 15 %: the height of the trailer payload."
+    )
     assert outcome.out.startswith(headline)
     for name in ESTIMATED:
         assert re.search(r"\+-30 %|\+-61 %", line_of(outcome.out, name))

@@ -24,7 +24,7 @@ def with_verdict(identification, verdict, **changes):
 def test_all_identified(result):
     conclusion = conclude_identification(result.identification, result.records[:1])
     assert conclusion.good
-    wide = "Trailer payload, height: sigma above 15 % of the value."
+    wide = "Rough, with a sigma above 15 %: the height of the trailer payload."
     assert conclusion.headline == f"All 5 parameters are identified from 1 log. {wide}"
     assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
     assert any("CoG height, derived" in line for line in conclusion.results)
@@ -34,7 +34,7 @@ def test_all_identified(result):
 
 def test_a_wide_sigma_calls_for_more_excitation(result):
     conclusion = conclude_identification(with_verdict(result.identification, Verdict.CONVERGED, sigma=2e5))
-    wide = "Front tyres, cornering stiffness and Trailer payload, height: sigma above 15 % of the value."
+    wide = "15 %: the cornering stiffness of the front tyres and the height of the trailer payload."
     assert wide in conclusion.headline
     assert any("To improve the cornering stiffness of the front tyres" in line for line in conclusion.next_steps)
 

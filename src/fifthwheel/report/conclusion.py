@@ -157,11 +157,11 @@ def _headline(
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
-    wide = [spoken(e.name) for e in converged if has_wide_sigma(e)]
+    wide = [named(e.name) for e in converged if has_wide_sigma(e)]
     sigma = ""
     if wide:
-        whose = enumerated(wide) if len(wide) <= SHOWN else f"{len(wide)} parameters"
-        sigma = f" {whose}: sigma above {percent(WIDE_SIGMA)} of the value."
+        which = enumerated(wide) if len(wide) <= SHOWN else f"{len(wide)} parameters"
+        sigma = f" Rough, with a sigma above {percent(WIDE_SIGMA)}: {which}."
     if len(converged) == len(estimated):
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     verb = "is" if len(converged) == 1 else "are"
