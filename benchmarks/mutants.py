@@ -17,11 +17,11 @@ judge that.
 import argparse
 import ast
 import copy
+import importlib
 import os
 import random
 import shutil
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -31,6 +31,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_STAGE = "src/fifthwheel/identify/one_stage"
@@ -64,6 +66,17 @@ OPERATORS: dict[type, type[ast.operator]] = {
     **{ast.FloorDiv: ast.Mult, ast.Mod: ast.Mult, ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd},
 }
 KEPT = {"annotation", "returns", "decorator_list", "bases"}
+WITHOUT = ("-p", "no:cacheprovider", "-p", "no:xdist")
+IMPORTED = (
+    "casadi",
+    "llvmlite.binding",
+    "plotly.graph_objects",
+    "pyarrow.parquet",
+    "pydantic",
+    "scipy.signal",
+    "typer",
+)
+"""Packages that all runs of tests share, imported once."""
 CRASHED = {2: "import", 3: "internal error of pytest"}
 """Exit codes of pytest that a mutant gives where the same tests pass without it, besides 1."""
 
@@ -154,8 +167,8 @@ class Copy:
     def __init__(self, folder: Path) -> None:
         self.folder = folder
         shutil.copytree(ROOT / "src", folder / "src")
-        threads = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-        self.environment = os.environ | threads | {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
+        self.environment = {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}  # of child processes
+        self.silent = os.open(os.devnull, os.O_WRONLY)
         self.limit = cache(self._limit)
 
     def outcome(self, mutant: Mutant, *, narrow: bool) -> str:
@@ -186,18 +199,29 @@ class Copy:
         return 30 + 3 * (time.monotonic() - start)
 
     def _exit_code(self, tests: str, limit: float | None) -> int | None:
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", "-p", "no:xdist"]
-        command += ["-m", "not slow", *tests.split()]
-        with Path(os.devnull).open("w") as silent:
-            process = subprocess.Popen(
-                command, cwd=ROOT, env=self.environment, stdout=silent, stderr=silent, start_new_session=True
-            )
-        try:
-            return process.wait(limit)
-        except subprocess.TimeoutExpired:
-            os.killpg(process.pid, signal.SIGKILL)
-            process.wait()
-            return None
+        """Of pytest in a child process, which has the imported packages of this one; None after the time limit."""
+        child = os.fork()
+        if not child:
+            try:
+                os.setsid()
+                os.dup2(self.silent, 1)
+                os.dup2(self.silent, 2)
+                os.chdir(ROOT)
+                os.environ |= self.environment
+                sys.path[:0] = [str(ROOT), str(self.folder / "src")]
+                sys.dont_write_bytecode = True
+                os._exit(pytest.main(["-x", "-q", *WITHOUT, "-m", "not slow", *tests.split()]))
+            finally:
+                os._exit(max(CRASHED))
+        start = time.monotonic()
+        while limit is None or time.monotonic() - start < limit:
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                return os.waitstatus_to_exitcode(status)
+            time.sleep(0.1)
+        os.killpg(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+        return None
 
 
 def main() -> None:
@@ -216,6 +240,9 @@ def main() -> None:
         for file, count in Counter(mutant.file for mutant in every).items():
             print(f"{count:5d} {file}: {', then '.join(stages(file))}")
         return
+    os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    for name in IMPORTED:
+        importlib.import_module(name)
     sample = list(enumerate(random.Random(given.seed).sample(every, given.count), 1))
     outcomes = Counter[str]()
     with tempfile.TemporaryDirectory() as folder:

@@ -1,5 +1,7 @@
 """The rules that decide a verdict."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -58,6 +60,28 @@ def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> Non
     """At a bound means closer than a tenth of sigma, converged or not."""
     unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
     assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected
+
+
+def test_the_first_verdict_that_applies() -> None:
+    """Without other statements an estimate has converged, is not doubtful and needs no excitation."""
+    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
+    assert estimate_verdict(unknown, 1.0, 0.1) is Verdict.CONVERGED
+    assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True) is Verdict.DOUBTFUL
+    assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True, converged=False) is Verdict.NOT_CONVERGED
+    assert estimate_verdict(unknown, 0.5, 0.1, doubtful=True, converged=False) is Verdict.AT_BOUND
+    assert estimate_verdict(unknown, 0.5, 0.1, excited=0.1) is Verdict.NOT_EXCITED
+    assert estimate_verdict(unknown, 1.0, 0.1, excited=0.101) is Verdict.CONVERGED
+    assert estimate_verdict(unknown, 1.0, math.nan, excited=0.1) is Verdict.NOT_EXCITED
+
+
+def test_limits_of_the_information() -> None:
+    """A sigma at the limit is uninformed, a conditional sigma at the limit is not excited."""
+    posterior = Posterior.from_information(("a", "b"), np.diag([1.0, 3.0]))
+    (a, b), kept = posterior.sigma, [posterior.conditional_sigma(i) for i in (0, 1)]
+    assert kept == pytest.approx([a, b])
+    assert information_verdicts(posterior, [0, 1], b) == dict.fromkeys((0, 1), Verdict.NOT_EXCITED)
+    assert information_verdicts(posterior, [0, 1], a) == {0: Verdict.NOT_IDENTIFIABLE, 1: Verdict.CONVERGED}
+    assert information_verdicts(posterior, [0], b) == {0: Verdict.NOT_EXCITED}
 
 
 def test_of_an_uncertain_parameter() -> None:
