@@ -47,11 +47,15 @@ TESTS = {
     ),
     "src/fifthwheel/stream": ("tests/stream", STREAM_TESTS),
     "src/fifthwheel/observe/monitor.py": (
-        "tests/observe/test_settling.py",
+        "tests/observe/test_limits.py tests/observe/test_settling.py",
         f"tests/observe/test_consistency.py {STREAM_TESTS} tests/live",
     ),
     "src/fifthwheel/fleet/manifest.py": ("tests/fleet/test_manifest.py", FLEET_TESTS),
-    "src/fifthwheel/fleet": ("tests/fleet/test_run.py", FLEET_TESTS),
+    "src/fifthwheel/fleet": (
+        "tests/fleet/test_storage.py tests/fleet/test_report.py tests/fleet/test_combination.py",
+        "tests/fleet/test_run.py",
+        FLEET_TESTS,
+    ),
     f"{ONE_STAGE}/shared_information.py": ("tests/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
     ONE_STAGE: ("tests/identify/one_stage/test_estimator.py", SOLVER_TESTS),
 }
@@ -164,12 +168,12 @@ def stages(file: str) -> list[str]:
 class Copy:
     """A copy of the package, and the tests with it."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, limit: float | None) -> None:
         self.folder = folder
         shutil.copytree(ROOT / "src", folder / "src")
         self.environment = {"PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}  # of child processes
         self.silent = os.open(os.devnull, os.O_WRONLY)
-        self.limit = cache(self._limit)
+        self.limit = cache(self._limit) if limit is None else lambda _: limit
 
     def outcome(self, mutant: Mutant, *, narrow: bool) -> str:
         """Killed, timed out or survived, and by which tests; with `narrow` without those of the broadest paths."""
@@ -230,6 +234,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--count", type=int, default=40, help="mutants")
     parser.add_argument("--only", type=int, nargs="+", help="numbers of mutants of the sample")
+    parser.add_argument("--limit", type=float, help="time limit of tests, s; by default by the tests without a mutant")
     parser.add_argument("--narrow", action="store_true", help="leave out the tests of the broadest paths")
     parser.add_argument("--list", action="store_true", help="print numbers of mutants, run nothing")
     given = parser.parse_args()
@@ -246,7 +251,7 @@ def main() -> None:
     sample = list(enumerate(random.Random(given.seed).sample(every, given.count), 1))
     outcomes = Counter[str]()
     with tempfile.TemporaryDirectory() as folder:
-        package = Copy(Path(folder))
+        package = Copy(Path(folder), given.limit)
         for number, mutant in sample:
             if not given.only or number in given.only:
                 outcome = package.outcome(mutant, narrow=given.narrow)

@@ -1,10 +1,16 @@
 """The combination of trips: shared unknowns, coverage, changes with their dates, false alarms."""
 
+import itertools
+
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.fleet.trips import log_knowledge
+from fifthwheel.fleet import FleetSettings, storage
+from fifthwheel.fleet.dataset import TripDataset
+from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
+from fifthwheel.fleet.trips import SCHEMA, log_knowledge, parquet
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.knowledge.combination import combine
 from fifthwheel.identify.knowledge.information import owner
@@ -175,6 +181,100 @@ def test_a_single_different_trip_is_an_outlier() -> None:
     rows[5] = rows[5] | {key: wrong[5][key] for key in ("vector", "information", "score_covariance")}
     (change,) = combined(rows).changes
     assert (change.kind.name, change.trip) == ("outlier", 5)
+
+
+def best(P, i, chosen):
+    """Fraction of the variance of unknown i that would go if the chosen ones were exact."""
+    kept = [j for j in range(len(P)) if j not in chosen]
+    conditional = np.linalg.inv(np.linalg.inv(P)[np.ix_(kept, kept)])
+    return 1 - conditional[kept.index(i), kept.index(i)] / P[i, i]
+
+
+@pytest.fixture(scope="module")
+def of_truck(tmp_path_factory):
+    """A truck whose tyres change before trip 6 and that pulls trailer B in trip 4: its combination and its tables."""
+    truck, rows, data = Synthetic(np.random.default_rng(7)), [], TripDataset(str(tmp_path_factory.mktemp("data")))
+    for k in range(12):
+        truck.step(3 if k else 0, WALK)
+        if k == 6:
+            tyres(truck)
+        row = truck.trip(3 * k, trailer="B" if k == 4 else "A", load="" if k == 4 else "steel")
+        verdicts = ("converged" if k < 3 else "not_excited", *["converged"] * 4)
+        row["estimates"] = [
+            {"name": n, "value": 100.0 + k, "sigma": 1.0 + i, "unit": "", "verdict": verdict}
+            for i, (n, verdict) in enumerate(zip(PARAMETERS, verdicts, strict=True))
+        ]
+        rows.append(row | {"digest": f"digest {k}"})
+    storage.write_bytes(data.file("trips/part-1.parquet"), parquet(pa.Table.from_pylist(rows, schema=SCHEMA)))
+    job = CombinationJob(path=data.path, settings=FleetSettings(tyre_walk=WALK), false_alarm=1e-4)
+    logs = {row["digest"]: f"{k}.csv" for k, row in enumerate(rows)}
+    tables = combine_trucks(job, [("U", {"unknown digest": "0.csv"}), ("T", logs)])
+    return combine([log_knowledge(row) for row in rows], tyre_walk=WALK, false_alarm=1e-4), tables, rows
+
+
+def test_a_truck_that_cannot_be_combined_does_not_stop_others(of_truck) -> None:
+    _, tables, _ = of_truck
+    assert tables.failed == {"U": "KeyError: 'unknown digest'"}
+    assert {row["truck"] for name in SCHEMAS for row in tables.tables[name]} == {"T"}
+
+
+def test_the_latest_estimates_of_a_truck_and_its_trailers(of_truck) -> None:
+    """At the last trip with the trailer; the first value is that after the change of the tyres."""
+    result, tables, rows = of_truck
+    latest = {(u.name, u.trailer, u.load or None): (u, k) for k in range(12) for u in result.parameters(k)}
+    of_truck_alone = {row["parameter"]: row for row in tables.tables["trucks"]}
+    assert of_truck_alone.keys() == set(list(PARAMETERS)[:2])
+    trailers = {(row["parameter"], row["trailer"], row["load"] or None): row for row in tables.tables["trailers"]}
+    every = {(name, None, None): row for name, row in of_truck_alone.items()} | trailers
+    assert every.keys() == latest.keys()
+    for (name, trailer, _), row in every.items():
+        unknown, last = latest[name, trailer, row.get("load") or None]
+        assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(last, unknown), rel=1e-9)
+        assert row["date"] == rows[last]["date"]
+        assert row["trips"] == {None: 12, "A": 11, "B": 1}[trailer]
+        first = 6 if name == "tractor.drive.cornering_stiffness" else 4 if trailer == "B" else 0
+        assert row["first_value"] == pytest.approx(result.estimate(first, unknown)[0], rel=1e-9)
+        assert row["excited_trips"] == (3 if name == "tractor.front.cornering_stiffness" else row["trips"])
+        P, places = result.last.P, result.layout.unknowns
+        others = {i: u.name for u, i in places.items() if u not in result.layout.estimated}
+        named = itertools.product(*([i for i, n in others.items() if n == source] for source in row["limited_by"]))
+        fractions = {chosen: best(P, places[unknown], chosen) for chosen in named}
+        chosen = min(fractions, key=lambda chosen: abs(fractions[chosen] - row["limited_fraction"]))
+        assert row["limited_fraction"] == pytest.approx(fractions[chosen], abs=1e-6)
+        assert 1 <= len(chosen) <= 3
+        singles = [best(P, places[unknown], [j]) for j in others]
+        assert best(P, places[unknown], chosen[:1]) == pytest.approx(max(singles))
+        assert len(chosen) == 3 or row["limited_fraction"] > 0.5
+        assert len(chosen) == 1 or best(P, places[unknown], chosen[:-1]) <= 0.5
+
+
+def test_the_history_of_a_truck(of_truck) -> None:
+    """Every parameter at every trip, from all trips and from the trip alone."""
+    result, tables, rows = of_truck
+    found = {(row["parameter"], row["log"]): row for row in tables.tables["history"]}
+    assert len(found) == len(tables.tables["history"]) == 12 * 5
+    for k in range(12):
+        for i, unknown in enumerate(result.parameters(k)):
+            row = found[unknown.name, f"{k}.csv"]
+            assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(k, unknown), rel=1e-9)
+            assert (row["trailer"], row["load"]) == (unknown.trailer, unknown.load)
+            place = list(PARAMETERS).index(unknown.name)
+            assert (row["trip_value"], row["trip_sigma"]) == (100.0 + k, 1.0 + place), i
+            assert (row["date"], row["p_value"]) == (rows[k]["date"], pytest.approx(result.p_values[k], rel=1e-6))
+            assert row["outlier"] is False
+
+
+def test_the_changes_of_a_truck(of_truck) -> None:
+    result, tables, rows = of_truck
+    (change,), (row,) = result.changes, tables.tables["changes"]
+    assert (row["kind"], row["subject"], row["log"], row["trailer"]) == ("tyres", "tractor.drive", "6.csv", "A")
+    assert (row["after"], row["date"]) == (rows[5]["date"], rows[6]["date"])
+    assert row["parameter"] == "tractor.drive.cornering_stiffness"
+    (unknown,) = [u for u in result.parameters(6) if u.name == row["parameter"]]
+    assert row["before"] == pytest.approx(result.estimate(5, unknown)[0], rel=1e-9)
+    assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(6, unknown), rel=1e-9)
+    expected = (change.probability, change.statistic, change.threshold)
+    assert (row["probability"], row["statistic"], row["threshold"]) == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.slow

@@ -96,6 +96,80 @@ def test_a_sudden_change_of_an_input(name, change, dt, expected):
     assert float(ca.DM(monitor_module.sudden_change([name], zero, zero + change, ca.SX(dt)))) == expected
 
 
+@pytest.mark.parametrize(
+    ("status", "settling", "nis", "expected"),
+    [
+        (Status.OK, 0.0, 4.0, Status.OK),
+        (Status.OK, 0.0, 4.0 + EDGE, Status.INCONSISTENT),
+        (Status.OK, 1.0, 4.0, Status.SETTLING),
+        (Status.OK, 1.0, 4.0 + EDGE, Status.INCONSISTENT),
+        (Status.COASTING, 0.0, 4.0, Status.COASTING),
+        (Status.COASTING, 1.0, 4.0, Status.COASTING),
+        (Status.COASTING, 1.0, 4.0 + EDGE, Status.INCONSISTENT),
+    ],
+)
+def test_the_status_of_a_sample(status, settling, nis, expected):
+    """Inconsistent before all others; a state that coasts does not settle."""
+    assert monitor_module.health(status, settling, nis, 4.0) is expected
+
+
+@pytest.mark.parametrize(
+    ("values", "variances", "dt", "expected"),
+    [
+        ([600.0, -400.0], [1.0, 1.0], 0.01, 0),
+        ([600.0, -401.0], [1.0, 1.0], 0.01, 1),
+        ([0.0, 0.0], [5e5, -5e5], 0.01, 0),
+        ([0.0, 0.0], [5e5, -5.1e5], 0.01, 1),
+        ([np.nan, 0.0], [1.0, 1.0], 0.01, 1),
+        ([0.0, 0.0], [1.0, np.nan], 0.01, 1),
+        ([2e3, 0.0], [1.0, 1.0], 0.0, 0),  # a start
+    ],
+)
+def test_a_state_that_no_truck_has_has_diverged(values, variances, dt, expected):
+    """Above 1000 rad, rad/s or such a sigma, or not a number."""
+    found = monitor_module.diverged(ca.SX(values), ca.SX(variances), ca.SX(dt))
+    assert float(ca.DM(found)) == expected
+
+
+def test_variances_grow_with_a_nis_above_what_may_be_chance():
+    nis = np.array([0.5, 1.5, 3.0])
+    assert monitor_module.excess(nis).tolist() == [1.0, 1.0, 2.0]
+    assert ca.DM(monitor_module.excess(ca.SX(nis))).full().ravel().tolist() == [1.0, 1.0, 2.0]
+
+
+def test_the_monitor_of_a_filter_sample_by_sample():
+    """Of two channels with a gate of 3 sigma: a NIS of at most 9, and a restart after 0.2 s of disagreement."""
+    settings = ObserverSettings(nis_window=0.5, restart_after=0.2, max_nis=4.0)
+    found = monitor_module.Monitor(("speed", STEER), 2, 3.0, settings)
+    found.start()
+    assert (found.nis, found.excess, found.status(Status.OK)) == (1.0, 1.0, Status.SETTLING)
+    still, weight = [20.0, 0.0], [1.0, 1.0]
+    assert not found.update(0.0, still, still, [1.0, -1.0], weight)
+    for _ in range(9):
+        assert not found.update(0.1, still, still, [1.0, -1.0], weight)
+        assert found.status(Status.OK) is Status.SETTLING
+    assert not found.update(0.1, still, still, [1.0, -1.0], weight)
+    assert (found.nis, found.status(Status.OK)) == (1.0, Status.OK)
+    assert not found.update(0.1, still, still, [2.9, 0.0], weight)
+    nis = 1 + 0.1 * (2.9**2 / 2 - 1)
+    assert found.nis == pytest.approx(nis)
+    saved, restarts = found.save(), []
+    for _ in range(3):
+        restarts.append(found.update(0.1, still, still, [-99.0, 99.0], weight))
+        nis += 0.1 * (9 - nis)
+        assert found.nis == pytest.approx(nis)
+        assert found.excess == pytest.approx(max(nis / 1.5, 1.0))
+    assert restarts == [False, False, True]
+    other = monitor_module.Monitor(("speed", STEER), 2, 3.0, settings)
+    other.resume(saved)
+    assert [other.update(0.1, still, still, [-99.0, 99.0], weight) for _ in range(3)] == restarts
+    assert other.save().tolist() == found.save().tolist()
+    assert not other.update(0.1, still, [20.0, 0.2], [0.0, 0.0], weight)
+    assert other.status(Status.OK) is Status.SETTLING, "the steer angle has changed suddenly"
+    other.start(5.0)
+    assert other.status(Status.OK) is Status.INCONSISTENT
+
+
 @pytest.mark.parametrize("bank", [False, True])
 def test_reported_signals(truck, bank):
     units, road = ("tractor", "semitrailer"), ("bank.road",) if bank else ()
