@@ -56,6 +56,10 @@ TESTS = {
         "tests/fleet/test_run.py",
         FLEET_TESTS,
     ),
+    f"{ONE_STAGE}/identify.py": (
+        "tests/identify/knowledge/test_contradictions.py",
+        f"tests/identify/knowledge {SOLVER_TESTS}",
+    ),
     f"{ONE_STAGE}/shared_information.py": ("tests/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
     ONE_STAGE: ("tests/identify/one_stage/test_estimator.py", SOLVER_TESTS),
 }

@@ -5,8 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.identify.doubts import PriorTest, most_likely, prior_tests
+from fifthwheel.identify.doubts import (
+    Cause,
+    Doubt,
+    DoubtKind,
+    Evidence,
+    PriorTest,
+    describe_doubt,
+    most_likely,
+    prior_tests,
+)
 from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 Array = np.ndarray
 
@@ -110,3 +120,49 @@ def test_causes_that_are_as_likely_as_the_first() -> None:
     least = replace(first, name="least", statistic=-9.0, size=3.501)
     assert [test.name for test in most_likely([usual, first, least, near, far])] == ["first", "least", "near"]
     assert most_likely([usual]) == []
+
+
+def test_doubts_in_words() -> None:
+    """What the evidence is against, and what may be wrong by how much."""
+    causes = [Cause(name=name, changes={}, prior_sigmas=s) for name, s in (("a.mass", 5.24), ("b.offset@0", -3.96))]
+    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=tuple(causes), parameters=(), statistic=5.0)
+    assert describe_doubt(doubt) == (
+        "contradicted assumption: a.mass (+5.2 prior sigma) or b.offset (-4.0 prior sigma)"
+    )
+    noise = Doubt(kind=DoubtKind.NOISE, causes=(), parameters=(), statistic=5.0)
+    assert describe_doubt(noise) == "residuals larger than the noise explains"
+
+
+def test_an_unknown_with_little_information_has_no_test() -> None:
+    """Below 0.3 % of the variance of its prior, whatever that is."""
+    for variance in (1.0, 0.04):
+        for information, tested in ((0.0029, False), (0.0031, True)):
+            P = np.diag([variance * (1 - information)])
+            found = prior_tests("a", np.array([0.01]), P, np.array([0.002]), ["a"], np.array([variance]))
+            assert bool(found) == tested
+            if found:
+                assert found[0].implied == pytest.approx(0.01 / information)
+                assert (found[0].statistic, found[0].size) == pytest.approx((5.0, 5.0))
+
+
+def test_the_prior_mean_of_a_cause_is_that_of_one_number() -> None:
+    """An unknown that changes numbers of other names has none."""
+    fields = {"scale": 0.1, "lower": 0.0, "upper": 9.0, "kind": UnknownKind.UNCERTAIN}
+    mass = Unknown(name="mass", centre=2.0, logarithmic=True, **fields)
+    both = Unknown(name="cog", centre=0.0, moves={"x": 2.0, "y": -1.0}, **fields)
+    evidence = Evidence(
+        names=("mass", "cog"),
+        z=np.zeros(2),
+        covariance=np.eye(2),
+        unknowns={"mass": mass, "cog": both},
+        parameters=(),
+    )
+    tests = [PriorTest(name=n, statistic=-8.0, implied=-4.0, size=8.0, shifts=np.zeros(2)) for n in ("mass", "cog")]
+    (doubt,) = evidence.contradicted_assumptions(tests)
+    assert [cause.prior_mean for cause in doubt.causes] == [2.0, None]
+    assert [dict(cause.changes) for cause in doubt.causes] == [
+        {"mass": pytest.approx(2 * np.expm1(-0.4))},
+        {"x": pytest.approx(-0.8), "y": pytest.approx(0.4)},
+    ]
+    assert doubt.statistic == 8.0
+    assert list(evidence.contradicted_assumptions([])) == []

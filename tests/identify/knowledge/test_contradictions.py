@@ -2,14 +2,18 @@
 
 import datetime
 from collections.abc import Sequence
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.diagnose.doubt_cautions import contradiction_cautions
+from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.identify.knowledge.knowledge import LogChange, tyre_change
 from fifthwheel.identify.one_stage import identify as method
+from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.unknowns.parameters import VARIATION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 STEER = "steer.tractor.front"
@@ -78,6 +82,52 @@ def test_an_earlier_log_that_later_logs_contradict_is_set_aside(good) -> None:
     tyres = good.knowledge.with_changes([LogChange(kind="tyres", unknowns=(name,), text="", log=second.digest)])
     assert [log.changed for log in tyres.logs] == [(), (name,)]
     assert first.digest != second.digest
+
+
+def doubt_of(kind: DoubtKind, *names: str) -> Doubt:
+    causes = tuple(Cause(name=name, changes={}, prior_sigmas=4.0) for name in names)
+    return Doubt(kind=kind, causes=causes, parameters=(), statistic=4.0)
+
+
+@pytest.mark.parametrize(
+    ("doubts", "expected"),
+    [
+        ([], False),
+        ([doubt_of(DoubtKind.ASSUMPTION, "mass")], True),
+        ([doubt_of(DoubtKind.ESTIMATE, "rear")], True),
+        ([doubt_of(DoubtKind.ESTIMATE, "front")], False),  # it was unusual before
+        ([doubt_of(DoubtKind.ESTIMATE, "inertia")], False),  # it has not changed
+        ([doubt_of(DoubtKind.RANGE), doubt_of(DoubtKind.ESTIMATE, "inertia", "new")], True),
+    ],
+)
+def test_a_log_contradicts_earlier_ones_although_tyres_changed(monkeypatch, doubts, expected) -> None:
+    monkeypatch.setattr(method, "quick_doubts", lambda _: doubts)
+    names, mean = ("front", "rear", "inertia"), np.array([-2.5, 2.499, 0.0])
+    before = JointPrior(names=names, mean=mean, covariance=np.eye(3), widening=np.ones(3))
+    assert method._is_contradicted(None, before, {"front", "rear", "new"}) == expected
+    if not any(c.name == "front" for doubt in doubts for c in doubt.causes):
+        assert method._is_contradicted(None, None, {"front", "rear", "new"}) == expected
+
+
+def test_changed_tyres_are_the_most_likely_cause_of_a_doubt(monkeypatch) -> None:
+    """Of the variation of a stiffness from log to log, not of another unknown."""
+    front, rear = (f"tractor.{group}.cornering_stiffness" for group in ("front", "drive"))
+    doubts = [
+        doubt_of(DoubtKind.ASSUMPTION, f"{rear}{VARIATION}@0", f"{front}{VARIATION}@0"),
+        doubt_of(DoubtKind.ASSUMPTION, "mass", f"{front}{VARIATION}@0"),
+        doubt_of(DoubtKind.RANGE),
+    ]
+    monkeypatch.setattr(method, "quick_doubts", lambda _: doubts)
+    solution = SimpleNamespace(dataset=SimpleNamespace(records=[SimpleNamespace(name="log 2")]))
+    (change,) = method._changed_tyres(solution)
+    assert change == tyre_change(rear, "log 2")
+
+
+def test_earlier_logs_with_doubts_are_named() -> None:
+    logs = [SimpleNamespace(name=f"log {k}", doubts=("bad mass", "bad gyro")[:k]) for k in range(3)]
+    assert method._doubtful(logs[:1]) == ""
+    assert method._doubtful(logs[:2]).startswith("Of these, log 1 is doubtful (bad mass). Remove the cause")
+    assert method._doubtful(logs).startswith("Of these, log 1 is doubtful (bad mass); also doubtful: log 2. Remove")
 
 
 def test_a_bad_log_of_the_tractor_alone_is_refused(good, monkeypatch) -> None:

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.identify.doubts import DoubtKind
+from fifthwheel.identify.doubts import DoubtKind, PriorTest
+from fifthwheel.identify.one_stage import alternatives
 from fifthwheel.identify.one_stage.alternatives import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
@@ -38,6 +39,61 @@ def test_a_good_log_has_no_cause_and_needs_no_fit(truck, record, monkeypatch):
     solution = solve_one_stage([record], truck, SETTINGS)
     monkeypatch.setattr("fifthwheel.identify.one_stage.alternatives.minimise", None)
     assert likely_causes(solution, solution.linearisation.tests) == []
+
+
+@pytest.fixture
+def causes(monkeypatch):
+    """The causes for chosen statistics of the tests, and gains of the fits without their priors, by name."""
+
+    def likely(statistics, gains, impossible=(), unusual=()):
+        def fitted(_, test):
+            usual, possible = test.name not in unusual, test.name not in impossible
+            return alternatives._Alternative(test=test, gain=gains[test.name], possible=possible, usual=usual)
+
+        monkeypatch.setattr(alternatives, "_base", lambda _: None)
+        monkeypatch.setattr(alternatives, "_without_prior", fitted)
+        tests = [
+            PriorTest(name=name, statistic=s, implied=s, size=abs(s), shifts=np.zeros(1)) for name, s in statistics
+        ]
+        steps = []
+        found = likely_causes(None, tests, lambda *step: steps.append(step))
+        fits = len(steps) - 1
+        assert steps == [(alternatives.TITLE, k, fits) for k in range(fits + 1)] or not steps
+        return [test.name for test in found], fits
+
+    return likely
+
+
+def test_a_contradiction_is_a_statistic_above_the_limit(causes):
+    assert causes([], {}) == ([], -1)
+    assert causes([("a", -3.5)], {}) == ([], -1)
+    assert causes([("a", -3.501)], {"a": 7.0}) == (["a"], 1)
+
+
+def test_candidates_have_half_of_the_largest_statistic(causes):
+    """At most twelve of them."""
+    gains = dict.fromkeys("abcdefghijklmnop", 10.0)
+    assert causes([("a", 8.0), ("b", -4.0), ("c", 3.99)], gains) == (["a", "b"], 2)
+    assert causes([(name, 8.0) for name in gains], gains) == (list(gains)[:12], 12)
+
+
+def test_the_likeliest_causes_come_first(causes):
+    """Those with 85 % of the largest statistic, of which the decrease of the cost is half the square."""
+    statistics = [(name, 8.0) for name in "abcd"]
+    least = 0.85**2 * 40.0
+    assert causes(statistics, {"a": least - 0.01, "b": 40.0, "c": least + 0.01, "d": 1.0})[0] == ["b", "c"]
+    assert causes(statistics, {"a": 1.0, "b": 40.0, "c": least, "d": 41.0}, impossible="d")[0] == ["b", "c"]
+    assert causes(statistics[:2], {"a": 1.0, "b": 40.0}, impossible="ab")[0] == ["b"]
+
+
+def test_a_gross_error_of_a_clock_is_behind_others_that_explain_half_as_much(causes):
+    """It remains among the causes if it explains most."""
+    statistics = [("clock", 8.0), ("a", 7.0)]
+    assert causes(statistics, {"clock": 40.0, "a": 20.1}, unusual=["clock"])[0] == ["a", "clock"]
+    assert causes(statistics, {"clock": 40.0, "a": 19.9}, unusual=["clock"])[0] == ["clock", "a"]
+    assert causes(statistics, {"clock": 40.0, "a": 14.0}, unusual=["clock"])[0] == ["clock"]
+    assert causes(statistics, {"clock": 40.0, "a": 39.0}, unusual=["clock"])[0] == ["a", "clock"]
+    assert causes(statistics, {"clock": 20.0, "a": 39.0}, unusual=["clock"])[0] == ["a"]
 
 
 @pytest.fixture(scope="module")

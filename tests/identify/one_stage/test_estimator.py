@@ -12,6 +12,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.initial_state import steady_state
+from fifthwheel.identify.one_stage.estimator import _is_early
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
@@ -325,3 +326,20 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
         bank, sigma = identify([record], vehicle, settings).logs[0].bank
         assert sigma > 0.9 * OneStage().bank_prior
         assert abs(bank - 0.06) < 2.5 * sigma
+
+
+@pytest.mark.parametrize(
+    ("error", "early"),
+    [
+        (f"{STEER}.offset", True),
+        (f"{STEER}.gain", True),
+        (f"{STEER}.delay", True),
+        (f"{STEER}.play", False),
+        ("yaw_rate.tractor.offset", True),
+        ("yaw_rate.tractor.gain", False),
+        ("yaw_rate.tractor.delay", False),
+    ],
+)
+def test_sensor_errors_of_the_first_fit(error: str, early: bool) -> None:
+    """Far from the solution, gain and delay of a gyro would absorb errors of the parameters."""
+    assert _is_early(error) == early

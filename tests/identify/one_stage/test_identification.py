@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.one_stage.identification import (
     _correlated,
+    _doubtful_covariance,
+    _is_stated,
     _variance_budget,
     _without_number,
 )
@@ -86,3 +89,35 @@ def test_which_unknowns_a_parameter_is_correlated_with() -> None:
     assert len(confounded) == 1
     assert confounded[0] != FRONT
     assert correlated(FRONT, Verdict.NOT_IDENTIFIABLE, weak, excited=1e-9) == ()
+
+
+def test_a_cause_of_a_contradiction_widens_the_covariance() -> None:
+    """By the mean square of the shifts of all causes; by the prior too where the search did not converge."""
+    covariance, prior = np.array([[2.0, 0.5], [0.5, 1.0]]), np.array([1.0, 4.0])
+    solution = SimpleNamespace(
+        linearisation=SimpleNamespace(posterior=SimpleNamespace(covariance=covariance)),
+        problem=SimpleNamespace(prior=SimpleNamespace(variance=prior)),
+    )
+    shifts = (np.array([1.0, 3.0]), np.array([-1.0, 1.0]))
+    causes = [PriorTest(name="a", statistic=5.0, implied=4.0, size=5.0, shifts=shift) for shift in shifts]
+    assert _doubtful_covariance(solution, [], converged=True).tolist() == covariance.tolist()
+    assert _doubtful_covariance(solution, causes, converged=True).tolist() == [[3.0, 1.5], [1.5, 6.0]]
+    assert _doubtful_covariance(solution, [], converged=False).tolist() == [[3.0, 0.5], [0.5, 5.0]]
+    assert covariance.tolist() == [[2.0, 0.5], [0.5, 1.0]]
+
+
+@pytest.mark.parametrize(
+    ("name", "stated", "assumed", "statements", "expected"),
+    [
+        (HEIGHT, (HEIGHT,), (), {}, True),
+        (HEIGHT, (HEIGHT,), (HEIGHT,), {}, False),
+        (HEIGHT, (), (), {}, False),
+        (FRONT, (FRONT,), (), {}, False),
+        (FRONT, (), (), {FRONT: 0.1}, True),
+        (FRONT, (), (), {REAR: 0.1}, False),
+    ],
+)
+def test_what_a_user_has_stated(name, stated, assumed, statements, expected) -> None:
+    """A parameter with a statement, or a payload height in the vehicle file that is not assumed by its class."""
+    vehicle, settings = SimpleNamespace(stated=stated, assumed=assumed), SimpleNamespace(stated_priors=statements)
+    assert _is_stated(vehicle, settings, name) == expected

@@ -13,8 +13,8 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.unknowns.parameters import time_base_delays
-from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.unknowns.parameters import VARIATION, time_base_delays
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
@@ -208,3 +208,59 @@ def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypa
     assert merged_gradient == pytest.approx(gradient, rel=1e-9, abs=1e-9)
     assert merged_gram == pytest.approx(gram, rel=1e-9, abs=1e-9)
     assert scores(block, 4.0).sum(axis=0) == pytest.approx(gradient, rel=1e-9, abs=1e-9)
+
+
+def test_bounds_and_nuisances(truck: Vehicle, records: list[Record]) -> None:
+    """Initial states are within 8 prior standard deviations; an unknown that is not estimated keeps its prior mean."""
+    p = problem(truck, records, OneStage())
+    kept = p.setup.unknowns[0]
+    p = Problem(p.setup.with_unknown(replace(kept, kind=UnknownKind.CONSIDERED)), p.logs)
+    lower, upper = (dict(zip(p.names, bound.tolist(), strict=True)) for bound in p.bounds)
+    assert (lower[kept.name], upper[kept.name]) == (0.0, 0.0)
+    states = [name for name in p.names if name not in p.unknowns_by_name]
+    assert len(states) == 3 * len(p.model.states)
+    assert {(lower[name], upper[name]) for name in states} == {(-8.0, 8.0)}
+    for name, u in p.unknowns_by_name.items():
+        if u.is_estimated and not u.logarithmic:
+            assert (lower[name], upper[name]) == pytest.approx(
+                ((u.lower - u.centre) / u.scale, (u.upper - u.centre) / u.scale)
+            )
+            assert lower[name] < upper[name]
+    nuisances = {p.names[i] for i in p.nuisances}
+    parameters = {name for name, u in p.unknowns_by_name.items() if not (u.is_sensor_error or u.per_log)}
+    assert nuisances == set(p.names) - parameters
+    assert kept.name in parameters
+
+
+def test_the_noise_of_a_channel_with_few_residuals_is_kept(truck: Vehicle, records: list[Record]) -> None:
+    """Fewer than 20; more of them give the variance of the residuals, within a factor of 1000."""
+    (record,) = records[1:]
+    for count, kept in ((19, True), (20, False)):
+        gyro = np.full(len(record), np.nan)
+        gyro[:count] = record.signals["yaw_rate.tractor"][:count] + 5.0
+        p = problem(truck, [record.with_signals({"yaw_rate.tractor": gyro})], OneStage())
+        given = p.logs[0].noise["yaw_rate.tractor"]
+        found = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=False).logs[0].noise["yaw_rate.tractor"]
+        assert found == (given if kept else pytest.approx(given * p.settings.outlier**2))
+
+
+def test_the_variance_of_a_signal_is_without_its_noise(truck: Vehicle) -> None:
+    """White noise adds half the variance of its differences, which is subtracted."""
+    record, name = simulate(truck, count=2, seed=1), "yaw_rate.tractor"
+    noise = 0.02 * np.random.default_rng(1).normal(size=len(record))
+    slow = 0.1 * np.sin(record.time)
+    for added in (0.0, noise):
+        p = problem(truck, [record.with_signals({name: slow + added})], OneStage())
+        assert p._signal_variance(0, name) == pytest.approx(np.var(slow), rel=0.05)
+    p = problem(truck, [record.with_signals({name: noise * (-1) ** np.arange(len(record))})], OneStage())
+    assert 0 <= p._signal_variance(0, name) < 0.1 * np.var(noise)
+
+
+def test_what_varies_from_log_to_log_is_left_out(truck: Vehicle, records: list[Record]) -> None:
+    """The variation of a stiffness, and not the offset of a sensor."""
+    p = problem(truck, records, OneStage())
+    z = np.ones(len(p.names))
+    changed = {p.names[i] for i in np.flatnonzero(p.without_variation(z) == 0)}
+    assert changed == {name for name in p.names if name.endswith(f"{VARIATION}@0")}
+    assert changed
+    assert z.all()

@@ -180,7 +180,7 @@ class Problem:
 
     @property
     def nuisances(self) -> tuple[int, ...]:
-        """Indices of the sensor errors and the initial states."""
+        """Indices of the sensor errors, of what varies from log to log, and of the initial states."""
         parameters = {u.name for u in self.unknowns if not u.is_sensor_error}
         return tuple(i for i, name in enumerate(self.names) if name not in parameters)
 
