@@ -56,6 +56,10 @@ TESTS = {
         "tests/fleet/test_run.py",
         FLEET_TESTS,
     ),
+    f"{ONE_STAGE}/free_run.py": (
+        "tests/identify/test_fit_evaluation.py tests/identify/test_saturating_tyres.py",
+        SOLVER_TESTS,
+    ),
     f"{ONE_STAGE}/identify.py": (
         "tests/identify/knowledge/test_contradictions.py",
         f"tests/identify/knowledge {SOLVER_TESTS}",

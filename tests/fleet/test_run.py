@@ -1,15 +1,29 @@
 """A run over a small fleet in this process: results, what is done again, damaged trips, the page."""
 
+import datetime
+import os
 import shutil
+from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
 
+import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.cluster import Lost
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.fleet import FleetSettings, report, run
+from fifthwheel.fleet import FleetRun, FleetSettings, Trip, read_manifest, report, run, storage, trips
+from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.report import limit
+from fifthwheel.fleet.tables import SCHEMAS, Rows
+from fifthwheel.fleet.trips import TripJob, TripOutcome, log_knowledge
+from fifthwheel.identify.knowledge.changes import WINDOWS
+from fifthwheel.identify.knowledge.information import EARLIEST_DATE
 from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
+
+RUN = import_module("fifthwheel.fleet.run")
 
 
 def rows(path, name):
@@ -35,6 +49,131 @@ def test_estimates_and_the_change_of_tyres(fleet) -> None:
         assert (change["kind"], change["subject"]) == ("tyres", "tractor.drive")
         assert f"{change['after']:%d} {change['date']:%d}" == "05 07"
     assert len(rows(folder / "out", "history")) == 6 * 2
+
+
+def test_the_row_of_a_trip_has_its_estimates_and_its_information(fleet) -> None:
+    """As the identification of its log gives them."""
+    folder, manifest, _ = fleet
+    trip = read_manifest(str(manifest))[4]
+    data = TripDataset(str(folder / "out"))
+    (row,) = data.trips(r["digest"] for r in rows(folder / "out", "trips") if r["log"] == trip.log)
+    record, vehicle = fw.read_log(trip.log, name=storage.stem(trip.log)), fw.Vehicle.load(folder / "truck.toml")
+    result = fw.identify([record], vehicle, FAST)
+    estimated = [e for e in result.parameters if e.verdict is not fw.Verdict.FIXED]
+    expected = [(e.name, e.value, e.sigma, e.unit, e.verdict) for e in (*estimated, *result.derived)]
+    assert [tuple(e.values()) for e in row["estimates"]] == expected
+    names = [e.name for e in estimated]
+    assert row["covariance_names"] == names
+    assert row["covariance"] == result.covariance.among(names).covariance.ravel().tolist()
+    assert [(e["name"], e["value"]) for e in row["sensors"]] == [(e.name, e.value) for e in result.sensors]
+    assert {key: row[key] for key in ("truck", "trailer", "load", "tractor", "error", "date")} == {
+        "truck": "truck 0",
+        "trailer": "A",
+        "load": "steel",
+        "tractor": "tractor",
+        "error": "",
+        "date": trip.date,
+    }
+    assert row["duration"] == record.time[-1] - record.time[0]
+    assert 0 < row["seconds"] < 60
+    known, own = log_knowledge(row), result.knowledge.logs[-1]
+    assert known.estimated == tuple(e.name for e in (*estimated, *result.derived))
+    factors = {name: own.information.factors.get(name, 1.0) for name in own.information.names}
+    for name, value in (vars(own.information) | {"factors": factors}).items():
+        found = getattr(known.information, name)
+        assert np.array_equal(found, value) if isinstance(value, np.ndarray) else found == value, name
+
+
+def test_what_a_run_counts() -> None:
+    """The length and the time of new trips, and the first errors."""
+    result, trip = FleetRun(path="out"), Trip(log="a.csv", truck="T", vehicle="v.toml")
+    result.count(trip, TripOutcome("new", "1", "", 1800.0, 2.5))
+    result.count(trip, TripOutcome("new", "2", "", 5400.0, 1.5))
+    result.count(trip, TripOutcome("unchanged", "3", "", 7200.0, 9.0))
+    assert (result.new, result.unchanged, result.failed, result.lost) == (2, 1, 0, 0)
+    assert (result.hours, result.seconds, result.errors) == (2.0, 4.0, [])
+    for k in range(25):
+        result.count(trip, TripOutcome("lost" if k % 5 == 0 else "failed", "4", f"error {k}", 60.0, 1.0))
+    assert (result.failed, result.lost, result.hours, result.seconds) == (20, 5, 2.0, 4.0)
+    assert result.errors == [("a.csv", f"error {k}") for k in range(20)]
+    assert result.as_dict()["errors"][0] == ["a.csv", "error 0"]
+
+
+def test_finished_trips_are_joined_now_and_then(tmp_path, monkeypatch) -> None:
+    """Before the trips, after every JOIN_AFTER of them, and at the end; a lost trip is tried again by the next run."""
+    logs = [Trip(log=str(tmp_path / f"{k}.csv"), truck="T", vehicle="v.toml") for k in range(5)]
+    joined, steps = [], []
+    monkeypatch.setattr(RUN, "JOIN_AFTER", 2)
+    monkeypatch.setattr(TripDataset, "join", lambda _: joined.append(len(steps)))
+
+    def run_here(function, job, tasks):
+        for k, task in enumerate(tasks):
+            yield task, Lost("no memory") if k == 1 else function(job, task)
+
+    monkeypatch.setattr(RUN, "run_here", run_here)
+    result = run(logs, tmp_path / "out", jobs=1, progress=lambda *step: steps.append(step))
+    assert steps == [("trips", k, 5) for k in range(1, 6)]
+    assert joined == [0, 2, 4, 5]
+    assert (result.trips, result.failed, result.lost) == (5, 4, 1)
+    assert result.errors[1] == (logs[1].log, "no memory")
+
+
+def test_all_tests_of_a_fleet_share_the_probability_of_a_false_alarm() -> None:
+    """Of each window at each trip; a batch that is lost is named for each of its trucks."""
+    groups, steps, jobs = [[("T", {"1": "a", "2": "b"})], [("U", {"3": "c"}), ("V", {})]], [], []
+
+    def execute(function, job, batches):
+        jobs.append(job)
+        assert function is RUN.combine_trucks
+        tables = {name: [{"truck": "T"}] if name == "trucks" else [] for name in SCHEMAS}
+        yield batches[0], Rows(tables=tables, failed={"T": "no date"})
+        yield batches[1], Lost("no memory")
+
+    data = TripDataset("out")
+    found = RUN._combined(data, groups, FleetSettings(false_alarms=0.3), execute, lambda *step: steps.append(step))
+    assert jobs[0].false_alarm == pytest.approx(0.3 / (3 * len(WINDOWS)))
+    assert found.failed == {"T": "no date", "U": "no memory", "V": "no memory"}
+    assert found.tables["trucks"] == [{"truck": "T"}]
+    assert steps == [("combining", 1, 2), ("combining", 2, 2)]
+
+
+def test_the_date_of_a_log(tmp_path) -> None:
+    """Of its first sample if that is a date, else of the file; a date of the manifest has priority."""
+    path = tmp_path / "log.csv"
+    path.write_text("")
+    os.utime(path, (1.7e9, 1.7e9))
+    for first, expected in ((1.75e9, 1.75e9), (EARLIEST_DATE, EARLIEST_DATE), (EARLIEST_DATE - 1, 1.7e9), (0.0, 1.7e9)):
+        record = SimpleNamespace(time=np.array([first, first + 1]))
+        assert trips._date(record, str(path)) == datetime.datetime.fromtimestamp(expected, datetime.UTC)
+
+
+def test_what_determines_the_row_of_a_trip(tmp_path, monkeypatch) -> None:
+    """Each change gives another digest: of labels, log, vehicle, signal map, databases, settings, version and date."""
+    (tmp_path / "a.dbc").write_text("1")
+    (tmp_path / "map.toml").write_text('databases = ["a.dbc"]\n[signals]\nspeed = "v"\n')
+    log = tmp_path / "a.csv"
+    log.write_text("")
+    trip = Trip(
+        log=str(log), truck="T", vehicle="v.toml", trailer="A", load="steel", signals=str(tmp_path / "map.toml")
+    )
+    job = TripJob(folder=str(tmp_path), settings=FAST, done=np.array([], dtype="S64"))
+
+    def digest(trip=trip, job=job, texts=("log", "vehicle", "map")):
+        return trips._digest(trip, job, *texts)
+
+    assert digest() == digest()
+    others = [digest(replace(trip, **{n: "other"})) for n in ("truck", "trailer", "load")]
+    others += [digest(replace(trip, date=datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)))]
+    others += [digest(texts=texts) for texts in (("x", "vehicle", "map"), ("log", "x", "map"), ("log", "vehicle", "x"))]
+    others += [digest(job=replace(job, settings=fw.OneStage())), digest(replace(trip, signals=""))]
+    before = digest()
+    (tmp_path / "a.dbc").write_text("2")
+    others += [before, digest()]
+    os.utime(log, (1.7e9, 1.7e9))
+    others += [digest()]
+    monkeypatch.setattr(trips, "__version__", "other")
+    others += [digest()]
+    assert len(set(others)) == len(others)
 
 
 def test_a_trip_that_is_done_is_not_done_again(fleet, tmp_path) -> None:

@@ -1,6 +1,7 @@
 """Identification with tyres that saturate: friction, choice of the law, logs that were not identified on."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.one_stage.free_run import _of_log
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.verdict import Verdict
@@ -255,3 +257,13 @@ def test_logs_with_and_without_braking() -> None:
     assert abs(result[FRICTION].value - 0.74) < 1.645 * result[FRICTION].sigma
     (slip,) = [e for e in result.uncertain if e.name == COMBINED_SLIP]
     assert slip.sigma < 0.5 * slip.prior
+
+
+def test_unknowns_of_one_log_have_the_names_of_an_only_log() -> None:
+    """Also those of its segments; those that logs share are not its own."""
+    names = ("mass", "offset@0", "offset@1", "bank.road@0.0", "bank.road@1.0", "bank.road@1.1", "offset@10", "play@1")
+    problem = SimpleNamespace(names=names, logs=[SimpleNamespace(name="first"), SimpleNamespace(name="second")])
+    solution = SimpleNamespace(problem=problem, minimum=SimpleNamespace(z=np.arange(8.0)))
+    expected = {"offset@0": 2.0, "bank.road@0.0": 4.0, "bank.road@0.1": 5.0, "play@0": 7.0}
+    assert _of_log(solution, problem.logs[1]) == expected
+    assert _of_log(solution, problem.logs[0]) == {"offset@0": 1.0, "bank.road@0.0": 3.0}

@@ -226,7 +226,7 @@ def test_a_resumed_stream_continues():
         return found
 
     stream, other = Stream(settings, LIMIT), Stream(settings, LIMIT)
-    assert other.save()["time"] is None
+    assert (other.save()["time"], other.save()["running"]) == (None, False)
     answers(stream, range(1, 10))
     other.resume(json.loads(json.dumps(stream.save(), allow_nan=False)))
     assert answers(other, range(10, 30)) == answers(stream, range(10, 30))
