@@ -48,6 +48,8 @@ def test_paths_count_as_written(tmp_path, written) -> None:
         (HEAD + "a.csv,T,A,v.toml,,,\n,T,A,v.toml,,,\n", "row 2, column log: empty"),
         (HEAD + "a.csv,T,A,v.toml,,,yesterday\n", "row 1, column date: expected a date such as 2026-03-01"),
         (HEAD + "a.csv,T,A,v.toml,,,0001-01-01\n", "row 1, column date: expected a year"),
+        (HEAD + "a.csv,T,A,v.toml,,,1969-12-31\n", "row 1, column date: expected a year from 1970 to 2199, got 1969"),
+        (HEAD + "a.csv,T,A,v.toml,,,2200-01-01\n", "row 1, column date: expected a year from 1970 to 2199, got 2200"),
         (HEAD + "http://x/a.csv,T,A,v.toml,,,\n", "row 1, column log: .*copy the file there"),
         (HEAD + "simplecache::s3://x/a.csv,T,A,v.toml,,,\n", "row 1, column log: expected a path"),
         (HEAD + "s3://,T,A,v.toml,,,\n", "row 1, column log"),
@@ -63,8 +65,27 @@ def test_errors_name_row_and_column(tmp_path, text, message) -> None:
         read(tmp_path, text)
 
 
+@pytest.mark.parametrize(
+    ("written", "expected"),
+    [
+        (" 1970-01-01 ", datetime.datetime(1970, 1, 1)),
+        ("2199-12-31T23:59:59", datetime.datetime(2199, 12, 31, 23, 59, 59)),
+        ("2026-03-01T14:30+02:00", datetime.datetime(2026, 3, 1, 12, 30)),
+        ("", None),
+        (None, None),
+        (datetime.date(2026, 3, 1), datetime.datetime(2026, 3, 1)),
+        (datetime.datetime(2026, 3, 1, 14, 30), datetime.datetime(2026, 3, 1, 14, 30)),
+    ],
+)
+def test_dates_are_in_utc(written, expected) -> None:
+    assert manifest._date(written) == (expected and expected.replace(tzinfo=datetime.UTC))
+
+
 def test_limits(tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(manifest, "MAX_TRIPS", 1)
+    assert [trip.truck for trip in read(tmp_path, "log,truck,vehicle\na,T,v\n")] == ["T"]
+    longest = "T" * manifest.MAX_CELL
+    assert read(tmp_path, f"log,truck,vehicle\na, {longest} ,v\n")[0].truck == longest
     with pytest.raises(FifthwheelError, match="more than 1 rows"):
         read(tmp_path, "log,truck,vehicle\na,T,v\nb,T,v\n")
     monkeypatch.setattr(manifest, "MAX_SIZE", 10)

@@ -1,16 +1,17 @@
 """The information of single logs, against the identification of all logs together."""
 
 import datetime
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind, describe_doubt
 from fifthwheel.identify.knowledge.combination import combine
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.shared_information import shared_information
+from fifthwheel.identify.one_stage.shared_information import shared_information, with_doubts
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.vehicle.parameters import FRICTION
 
@@ -77,3 +78,30 @@ def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:
     information = log.information
     assert "semitrailer.payload.height" not in information.names
     assert "semitrailer.cornering_stiffness" in information.names
+
+
+@dataclass(frozen=True)
+class Log:
+    """What doubts need of a log."""
+
+    name: str
+    doubts: tuple[str, ...] = ()
+
+
+def test_a_doubt_belongs_to_the_logs_of_its_causes() -> None:
+    """By the numbers of its causes or by its log; a doubt of what logs share belongs to all."""
+
+    def doubt(*names, kind=DoubtKind.ASSUMPTION, log=None):
+        causes = tuple(Cause(name=name, changes={}, prior_sigmas=4.0) for name in names)
+        return Doubt(kind=kind, causes=causes, parameters=(), statistic=4.0, log=log)
+
+    doubts = [
+        doubt(kind=DoubtKind.RANGE, log="second"),
+        doubt("gyro.offset@0"),
+        doubt("mass"),
+        doubt("gyro.offset@0", "gyro.gain@1"),
+        doubt("gyro.offset@0", "cog"),
+    ]
+    first, second = with_doubts([Log("first"), Log("second")], doubts)
+    assert first.doubts == tuple(describe_doubt(doubts[k]) for k in (1, 2, 3, 4))
+    assert second.doubts == tuple(describe_doubt(doubts[k]) for k in (0, 2, 3, 4))

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,8 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.initial_state import steady_state
-from fifthwheel.identify.one_stage.estimator import _is_early
+from fifthwheel.identify.one_stage import estimator
+from fifthwheel.identify.one_stage.estimator import _is_early, solve_one_stage
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
@@ -343,3 +345,28 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
 def test_sensor_errors_of_the_first_fit(error: str, early: bool) -> None:
     """Far from the solution, gain and delay of a gyro would absorb errors of the parameters."""
     assert _is_early(error) == early
+
+
+@pytest.mark.parametrize(
+    ("decay", "form", "converged", "expected"),
+    [
+        (0.1, "output_error", True, "output_error"),
+        (0.0999, "output_error", True, "prediction_error"),
+        (0.0999, "output_error", False, "output_error"),
+        (0.0999, "prediction_error", True, "prediction_error"),
+    ],
+)
+def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch, decay: float, form: str, converged: bool, expected: str
+) -> None:
+    """Below 0.1 1/s of the slowest mode, if the prediction errors have a minimum."""
+
+    def estimator_of(records, vehicle, settings, validate, earlier):
+        objective = SimpleNamespace(output_error=settings.form == "output_error", slowest_decay=lambda z: decay)
+        minimum = SimpleNamespace(objective=objective, z=None, converged=converged)
+        return SimpleNamespace(
+            minimise=lambda progress: minimum, solution=lambda m: SimpleNamespace(form=settings.form, minimum=m)
+        )
+
+    monkeypatch.setattr(estimator, "_estimator", estimator_of)
+    assert solve_one_stage([], truck, OneStage(form=form, tyres="linear")).form == expected
