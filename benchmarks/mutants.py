@@ -45,7 +45,7 @@ TESTS = {
         "tests/identify/test_doubts.py tests/identify/one_stage/test_doubt_limits.py",
         f"tests/identify/one_stage/test_evidence.py tests/identify/online/test_doubt_limits.py {SOLVER_TESTS}",
     ),
-    "src/fifthwheel/stream": ("tests/stream", STREAM_TESTS),
+    "src/fifthwheel/stream": ("tests/stream tests/observe/test_limits.py", STREAM_TESTS),
     "src/fifthwheel/observe/monitor.py": (
         "tests/observe/test_limits.py tests/observe/test_settling.py",
         f"tests/observe/test_consistency.py {STREAM_TESTS} tests/live",
@@ -64,6 +64,7 @@ TESTS = {
         "tests/identify/knowledge/test_contradictions.py",
         f"tests/identify/knowledge {SOLVER_TESTS}",
     ),
+    f"{ONE_STAGE}/posterior.py": ("tests/identify/test_doubts.py", SOLVER_TESTS),
     f"{ONE_STAGE}/shared_information.py": ("tests/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
     ONE_STAGE: ("tests/identify/one_stage/test_estimator.py", SOLVER_TESTS),
 }

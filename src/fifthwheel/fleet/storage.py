@@ -22,7 +22,6 @@ STORES = ("s3", "gs", "gcs", "abfs", "az")
 """Protocols of object stores."""
 MAX_LOG_SIZE = 4_000_000_000
 """Bytes of a log in an object store."""
-_BLOCK = 1 << 20
 
 
 def checked(path: str) -> str:

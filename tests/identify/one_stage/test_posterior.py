@@ -50,6 +50,16 @@ def test_estimates_and_their_errors_against_random_draws(jacobian: np.ndarray) -
     assert result.predictive == pytest.approx(np.std(estimates, axis=0), rel=0.02)
 
 
+def test_the_scatter_of_estimates_contains_that_of_the_scores(jacobian: np.ndarray) -> None:
+    """P (H C H + M) P with the prior covariance I; scores that scatter less than predicted do not reduce it."""
+    H = information(jacobian, 20.0)
+    for factor in (1.0, 4.0):
+        result = posterior(NAMES, H, factor * H)
+        P = result.model_covariance
+        assert result.predictive**2 == pytest.approx(np.diag(P @ (H @ H + factor * H) @ P))
+    assert posterior(NAMES, H, H / 4).predictive == pytest.approx(posterior(NAMES, H).predictive)
+
+
 def test_more_information_or_a_narrower_prior_never_enlarges_a_sigma() -> None:
     rng = np.random.default_rng(2)
     for _ in range(200):

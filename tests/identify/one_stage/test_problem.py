@@ -264,3 +264,23 @@ def test_what_varies_from_log_to_log_is_left_out(truck: Vehicle, records: list[R
     assert changed == {name for name in p.names if name.endswith(f"{VARIATION}@0")}
     assert changed
     assert z.all()
+
+
+@pytest.mark.parametrize(("decimated", "divided"), [(1, False), (12, True)])
+def test_residuals_are_those_of_the_samples(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch, decimated: int, divided: bool
+) -> None:
+    """Long steps are divided; rows between two samples are no residuals."""
+    monkeypatch.setattr(tangent, "CHUNK", 50)
+    record = simulate(truck, count=1, seed=1)
+    signals = {name: values[::decimated] for name, values in record.signals.items()}
+    record = Record(time=record.time[::decimated], signals=signals)
+    p = problem(truck, [record], OneStage())
+    z = np.zeros(len(p.names))
+    rows = p._step_rows(0, 0, p.model_values(z, 0) | p.values(z, 0))
+    assert (len(rows.rows) > len(record)) == divided
+    for differentiated in (True, False):
+        blocks = list(p.blocks(z, 0, 0, differentiated=differentiated))
+        assert len(blocks) > 2
+        np.testing.assert_allclose(np.concatenate([block.time for block in blocks]), record.time)
+        assert np.isfinite(np.concatenate([block.error for block in blocks])).all()
