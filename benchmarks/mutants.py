@@ -36,6 +36,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_STAGE = "src/fifthwheel/identify/one_stage"
+PROBLEM_TESTS = "tests/identify/one_stage/test_problem.py"
 SOLVER_TESTS = "tests/frozen tests/identify/one_stage tests/diagnose"
 STREAM_TESTS = "tests/frozen tests/observe tests/identify/online"
 FLEET_TESTS = "tests/fleet tests/cli/test_fleet.py"
@@ -63,6 +64,11 @@ TESTS = {
     f"{ONE_STAGE}/identify.py": (
         "tests/identify/knowledge/test_contradictions.py",
         f"tests/identify/knowledge {SOLVER_TESTS}",
+    ),
+    f"{ONE_STAGE}/problem.py": (
+        f"{PROBLEM_TESTS} --deselect={PROBLEM_TESTS}::test_gradient",
+        f"{PROBLEM_TESTS} tests/identify/one_stage/test_estimator.py",
+        SOLVER_TESTS,
     ),
     f"{ONE_STAGE}/posterior.py": ("tests/identify/test_doubts.py", SOLVER_TESTS),
     f"{ONE_STAGE}/shared_information.py": ("tests/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
@@ -169,8 +175,8 @@ def changes(node: Any) -> Iterator[tuple[Any, str]]:
 def stages(file: str) -> list[str]:
     """The paths of tests for a file, the narrowest first."""
     paths = next(found for place, found in TESTS.items() if file == place or file.startswith(f"{place}/"))
-    folders = [path for path in " ".join(paths).split() if not path.endswith(".py")]
-    own = [name for folder in folders if (ROOT / (name := f"{folder}/test_{Path(file).stem}.py")).is_file()]
+    words, name = " ".join(paths).split(), f"test_{Path(file).stem}.py"
+    own = [f"{word}/{name}" for word in words if (ROOT / word / name).is_file() and name not in paths[0]]
     return list(dict.fromkeys([*own, *paths]))
 
 

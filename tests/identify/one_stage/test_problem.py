@@ -146,6 +146,14 @@ def test_a_shortened_problem_has_the_parts_with_most_steering(truck: Vehicle, sa
     assert whole.shortened(total - 1) is not whole
 
 
+def test_a_short_segment_of_a_shortened_problem_is_kept(truck: Vehicle) -> None:
+    """One of less than 20 s."""
+    records = [simulate(truck, count=count, seed=1, name=str(count)) for count in (1, 5)]
+    short, long = problem(truck, records, OneStage()).shortened(100).logs
+    assert short.segments[0].time.tolist() == records[0].time.tolist()
+    assert len(long.segments[0]) < len(records[1])
+
+
 def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=4)
     gyro = record.signals["yaw_rate.tractor"].copy()
