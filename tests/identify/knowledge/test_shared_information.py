@@ -11,8 +11,9 @@ from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind, describe_doubt
 from fifthwheel.identify.knowledge.combination import combine
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.one_stage.shared_information import shared_information, with_doubts
-from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.one_stage.shared_information import marginal_information, shared_information, with_doubts
+from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
+from fifthwheel.identify.setup import Setup
 from fifthwheel.vehicle.parameters import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -78,6 +79,35 @@ def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:
     information = log.information
     assert "semitrailer.payload.height" not in information.names
     assert "semitrailer.cornering_stiffness" in information.names
+
+
+def test_a_gain_is_shared_by_its_logarithm() -> None:
+    """Also with a prior mean that is not 1; the vector is that of the estimates where the logs have no gradient."""
+    steer = "steer.tractor.front.gain"
+    settings = fw.OneStage(tyres="linear", stated_priors={steer: (1.1, 0.05)})
+    outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+    setup = Setup.of(TRUCK.with_logged_steering(["steer.tractor.front"], "log"), outputs, settings)
+    names = [u.name for u in setup.unknowns]
+    z = np.linspace(-1.0, 1.0, len(names))
+    log = LogLinearisation(
+        indices=np.arange(len(names)),
+        information=np.diag(np.linspace(1.0, 9.0, len(names))),
+        gradient=np.zeros(len(names)),
+        score_covariance=np.eye(len(names)),
+    )
+    found = marginal_information(setup, names, z, log)
+    estimate = np.linalg.solve(found.information, found.vector)
+    gains = [name for name in found.names if name.endswith(".gain")]
+    assert steer in gains
+    for name in gains:
+        i, (u,) = found.names.index(name), [u for u in setup.unknowns if u.name == name]
+        assert found.logarithmic[i]
+        gain = found.centre[i] * np.exp(found.scale[i] * estimate[i])
+        assert gain == pytest.approx(u.centre + u.scale * z[names.index(name)])
+    (centre,) = [u.centre for u in setup.unknowns if u.name == steer]
+    assert centre == 1.1
+    for name in set(found.names) - set(gains):
+        assert estimate[found.names.index(name)] == pytest.approx(z[names.index(name)]), name
 
 
 @dataclass(frozen=True)
