@@ -28,8 +28,9 @@ def test_relative_paths_belong_to_the_folder_of_the_manifest(tmp_path) -> None:
 
 
 def test_a_vehicle_of_the_catalogue_is_no_path(tmp_path) -> None:
-    (trip,) = read(tmp_path, "log,truck,vehicle\nrun.csv,T1,cheng_cebon_2011\n")
-    assert (trip.vehicle, trip.date, trip.load) == ("cheng_cebon_2011", None, "")
+    first, second = read(tmp_path, "log,truck,vehicle\nrun.csv,T1,cheng_cebon_2011\ncheng_cebon_2011,T1,truck.toml\n")
+    assert (first.vehicle, first.date, first.load) == ("cheng_cebon_2011", None, "")
+    assert (second.log, second.vehicle) == (str(tmp_path / "cheng_cebon_2011"), str(tmp_path / "truck.toml"))
 
 
 @pytest.mark.parametrize("written", ["~/run.csv", "$HOME/run.csv", "*.csv", "{a,b}.csv"])

@@ -292,3 +292,15 @@ def test_residuals_are_those_of_the_samples(
         assert len(blocks) > 2
         np.testing.assert_allclose(np.concatenate([block.time for block in blocks]), record.time)
         assert np.isfinite(np.concatenate([block.error for block in blocks])).all()
+
+
+def test_the_prior_of_an_initial_state_is_that_at_the_first_inputs(truck: Vehicle) -> None:
+    record = simulate(truck, count=1, seed=1)
+
+    def factor(sample: int) -> np.ndarray:
+        speed = record.signals["speed"].copy()
+        speed[sample] += 5.0
+        return problem(truck, [record.with_signals({"speed": speed})], OneStage())._initial_factors[0][0]
+
+    np.testing.assert_array_equal(factor(1), factor(2))
+    assert np.abs(factor(0) - factor(1)).max() > 1e-3 * np.abs(factor(1)).max()
