@@ -2,16 +2,19 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import DoubtKind, PriorTest
 from fifthwheel.identify.one_stage import alternatives
 from fifthwheel.identify.one_stage.alternatives import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
+from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.workflow.identification import run_identification
 from fifthwheel.workflow.states import run_states
 
@@ -94,6 +97,49 @@ def test_a_gross_error_of_a_clock_is_behind_others_that_explain_half_as_much(cau
     assert causes(statistics, {"clock": 40.0, "a": 14.0}, unusual=["clock"])[0] == ["clock"]
     assert causes(statistics, {"clock": 40.0, "a": 39.0}, unusual=["clock"])[0] == ["a", "clock"]
     assert causes(statistics, {"clock": 20.0, "a": 39.0}, unusual=["clock"])[0] == ["a"]
+
+
+@pytest.mark.parametrize(
+    ("moves", "change", "usual", "possible"),
+    [
+        ({TIME_SCALE: 1.0}, 0.0199, True, True),
+        ({TIME_SCALE: 1.0}, -0.0199, True, True),
+        ({TIME_SCALE: 1.0}, 0.0201, False, True),
+        ({TIME_SCALE: 1.0}, -0.0201, False, True),
+        ({TIME_SCALE: 1.0}, 0.21, False, False),
+        ({}, 0.21, True, True),
+    ],
+)
+def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, possible):
+    """Its gain, the change of the unknown, and whether such an error is possible, and usual of a clock: up to 2 %."""
+    fields = {"lower": -1.0, "upper": 1.0, "kind": UnknownKind.UNCERTAIN, "moves": moves}
+    unknown, implied, starts = Unknown(name="clock", centre=0.0, scale=1e-3, **fields), change / 1e-3, []
+    problem = SimpleNamespace(
+        names=("a", "clock", "roll@0.0"),
+        unknowns_by_name={"clock": unknown},
+        bounds=(np.full(3, -100.0), np.full(3, 100.0)),
+        cost=lambda z: abs(z[1] - implied),
+        layout=SimpleNamespace(initial_states=[[np.array([2])]]),
+    )
+    objective = SimpleNamespace(without_prior=lambda name, tail, wider: problem)
+    base = SimpleNamespace(objective=objective, z=np.array([1.0, 2.0, 3.0]), model=SimpleNamespace(cost=50.0))
+
+    def fitted(_, z):
+        starts.append(z.tolist())
+        return SimpleNamespace(z=np.array([5.0, implied, 9.0]), model=SimpleNamespace(cost=10.0))
+
+    monkeypatch.setattr(alternatives, "_fit", fitted)
+    for shift in (implied, -implied):  # the linear test gives the start only if it decreases the cost
+        shifts = np.array([0.0, shift, 500.0])
+        found = alternatives._without_prior(
+            base, PriorTest(name="clock", statistic=8.0, implied=shift, size=8.0, shifts=shifts)
+        )
+        assert (found.gain, found.rank) == (40.0, 40.0 if usual else 20.0)
+        assert (found.usual, found.possible) == (usual, possible)
+        assert found.test.implied == implied
+        assert found.test.shifts.tolist() == [4.0, implied - 2.0, 0.0]
+    best = [1.0, float(np.clip(2.0 + implied, -100, 100)), 100.0]
+    assert starts == [best, [1.0, 2.0, 3.0]]
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from fifthwheel.errors import VehicleError
 from fifthwheel.filters import tangent
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
@@ -304,3 +305,21 @@ def test_the_prior_of_an_initial_state_is_that_at_the_first_inputs(truck: Vehicl
 
     np.testing.assert_array_equal(factor(1), factor(2))
     assert np.abs(factor(0) - factor(1)).max() > 1e-3 * np.abs(factor(1)).max()
+
+
+@pytest.mark.parametrize(("decay", "unstable"), [(1e-9, False), (0.0, True), (-1.0, True), (None, True)])
+def test_an_unstable_vehicle_has_no_finite_cost(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch, decay: float | None, unstable: bool
+) -> None:
+    """Its free-running model never forgets its initial state; nor is there a cost of a vehicle that cannot exist."""
+
+    def slowest_decay(*_: object) -> float:
+        if decay is None:
+            raise VehicleError("a payload that is heavier than its unit")
+        return decay
+
+    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage())
+    z = np.zeros(len(p.names))
+    monkeypatch.setattr(Setup, "slowest_decay", slowest_decay)
+    assert p.unstable(z) == unstable
+    assert np.isinf(p.cost(z)) == unstable
