@@ -370,3 +370,15 @@ def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
 
     monkeypatch.setattr(estimator, "_estimator", estimator_of)
     assert solve_one_stage([], truck, OneStage(form=form, tyres="linear")).form == expected
+
+
+def test_all_samples_of_a_long_log_count(truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only the fits before the last one use a part of it."""
+    record = simulate(truck, count=5, seed=1)
+    whole = solve_one_stage([record], truck, KNOWN)
+    monkeypatch.setattr(estimator, "EARLY_SAMPLES", 1000)
+    solution = solve_one_stage([record], truck, KNOWN)
+    assert whole.problem.shortened(1000) is not whole.problem
+    assert [len(segment) for segment in solution.problem.logs[0].segments] == [len(record)]
+    sigma = whole.linearisation.posterior.sigma
+    assert np.abs((solution.minimum.z - whole.minimum.z) / sigma).max() < 0.1
