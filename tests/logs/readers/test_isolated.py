@@ -10,7 +10,9 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
+from pyarrow import parquet
 
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import read_log
@@ -302,3 +304,21 @@ def test_a_missing_library_is_named(tmp_path, monkeypatch):
     with pytest.raises(SignalError, match=r"in the format ASAM MDF, and asammdf is not installed; pip install 'fifth"):
         open_log(tmp_path / "log.mf4")
     isolated._end_idle_children()
+
+
+@LINUX
+@pytest.mark.parametrize("name", ["log.csv", "log.parquet"])
+def test_no_file_costs_the_import_of_pandas(tmp_path, monkeypatch, name):
+    """pyarrow imports it at its first conversion where it is installed."""
+    if name == "log.csv":
+        (tmp_path / name).write_text("speed [km/h],steer [deg]\n72,1.5\nn/a,\n")
+    else:
+        parquet.write_table(pa.table({"speed [km/h]": ["72", "n/a"], "steer [deg]": ["1.5", ""]}), tmp_path / name)
+    (tmp_path / "pandas.py").write_text(f"open({str(tmp_path / 'imported')!r}, 'w')")
+    monkeypatch.syspath_prepend(tmp_path)
+    isolated._end_idle_children()
+    with open_log(tmp_path / name) as source:
+        (chunk,) = source.chunks(("speed", "steer"))
+    np.testing.assert_array_equal(chunk.values["speed"], [72, np.nan])
+    isolated._end_idle_children()
+    assert not (tmp_path / "imported").exists()

@@ -17,6 +17,7 @@ import threading
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,14 @@ CURE = "copy it again from the logger, or save it again in the tool that wrote i
 """What to do about a file that cannot be read."""
 _FORK = sys.platform == "linux"
 _PROGRESS_INTERVAL = 0.1
+
+
+class _WithoutPandas(MetaPathFinder):
+    """No pandas: pyarrow would import it in each fork at its first conversion, which takes longer than most logs."""
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> None:
+        if fullname == "pandas":
+            raise ModuleNotFoundError("not used by this reader", name=fullname)
 
 
 def run_child() -> None:
@@ -47,6 +56,8 @@ def run_child() -> None:
             if not _FORK:
                 _serve(request, requests, replies)
             elif not (fork := os.fork()):
+                if "pandas" not in sys.modules:
+                    sys.meta_path.insert(0, _WithoutPandas())
                 _serve(request, requests, replies)
                 os._exit(0)
             elif code := os.waitstatus_to_exitcode(os.waitpid(fork, 0)[1]):
