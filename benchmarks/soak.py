@@ -1,7 +1,7 @@
 """Long operation of the recursive estimators, with faults of the signals.
 
     python benchmarks/soak.py                     # 10 million samples for the observer, 1 million for the learner
-    python benchmarks/soak.py --observer 100000 --learner 10000
+    python benchmarks/soak.py --observer 100000 --learner 10000  # 0 for none
     python benchmarks/soak.py --hours 24          # a live node that learns instead, at 50 times real time
 
 The samples are lane changes of the linear truck, one after the other. Every 1000 samples one fault lasts for up to 200
@@ -143,7 +143,10 @@ def main() -> None:
     if given.hours:
         node(given.hours, given.rate)
         return
-    soak("Observer", Observer(TRUCK, RECORD.signals), given.observer)
+    if given.observer:
+        soak("Observer", Observer(TRUCK, RECORD.signals), given.observer)
+    if not given.learner:
+        return
     learner = Learner(TRUCK, RECORD.signals)
     soak("Learner", learner, given.learner)
     for estimate in learner.parameters:

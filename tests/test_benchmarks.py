@@ -108,3 +108,13 @@ def test_identifications_predict_other_logs_of_carla(carla: str) -> None:
     # deg; 0.17 to 0.61, the largest on a run that is INCONSISTENT; true values: sigma of 0.12 to 0.29
     assert (trailer_error < 0.67).all()
     assert (other[:, [7, 10]] >= 80).all()  # 84 to 100 % in 90 % intervals, though the truck is not that of the model
+
+
+@pytest.mark.slow
+def test_damaged_and_hostile_files_are_read_or_refused() -> None:
+    """A twentieth of what `benchmarks/fuzz.py` reads in a long run."""
+    heads, *lines = printed("fuzz.py", "--files", "700", "--seconds", "10", "--every", "13", "--seed", "5")
+    assert heads.split()[-2:] == ["foreign", "hang"]
+    counts = np.array([line.split()[-9:] for line in lines], dtype=int)
+    assert counts[:, 0].sum() > 3000
+    assert not counts[:, -2:].any(), lines
