@@ -128,7 +128,7 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
         ),
         (
             {"laden": "11200 6900 21500", "solo": "1990 5200"},
-            r"solo and laden: front and drive axle loads seem exchanged",
+            r"solo and laden: front and drive axle loads seem exchanged; exchange them in each\. As stated, ",
         ),
         (
             {"laden": "11200 6900 21500", "solo": None, "fifth_wheel": "3.1 m", "tractor_tare": "7.2 t"},

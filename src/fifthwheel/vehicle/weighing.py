@@ -371,10 +371,11 @@ def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tar
             other = _statics(lengths, _exchanged(slip, conditions, groups), groups, tares)
             if all(fits for _, fits in other.values()):
                 loads = getattr(slip, conditions[0])
+                cure = f"write {loads[drive]:g} kg for {front} and {loads[front]:g} kg for {drive}"
+                cure = cure if count == 1 else "exchange them in each"
                 as_stated, exchanged = (found[wrong[0]][0] for found in (stated, other))
                 raise VehicleError(
-                    f"{' and '.join(conditions)}: {EXCHANGED}; write {loads[drive]:g} kg for {front} and"
-                    f" {loads[front]:g} kg for {drive}. As stated, {as_stated}; exchanged, {exchanged}"
+                    f"{' and '.join(conditions)}: {EXCHANGED}; {cure}. As stated, {as_stated}; exchanged, {exchanged}"
                 )
 
 
