@@ -1,6 +1,6 @@
 """The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
-from fifthwheel.dynamics.analysis import Matrices, critical_speed, is_stable, matrices, modes, steady_state
+from fifthwheel.dynamics.analysis import Matrices, Mode, critical_speed, is_stable, matrices, modes, steady_state
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
     CONTACT,
@@ -31,6 +31,7 @@ __all__ = [
     "ChainModel",
     "LinearSystem",
     "Matrices",
+    "Mode",
     "all_parameters",
     "contact_input",
     "critical_speed",

@@ -11,13 +11,12 @@ from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.one_stage.identification import (
     _correlated,
     _doubtful_covariance,
-    _is_stated,
     _variance_budget,
     _without_number,
 )
 from fifthwheel.identify.one_stage.posterior import Posterior
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.identify.verdict import Verdict
+from fifthwheel.identify.verdict import Verdict, is_stated
 
 FRONT, REAR, AXIS = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "tractor.roll_axis_height"
 HEIGHT, OFFSET = "semitrailer.payload.height", "yaw_rate.tractor.offset"
@@ -120,4 +119,4 @@ def test_a_cause_of_a_contradiction_widens_the_covariance() -> None:
 def test_what_a_user_has_stated(name, stated, assumed, statements, expected) -> None:
     """A parameter with a statement, or a payload height in the vehicle file that is not assumed by its class."""
     vehicle, settings = SimpleNamespace(stated=stated, assumed=assumed), SimpleNamespace(stated_priors=statements)
-    assert _is_stated(vehicle, settings, name) == expected
+    assert is_stated(vehicle, settings, name) == expected
