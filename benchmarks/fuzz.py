@@ -296,10 +296,10 @@ def main() -> None:
         for name, content, read in cases(Path(folder), given.kinds):
             rng, found, start = random.Random(f"{name} {given.seed}"), Counter[str](), time.monotonic()
             path = Path(folder) / ("attacked." + name.rpartition(".")[2] if "names" not in name else "attacked")
-            valid = content if isinstance(content, bytes) else None
-            damages = (damaged(valid or b"", rng) for _ in range(given.files))
             contents = (
-                damages if valid is not None else itertools.islice(content, given.seed % given.every, None, given.every)
+                (damaged(content, rng) for _ in range(given.files))
+                if isinstance(content, bytes)
+                else itertools.islice(content, given.seed % given.every, None, given.every)
             )
             for data in contents:
                 path.write_bytes(data)
@@ -312,7 +312,7 @@ def main() -> None:
                     if given.keep:
                         given.keep.mkdir(exist_ok=True)
                         (given.keep / f"{len(seen)} {name}").write_bytes(data)
-                if valid is not None and time.monotonic() - start > given.seconds:
+                if isinstance(content, bytes) and time.monotonic() - start > given.seconds:
                     break
             counts = "".join(f"{found[kind]:20}" for kind in OUTCOMES)
             print(f"{name:24}{found.total():7}{time.monotonic() - start:7.0f}{counts}", flush=True)

@@ -43,21 +43,21 @@ app = typer.Typer(
 )
 
 
-def _group(name: str, help: str, **settings: Any) -> typer.Typer:
-    group = typer.Typer(rich_markup_mode=None, **settings)
+def _group(name: str, help: str, *, cls: type[TyperGroup] = TyperGroup, alone: bool = False) -> typer.Typer:
+    """Commands below a word, which is a command of its own if it can stand `alone`."""
+    group = typer.Typer(cls=cls, no_args_is_help=not alone, rich_markup_mode=None)
     app.add_typer(group, name=name, help=help, short_help=help)
     return group
 
 
-export_app = _group("export", "Write an estimator or the model for other programs.", no_args_is_help=True)
-fleet_app = _group("fleet", "Many trips of many trucks: identify, combine, follow changes.", no_args_is_help=True)
-knowledge_app = _group(
-    "knowledge", "Knowledge of one truck from its logs: show, history, forget a log, merge.", no_args_is_help=True
-)
+export_app = _group("export", "Write an estimator or the model for other programs.")
+fleet_app = _group("fleet", "Many trips of many trucks: identify, combine, follow changes.")
+knowledge_app = _group("knowledge", "Knowledge of one truck from its logs: show, history, forget a log, merge.")
 vehicle_app = _group(
     "vehicle",
     "List the catalogue of published vehicles, print one of them, or describe your own.",
     cls=_Vehicles,
+    alone=True,
 )
 
 
@@ -76,8 +76,8 @@ def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., No
     epilog = "Examples:\n\n\b\n" + "\n".join(f"  {line}" for line in examples)
 
     def register(function: Callable[..., None]) -> Callable[..., None]:
-        whole_sentence = " ".join((function.__doc__ or "").partition("\n\n")[0].split())
-        of.command(epilog=epilog, short_help=whole_sentence)(_with_options(function))
+        first = " ".join((function.__doc__ or "").partition("\n\n")[0].split())
+        of.command(epilog=epilog, short_help=first)(_with_options(function))  # by default it is cut to one line
         return function
 
     return register
@@ -120,8 +120,13 @@ def _parameter(kind: type[Settings], name: str, option: Option) -> inspect.Param
     elif option.unit:
         hint = str | None
     smallest, largest = limits(kind, name)
-    least, hidden = option.smallest or smallest, bool(option.replaced_by)
-    info = typer.Option(*option.flags_of(name), help=help, min=least, max=largest, hidden=hidden)
+    info = typer.Option(
+        *option.flags_of(name),
+        help=help,
+        min=option.smallest or smallest,
+        max=largest,
+        hidden=bool(option.replaced_by),
+    )
     return inspect.Parameter(name, _KEYWORD, default=default, annotation=Annotated[hint, info])
 
 

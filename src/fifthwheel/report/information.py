@@ -38,10 +38,7 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
         pages.Items(errors, "Errors in the logs"),
         pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
         pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
-        pages.Items(
-            [f"{spoken(p.name)}, with {enumerated(list(map(named, p.correlated_with)))}" for p in correlated],
-            "Strongly correlated",
-        ),
+        pages.Items(list(map(_correlation, correlated)), "Strongly correlated"),
         pages.Items([*outlook.cautions, *others], "Cautions"),
         pages.Items([*outlook.notes, *_notes(outlook)], "Notes"),
     ]

@@ -72,7 +72,7 @@ def truck_history_document(knowledge: Knowledge) -> pages.Document:
 def _plots(histories: Sequence[EstimateHistory]) -> Iterator[pages.Block]:
     yield pages.Heading("Histories")
     if all(len(np.unique(each.time)) < 2 for each in histories):
-        yield pages.Hint("They are drawn from two logs on: identify another log with this result as its vehicle.")
+        yield pages.Hint("A history needs logs of two dates: identify another log with this result as its vehicle.")
         return
     yield pages.Hint("Estimates from all logs at the date of each log; band of two sigma. Vertical lines: changes.")
     yield pages.Plots([_plot(each) for each in histories])

@@ -371,8 +371,8 @@ def _check_order(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tar
             other = _statics(lengths, _exchanged(slip, conditions, groups), groups, tares)
             if all(fits for _, fits in other.values()):
                 loads = getattr(slip, conditions[0])
-                cure = f"write {loads[drive]:g} kg for {front} and {loads[front]:g} kg for {drive}"
-                cure = cure if count == 1 else "exchange them in each"
+                one = f"write {loads[drive]:g} kg for {front} and {loads[front]:g} kg for {drive}"
+                cure = one if count == 1 else "exchange them in each"
                 as_stated, exchanged = (found[wrong[0]][0] for found in (stated, other))
                 raise VehicleError(
                     f"{' and '.join(conditions)}: {EXCHANGED}; {cure}. As stated, {as_stated}; exchanged, {exchanged}"

@@ -149,8 +149,8 @@ def write_results(
 
 
 def _with_class_sigmas(identification: Identification) -> Vehicle:
-    """The identified vehicle, in which a number that was assumed keeps the standard deviation of its class: the logs
-    say little of it alone, and the file would be too sure without."""
+    """The identified vehicle, in which a number that was assumed keeps the standard deviation of its class. Without it
+    the smaller default would hold, that of a number which is known."""
     before, vehicle = identification.initial_vehicle, identification.vehicle
     estimated = {e.name for e in identification.parameters}
     kept = before.assumed.keys() & before.stated.keys() - vehicle.stated.keys() - estimated
