@@ -104,6 +104,9 @@ def test_a_gain_is_shared_by_its_logarithm() -> None:
         assert found.logarithmic[i]
         gain = found.centre[i] * np.exp(found.scale[i] * estimate[i])
         assert gain == pytest.approx(u.centre + u.scale * z[names.index(name)])
+        assert found.centre[i] * found.scale[i] == pytest.approx(u.scale)  # one prior sigma, SI
+        k = names.index(name)  # of a diagonal matrix: dz/du squared
+        assert found.information[i, i] == pytest.approx(log.information[k, k] * (gain / u.centre) ** 2)
     (centre,) = [u.centre for u in setup.unknowns if u.name == steer]
     assert centre == 1.1
     for name in set(found.names) - set(gains):

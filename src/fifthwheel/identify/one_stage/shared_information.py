@@ -10,8 +10,8 @@ b is marginalised (Schur complement). The prior of a is not contained, so that v
 the prior counts once. The covariance of the sum of the scores M becomes [I, -K] M [I, -K]' + K K'.
 
 Logs are linearised at different estimates. A gain of a sensor acts as a factor of a stiffness, so that the cost is
-closer to its quadratic model in the logarithm of the gain: with gain = 1 + s z = exp(s u), the derivatives are scaled
-by dz/du = gain.
+closer to its quadratic model in the logarithm of the gain: with gain = c + s z = c exp(s u / c), the derivatives are
+scaled by dz/du = gain / c.
 """
 
 from collections.abc import Collection, Sequence
@@ -106,9 +106,10 @@ def marginal_information(
     rows = M[shared] - K @ M[left]
     scores = rows[:, shared] - rows[:, left] @ K.T + K @ K.T
     gains = np.array([is_sensor_error(u.name, "gain") for u in unknowns])
-    gain = np.where(gains, scaling(unknowns).to_p(z[shared]), 1.0)
-    centre, scale, given = _column(unknowns, "centre"), _column(unknowns, "scale"), setup.vehicle.parameters()
-    estimate = np.where(gains, np.log(gain / np.where(gains, centre, 1.0)) / scale, z[shared])
+    centre, given = _column(unknowns, "centre"), setup.vehicle.parameters()
+    mean = np.where(gains, centre, 1.0)
+    gain, scale = np.where(gains, scaling(unknowns).to_p(z[shared]) / mean, 1.0), _column(unknowns, "scale") / mean
+    estimate = np.where(gains, np.log(gain) / scale, z[shared])
     information *= np.outer(gain, gain)
     return SharedInformation(
         names=tuple(u.name for u in unknowns),
