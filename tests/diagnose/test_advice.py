@@ -205,7 +205,7 @@ def test_causes_in_words(result, sign):
     values = vehicle.parameters()
     later = sign > 0
     times = "4.0 times the assumed uncertainty"
-    mass, stiffness = "tractor.mass", "semitrailer.roll_stiffness"
+    mass, stiffness, sensitivity = "tractor.mass", "semitrailer.roll_stiffness", "tyre.stiffness_load_sensitivity"
     larger = "larger" if later else "smaller"
     position = "tractor.front.position"
     for what, text in (

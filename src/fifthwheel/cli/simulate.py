@@ -124,6 +124,8 @@ def simulate(
     else:
         duration = record.span[1] - record.span[0]
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
+        if model == "linear":
+            typer.echo("Its tyres are linear: identify it with --tyres linear.")
 
 
 @command(

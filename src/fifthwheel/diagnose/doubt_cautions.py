@@ -16,11 +16,13 @@ from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import FIRST_UNITS, named_unit
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.parameters import POSITIONS
+from fifthwheel.vehicle.parameters import POSITIONS, STIFFNESS_SENSITIVITY
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 NEARLY = 1.05
 """A truck that is unstable above less than so many times the highest speed of the logs is nearly unstable there."""
+INSENSITIVE = 0.7
+"""Of real tyres no one loses this fraction of the usual load sensitivity."""
 
 
 def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
@@ -155,6 +157,9 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     value = values.get(path) if cause.prior_mean is None else cause.prior_mean
     if value is None:
         return f"{cause.name} is different ({times})"
+    if path == STIFFNESS_SENSITIVITY and change < -INSENSITIVE * value:
+        what = "the stiffness of the tyres hardly depends on their load"
+        return f"{what}, as in simulations with linear tyres: there use --tyres linear ({times})"
     if ParameterPath.of(path).quantity in POSITIONS or not value:
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"

@@ -334,11 +334,16 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
 
 
 def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
-    """A stiffness by a factor of eight, a position by two metres; a mass and a gain of a sensor have no such limit."""
-    unknowns = by_name(truck, OneStage())
+    """A stiffness by a factor of eight, a track by half, a position by two metres; a mass and a gain of a sensor have
+    no such limit."""
+    unknowns = by_name(truck, OneStage(tyres="saturating"))
     stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
-    two_metres = 2 / cog.prior_sigma / cog.slopes["tractor.cog"]
-    for unknown, limit in ((stiffness, math.log(8) / stiffness.scale), (cog, abs(two_metres))):
+    track, two_metres = unknowns["body.half_track"], 2 / cog.prior_sigma / cog.slopes["tractor.cog"]
+    for unknown, limit in (
+        (stiffness, math.log(8) / stiffness.scale),
+        (track, math.log(1.5) / track.scale),
+        (cog, abs(two_metres)),
+    ):
         for sign in (-1, 1):
             assert unknown.is_possible(sign * 0.99 * limit)
             assert not unknown.is_possible(sign * 1.01 * limit)

@@ -22,6 +22,8 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 LARGEST_SHIFT = 2.0
 """A position differs from that of the vehicle file by at most this length, m."""
+LARGEST_FACTORS = {"half_track": 1.5, "relative_friction": 1.5}
+"""Of quantities that vary less: trucks are as wide as the road allows, and have similar tyres on all axles."""
 LARGEST_CLOCK_ERROR = 0.2
 """Fraction; larger than that of a sampling rate that was noted wrongly."""
 BOUND_SIGMAS = 8.0
@@ -86,9 +88,11 @@ class Unknown:
 
     def is_possible(self, deviation: float) -> bool:
         """Whether p may be so many prior standard deviations from its prior mean: a factor of at most `BOUND_FACTOR`,
-        a length of at most `LARGEST_SHIFT`, the rate of a clock by `LARGEST_CLOCK_ERROR`."""
+        or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the rate of a clock by
+        `LARGEST_CLOCK_ERROR`."""
         if self.logarithmic:
-            return abs(self.scale * deviation) <= math.log(BOUND_FACTOR)
+            factor = LARGEST_FACTORS.get(self.name.rpartition(".")[2], BOUND_FACTOR)
+            return abs(self.scale * deviation) <= math.log(factor)
         if TIME_SCALE in self.moves:
             return abs(self.scale * deviation) <= LARGEST_CLOCK_ERROR
         lengths = [path for path in self.moves if path.rpartition(".")[2] in POSITIONS]
