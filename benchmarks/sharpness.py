@@ -1,6 +1,7 @@
 """Error, sigma and coverage of estimates and states, by what is known of the truck and by what is driven.
 
     python benchmarks/sharpness.py [--seeds 100] [--first 5000] [--jobs 2] [--only careful.five ...]
+    python benchmarks/sharpness.py --only careful.speeds --hide semitrailer -o tractor_only.md  # no trailer sensor
 
 Every seed draws the errors of all numbers of the vehicle file and of all sensors from what is stated of them:
 
@@ -24,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.sensor_errors import log_sensors
@@ -99,6 +101,13 @@ class Draw:
     seed: int
     settings: tuple[tuple[str, str | float], ...] = ()
     """Further settings of the identification, not of the draw; keys of `OneStage.consider` are possible too."""
+    hidden: tuple[str, ...] = ()
+    """Units without sensors."""
+
+    def seen(self, record: Record) -> Record:
+        """A record without the signals of the hidden units."""
+        hidden = {name for name in record.signals if SignalName.of(name).unit in self.hidden}
+        return replace(record, signals={n: values for n, values in record.signals.items() if n not in hidden})
 
     def chosen(self, settings: OneStage) -> OneStage:
         """The settings of the identification."""
@@ -138,7 +147,7 @@ def samples(draw: Draw) -> dict[str, Sample]:
     for i, path in enumerate(paths):
         errors = shared | log_errors(settings, rng)
         signals = true_signals(path, errors["bank"], draw.nonlinear)
-        logs.append(measured_record(*signals, errors, f"log {i}", draw.seed * 100 + i))
+        logs.append(draw.seen(measured_record(*signals, errors, f"log {i}", draw.seed * 100 + i)))
     try:
         result = identify(logs[:-1], initial_guess(file, draw.seed), draw.chosen(settings))
     except FifthwheelError as error:
@@ -191,6 +200,7 @@ def main() -> None:
     parser.add_argument("--only", nargs="*", default=["class.one", "careful.one", "careful.speeds", "careful.minutes"])
     parser.add_argument("--plants", nargs="*", default=["nonlinear", "linear"])
     parser.add_argument("--set", nargs="*", default=[], help="settings of OneStage, such as tyres=linear")
+    parser.add_argument("--hide", nargs="*", default=[], help="units without sensors, such as semitrailer")
     parser.add_argument("-o", type=Path, default=Path(__file__).with_suffix(".md"))
     arguments = parser.parse_args()
     chosen = []
@@ -206,7 +216,14 @@ def main() -> None:
             knowledge, _, run = case.partition(".")
             for plant in arguments.plants:
                 draws = [
-                    Draw(knowledge=knowledge, run=run, nonlinear=plant == "nonlinear", seed=s, settings=tuple(chosen))
+                    Draw(
+                        knowledge=knowledge,
+                        run=run,
+                        nonlinear=plant == "nonlinear",
+                        seed=s,
+                        settings=tuple(chosen),
+                        hidden=tuple(arguments.hide),
+                    )
                     for s in range(arguments.first, arguments.first + arguments.seeds)
                 ]
                 lines += case_table(f"{case}, {plant} truck", draws, pool)

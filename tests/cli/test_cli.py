@@ -337,7 +337,9 @@ def test_simulate_with_other_options(run):
     options = ["--manoeuvre", "sweep", "--speed", "72", "--rate", "50", "--duration", "20", "--yaw-only"]
     outcome = run("simulate", "log.csv", "-v", "auburn_6x4", *options)
     assert outcome.code == 0, outcome.err
-    assert outcome.out == "log.csv: 1000 samples, 20 s at 50 Hz\nIts tyres are linear: identify it with --tyres linear.\n"
+    assert (
+        outcome.out == "log.csv: 1000 samples, 20 s at 50 Hz\nIts tyres are linear: identify it with --tyres linear.\n"
+    )
     record = read_log("log.csv")
     assert record.signals["speed"] == pytest.approx(20.0)
     assert not any("roll" in name for name in (*record.signals, *record.reference))

@@ -223,6 +223,13 @@ def test_causes_in_words(result, sign):
             f"the tyres of tractor soften more with the slip angle: use --tyres saturating ({times})",
         ),
         (
+            replace(cause({sensitivity: sign * 0.16}), prior_mean=0.2),
+            f"{sensitivity} is 80 % larger ({times})"
+            if later
+            else "the stiffness of the tyres hardly depends on their load, as in simulations with linear tyres: "
+            f"there use --tyres linear ({times})",
+        ),
+        (
             cause(
                 {position: sign * 0.1, "tractor.drive.position": sign * -0.25, "tractor.drive.static_load": 5e3},
                 "tractor.axle_positions",

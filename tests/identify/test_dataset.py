@@ -13,12 +13,17 @@ from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.unknowns.parameters import group_paths
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.identify.conftest import without
 
 FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"
+STIFFNESS_AND_INERTIA = (
+    *(f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")),
+    "semitrailer.yaw_inertia",
+)
 
 
 def copy(record: Record) -> Record:
@@ -90,7 +95,7 @@ def test_refused_logs(truck: Vehicle) -> None:
         ([record, replace(record, name="two")], [], "logs: two logs contain the same samples"),
         ([without(record, "steer")], [], FRONT),
         ([without(record, "speed")], [], "speed"),
-        ([without(record, "yaw_rate")], [], r"yaw_rate\.tractor: in none of the logs"),
+        ([without(record, "yaw_rate")], [], r"yaw_rate\.tractor: in none of the logs"),  # roll rates are not enough
         ([record], [crawling], "speed: "),
     ]
     for records, validate, message in cases:
@@ -126,6 +131,33 @@ def test_a_steered_trailer(truck: Vehicle) -> None:
     for call in (lambda: identify([log], truck, validate=[other]), lambda: identify([log, other], truck)):
         with pytest.raises(SignalError, match=r"steer\.semitrailer\.rear: not in other, but in another log"):
             call()
+
+
+@pytest.mark.parametrize(
+    ("name", "tyres"),
+    [
+        ("yaw_rate.tractor", "linear"),
+        ("yaw_rate.semitrailer", "saturating"),
+        ("lateral_acceleration.tractor", "linear"),
+    ],
+)
+def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: TyreLaw) -> None:
+    """The trailer pulls at the fifth wheel; the fit with tyres that saturate had a friction that is not a number."""
+    record = simulate(truck, count=2, seed=4)
+    kept = {n: values for n, values in record.signals.items() if n in ("speed", FRONT, name)}
+    if name not in kept:
+        locked = truck.with_logged_steering([FRONT], "")
+        model = dynamics.model(locked, [name], roll=True)
+        _, y = free_response(model, dynamics.all_parameters(locked, [name]), record.time, kept)
+        kept[name] = y[:, 0] + np.random.default_rng(0).normal(scale=0.05, size=len(record))
+    guess = truck.replace({path: 0.85 * truck.parameters()[path] for path in STIFFNESS_AND_INERTIA})
+    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres))
+    for e in map(result.__getitem__, STIFFNESS_AND_INERTIA):
+        assert e.verdict is Verdict.CONVERGED
+        assert e.sigma is not None
+        assert 0 < e.sigma < 0.2 * e.value
+        assert abs(e.value - truck.parameters()[e.name]) < 3 * e.sigma, e.name
+    assert result["semitrailer.payload.height"].verdict is Verdict.NOT_IDENTIFIABLE
 
 
 @pytest.mark.parametrize(

@@ -115,14 +115,12 @@ def prepare_dataset(
     validate: Sequence[Record] = (),
     *,
     findings: bool = True,
-    known: bool = False,
 ) -> Dataset:
     """Check the logs, cut them into usable segments, and lock the axles of the vehicle that they do not steer.
 
     A measured channel without any sample, which the check refuses, counts as absent. Logs to `validate` are only
-    predicted. `findings`: whether the signals are checked for plausibility. `known`: the
-    units behind the first are known, so that the signals of the first are enough. A SignalError names the signal that
-    makes a log unusable, and the remedy.
+    predicted. `findings`: whether the signals are checked for plausibility. A SignalError names the signal that makes a
+    log unusable, and the remedy.
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
@@ -150,12 +148,17 @@ def prepare_dataset(
         )
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
-    yaw, roll = usable_channels(records, steered, known=known)
-    for unit in unmeasured_units(yaw, steered):
-        notes.append(
-            f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The motion of the {unit} follows from the"
-            " units in front and behind; its own parameters may not be identifiable."
-        )
+    logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
+    yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
+    roll = measured_signals(logged, units, (ROLL_RATE,))
+    others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in USUAL])
+    if not yaw and not others:  # roll rates alone
+        raise SignalError(f"yaw_rate.{units[0]}: in none of the logs; map the yaw rate gyro of the {units[0]} to it")
+    notes += [
+        f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The parameters of the {unit} are estimated "
+        "from its effect on the other units."
+        for unit in unmeasured_units(yaw, steered)
+    ]
     return Dataset(
         records=records,
         logs=logs,
@@ -164,31 +167,11 @@ def prepare_dataset(
         vehicle=steered,
         yaw=yaw,
         roll=roll,
-        others=measured_signals(
-            logged, [unit.name for unit in steered.units], [c for c in IDENTIFIED if c not in USUAL]
-        ),
+        others=others,
         sensors=common_sensors((*records, *validate)),
         findings=tuple(found),
         notes=tuple(notes),
     )
-
-
-def usable_channels(
-    records: Sequence[Record], vehicle: Vehicle, *, known: bool = False
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """The measured yaw rates and articulation angles, and the measured roll rates.
-
-    Raises:
-        SignalError: the first unit or, if the last one is not `known`, the last one has neither a yaw rate nor an
-            articulation angle in any log.
-    """
-    units = [unit.name for unit in vehicle.units]
-    logged = {name for record in records for name in record.signals}
-    yaw, roll = (measured_signals(logged, units, channels) for channels in ((YAW_RATE, ARTICULATION), (ROLL_RATE,)))
-    for u in unmeasured_units(yaw, vehicle):
-        if u == units[0] or (u == units[-1] and not known):
-            raise SignalError(f"yaw_rate.{u}: in none of the logs; map the yaw rate gyro of the {u} to it")
-    return yaw, roll
 
 
 def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:

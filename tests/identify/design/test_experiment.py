@@ -259,7 +259,7 @@ def test_speeds_at_which_the_truck_is_unstable_are_left_out(truck):
         ({"semitrailer.yaw_intertia": 0.1}, {}, r"yaw_intertia: no such parameter"),
         ({INERTIA: 0.0}, {}, r"yaw_inertia: expected a target sigma above 0"),
         ({INERTIA: 0.1}, {"settings": OneStage(fixed=(INERTIA,))}, r"yaw_inertia: has a target but is fixed"),
-        (None, {"channels": ["yaw_rate.tractor"]}, r"yaw_rate\.semitrailer: not among the channels"),
+        (None, {"channels": ["roll_rate.tractor"]}, r"yaw_rate\.tractor: not among the channels"),
         (None, {"channels": ["sideslip.tractor"]}, r"sideslip\.tractor: not a channel that a fit uses"),
     ],
 )

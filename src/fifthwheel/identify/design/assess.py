@@ -150,7 +150,7 @@ def assess_information(
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
-        dataset = prepare_dataset(records, vehicle, settings, findings=False, known=earlier is not nothing)
+        dataset = prepare_dataset(records, vehicle, settings, findings=False)
     except SignalError as error:
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)

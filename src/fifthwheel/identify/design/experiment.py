@@ -10,7 +10,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, is_of
+from fifthwheel.channels import ARTICULATION, ROLL_RATE, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
@@ -216,11 +216,9 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     for name in channels:
         if name not in possible:
             raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")
-    for unit in (vehicle.units[0].name, vehicle.units[-1].name):
-        if not {f"yaw_rate.{unit}", f"articulation.{unit}"} & set(channels):
-            raise SignalError(
-                f"yaw_rate.{unit}: not among the channels; a fit needs a measurement of the {unit}'s yaw motion, add it"
-            )
+    if all(is_of(name, ROLL_RATE) for name in channels):
+        unit = vehicle.units[0].name
+        raise SignalError(f"yaw_rate.{unit}: not among the channels; a fit needs a yaw rate, add it")
     return tuple(name for name in possible if name in channels)
 
 

@@ -11,6 +11,7 @@ vehicle file are treated as uncertain.
 
 import functools
 import itertools
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -87,8 +88,7 @@ def _estimator(
     validate: Sequence[Record],
     earlier: Earlier | None,
 ) -> "_Estimator":
-    known = earlier is not None or settings.free == ()
-    dataset = prepare_dataset(records, vehicle, settings, validate, known=known)
+    dataset = prepare_dataset(records, vehicle, settings, validate)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
@@ -128,7 +128,8 @@ class _Estimator:
         minimum = self._first_fit(Problem(self.setup, self.dataset.logs, self.earlier), progress)
         solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
         settings = self.setup.settings
-        needed = GRIP_MARGIN * max(solution.lateral_accelerations, default=0.0) / STANDARD_GRAVITY
+        largest = max(filter(math.isfinite, solution.lateral_accelerations), default=0.0)
+        needed = GRIP_MARGIN * largest / STANDARD_GRAVITY
         friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
         return dict(zip(minimum.objective.names, minimum.z.tolist(), strict=True)) | {FRICTION: friction}
 

@@ -86,12 +86,13 @@ class Solution:
 
     @cached_property
     def lateral_accelerations(self) -> list[float]:
-        """Largest lateral acceleration of the first unit in each log, m/s^2."""
-        first, largest = self.dataset.vehicle.units[0].name, []
+        """Largest lateral acceleration of the first unit that has a yaw rate in each log, m/s^2; NaN if none has."""
+        units, largest = [unit.name for unit in self.dataset.vehicle.units], []
         for i, record in enumerate(self.dataset.records):
-            offset = self.problem.values(self.minimum.z, i).get(f"yaw_rate.{first}.offset", 0.0)
+            unit = next((unit for unit in units if f"yaw_rate.{unit}" in record.signals), units[0])
+            offset = self.problem.values(self.minimum.z, i).get(f"yaw_rate.{unit}.offset", 0.0)
             min_speed = self.settings.min_speed
-            largest.append(largest_lateral_acceleration(record, first, offset=offset, min_speed=min_speed))
+            largest.append(largest_lateral_acceleration(record, unit, offset=offset, min_speed=min_speed))
         return largest
 
 
