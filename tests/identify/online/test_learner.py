@@ -88,6 +88,24 @@ def test_without_a_roll_rate_the_payload_height_is_not_identifiable(guess: Vehic
 # When it learns
 
 
+def test_the_signals_of_the_tractor_are_enough(truck: Vehicle, guess: Vehicle) -> None:
+    """The trailer pulls at the fifth wheel, so that its parameters and its motion follow."""
+    record = simulate(truck, count=8, seed=3)
+    learner = Learner(guess, [name for name in record.signals if "semitrailer" not in name])
+    learner.learn(record)
+    stiffness = [f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")]
+    for e in map(learner.__getitem__, (*stiffness, "semitrailer.yaw_inertia")):
+        assert e.verdict is Verdict.CONVERGED
+        assert e.sigma is not None
+        assert abs(e.value - truck.parameters()[e.name]) < 3 * e.sigma < 0.45 * e.value, e.name
+    assert learner[HEIGHT].verdict is Verdict.NOT_IDENTIFIABLE
+    unseen, name = simulate(truck, count=1, seed=4), "articulation.semitrailer"
+    found = [learner.push(sample | {"time": sample["time"] + 1e3}) for sample in samples(unseen)][100:]
+    error = np.array([now[name] for now in found]) - unseen.reference[name][100:]
+    assert np.mean(np.abs(error) < 2 * np.array([now[f"{name}.sigma"] for now in found])) > 0.9
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(unseen.reference[name])
+
+
 def test_a_roll_rate_without_samples_counts_as_absent(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
     empty = changed(lanes, lambda values: np.full_like(values, np.nan), "roll_rate")
     learner = learn(guess, empty)

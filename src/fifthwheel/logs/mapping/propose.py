@@ -7,7 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.channels import AXLE_LOAD, SIDESLIP, STEER, WHEEL_SPEED, YAW_RATE, SignalName, is_of, names_of
+from fifthwheel.channels import (
+    ARTICULATION,
+    AXLE_LOAD,
+    LATERAL_ACCELERATION,
+    SIDESLIP,
+    SPEED,
+    STEER,
+    WHEEL_SPEED,
+    YAW_RATE,
+    SignalName,
+    is_of,
+    names_of,
+)
 from fifthwheel.checks.findings import Finding
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError, printable, printable_lines
@@ -258,13 +270,20 @@ def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:
 
 def missing_signals(proposed: SignalMap, units: Sequence[str]) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have."""
-    steered = any(is_of(name, STEER) for name in proposed.signals)
-    needed = ["speed", *([] if steered else [f"steer.{units[0]}.front"]), f"yaw_rate.{units[0]}"]
-    missing = [f"{name}: not found; every estimator needs it" for name in needed if name not in proposed.signals]
+    needed = {
+        "speed": [SPEED],
+        f"steer.{units[0]}.front": [STEER],
+        f"yaw_rate.{units[0]}": [YAW_RATE, ARTICULATION, LATERAL_ACCELERATION],
+    }
+    missing = [
+        f"{name}: not found; every estimator needs it"
+        for name, any_of in needed.items()
+        if not any(is_of(signal, *any_of) for signal in proposed.signals)
+    ]
     for unit in units[1:]:
         yaw_rate, articulation, roll_rate = (f"{q}.{unit}" for q in ("yaw_rate", "articulation", "roll_rate"))
         if yaw_rate not in proposed.signals and articulation not in proposed.signals:
-            missing.append(f"{yaw_rate} or {articulation}: not found; an identification needs one of them")
+            missing.append(f"{yaw_rate} or {articulation}: not found; with one of them the stiffness is more accurate")
         if roll_rate not in proposed.signals:
             missing.append(f"{roll_rate}: not found; without it the payload height cannot be identified")
     return missing
