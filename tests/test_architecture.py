@@ -2,10 +2,14 @@
 
 import ast
 import functools
+import pkgutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
+import pyarrow
 import pytest
 
 import fifthwheel
@@ -125,3 +129,21 @@ def test_no_circle_between_modules() -> None:
 def test_every_room_is_listed() -> None:
     present = {path.stem for path in SOURCE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
     assert present - {"__init__", "__main__"} <= set(ROOMS)
+
+
+def test_submodules_of_pyarrow_are_imported_where_they_are_used() -> None:
+    """`pa.compute` exists only after an import of `pyarrow.compute`, which another library may or may not have done."""
+    alone = subprocess.run(
+        [sys.executable, "-c", "import pyarrow; print(*dir(pyarrow))"], capture_output=True, text=True, check=True
+    )
+    submodules = {module.name for module in pkgutil.iter_modules(pyarrow.__path__)} - set(alone.stdout.split())
+    assert "compute" in submodules
+    for path in SOURCE.rglob("*.py"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        used = {
+            node.attr
+            for node in ast.walk(tree)
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "pa"
+            if node.attr in submodules
+        }
+        assert not used, f"{path.relative_to(SOURCE)}: import pyarrow.{', pyarrow.'.join(sorted(used))}"

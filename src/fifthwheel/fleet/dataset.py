@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from fifthwheel.errors import FifthwheelError
@@ -115,11 +116,11 @@ class TripDataset:
         for name in storage.names(self.folder, ".parquet"):
             path = storage.joined(self.folder, name)
             with _opened(path) as file:
-                found = pa.compute.is_in(file.read(["digest"])["digest"], wanted)
-                if pa.compute.any(found).as_py():
+                found = pc.is_in(file.read(["digest"])["digest"], wanted)
+                if pc.any(found).as_py():
                     groups = _groups(file, found)
                     part = file.read_row_groups(groups)
-                    rows += part.filter(pa.compute.is_in(part["digest"], wanted)).to_pylist()
+                    rows += part.filter(pc.is_in(part["digest"], wanted)).to_pylist()
         return rows
 
     def join(self) -> None:
