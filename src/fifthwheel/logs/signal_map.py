@@ -167,6 +167,18 @@ class SignalSource(BaseModel):
             raise ValueError("either column = ... or sum = [...] expected; give one of them")
         return self
 
+    def with_uncertain_gain(self, gain: float, sigma: float) -> Self:
+        """The same source with a gain, and its standard deviation as a fraction of it."""
+        text = f"{gain:.4g} +- {100 * sigma:.0f} %"
+        source = self.model_copy(update={"gain": float(f"{gain:.4g}")})
+        source._uncertain = self._uncertain | {"gain": text}
+        return source
+
+    @property
+    def gain_text(self) -> str:
+        """The gain as in a signals.toml."""
+        return f'"{self._uncertain["gain"]}"' if "gain" in self._uncertain else f"{self.gain:g}"
+
     def calibrated(self, values: Array, log_unit: str | None, si: str) -> Array:
         """Values (n,) of a column in the SI unit `si`; `log_unit` is the unit in the log."""
         if self.points is None:

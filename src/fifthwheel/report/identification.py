@@ -178,9 +178,10 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
         left = remaining.pop(e.name, None)
         rows.append((pages.Hinted(spoken(e.name), e.name), *cells, "–" if left is None else percent(left)))
     together = {change.name: change.slopes for change in changes(identification.initial_vehicle)}
+    factor = getattr(identification.settings, "consider", {}).get("vehicle_file", 1.0)
     before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
     for name, kept in remaining.items():
-        slopes = {path: abs(slope) for path, slope in together.get(name, {}).items() if path in before}
+        slopes = {path: factor * abs(slope) for path, slope in together.get(name, {}).items() if path in before}
         if path := max(slopes, key=lambda path: slopes[path], default=None):
             cells = _change(after[path], kept * slopes[path], before[path], slopes[path], unit_of(path))
             hint = name if path == name else f"{name}: {path}"

@@ -94,7 +94,7 @@ def _steering_wheel(
     """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60.
 
     The understeer gradient is unknown, so a range of ratios is possible; the value in it nearest to a typical ratio is
-    used.
+    used, with the standard deviation of a uniform distribution over the range.
     """
     every = relations(record, wheelbase=wheelbase, min_speed=MIN_SPEED)
     relation = next((relation for relation in every if relation.signal == name), None)
@@ -106,8 +106,8 @@ def _steering_wheel(
     low, high = (ratio * (wheelbase + UNDERSTEER * u**2) / (wheelbase + k * u**2) for k in (2 * UNDERSTEER, 0.0))
     used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
     unit = "deg" if degrees else channel.unit
-    keys = {"gain": float(f"{1 / used:.4g}"), "unit": unit, "sensor": "steering wheel"}
-    return channel.model_copy(update=keys), (
+    source = channel.model_copy(update={"unit": unit, "sensor": "steering wheel"})
+    return source.with_uncertain_gain(1 / used, (high - low) / (np.sqrt(12) * used)), (
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
-        f"{low:.0f} to {high:.0f}, the map uses {used:g}; set gain to 1 / steering ratio of the truck"
+        f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
     )

@@ -125,7 +125,7 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
             lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
             lines += [f"sensor = {_quoted(channel.sensor)}"] if channel.sensor else []
             lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
-            lines += [f"gain = {channel.gain:g}"] if channel.gain != 1.0 else []
+            lines += [f"gain = {channel.gain_text}"] if channel.gain != 1.0 else []
             lines += [f"delay = {channel.delay:g}"] if channel.delay else []
             lines += _comments(f"or column = {_quoted(other)}" for other in proposal.others.get(signal, ()))
     for signal, columns in proposal.others.items():
