@@ -84,8 +84,19 @@ def test_what_differs_in_the_vehicle_files_is_noted(result):
     assert notes[0].startswith(
         "The vehicle file of b differs from that of a: Trailer, CoG position −5.25 m instead of "
     )
-    assert "It shows the effect of the vehicle files and of the settings" in notes[1]
-    assert not any("differs" in note for note in compare({"a": a, "b": a}).notes)
+    assert notes[1].endswith("It shows the effect of the vehicle files.")
+    same = compare({"a": a, "b": a}).notes
+    assert not any("differs" in note for note in same)
+    assert any(note.endswith("Vehicle files and settings are equal.") for note in same)
+
+
+def test_a_stated_sigma_and_settings_are_differences_too(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.05))
+    known = a.initial_vehicle.with_stated({"semitrailer.cog": 0.02})
+    settings = replace(a.settings, prior=0.2, consider={**a.settings.consider, "yaw_inertia": 0.02})
+    notes = compare({"a": a, "b": replace(a, initial_vehicle=known, settings=settings)}).notes
+    assert "Trailer, CoG position −5.490 ± 0.020 m instead of −5.49 m" in notes[0]
+    assert "the vehicle files and the settings (prior, yaw_inertia)" in notes[1]
 
 
 def test_a_fixed_value_counts_as_exact(result):

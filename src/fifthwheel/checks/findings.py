@@ -75,6 +75,8 @@ class Finding:
 
 def remedy_text(remedy: Mapping[str, str | float]) -> str:
     """The instruction in a message: {"unit": "deg"} -> 'set unit = "deg" in signals.toml'."""
+    if "sign" in remedy:
+        return "invert it in signals.toml: sign = -1, or no sign if it has one"
     keys = (f'{key} = "{value}"' if isinstance(value, str) else f"{key} = {value:.3g}" for key, value in remedy.items())
     return f"set {' and '.join(keys)} in signals.toml"
 

@@ -79,7 +79,7 @@ def _speed(record: Record) -> Iterator[Finding]:
         return
     slow = float(np.mean(speed < MIN_SPEED))
     if float(np.median(speed)) < -1.0:
-        problem = f"median {np.median(speed):.1f} m/s, positive expected (forward); set sign = -1 in signals.toml"
+        problem = f"median {np.median(speed):.1f} m/s, positive expected (forward); {remedy_text({'sign': -1})}"
         yield error("speed", Fault.SWAPPED_SIGN, problem, remedy={"sign": -1})
     elif float(np.quantile(speed, 0.99)) < MIN_SPEED:
         problem = f"at most {speed.max():.1f} m/s, above {MIN_SPEED:g} m/s expected"

@@ -31,8 +31,9 @@ FALSE_ALARM = 0.05
 """Probability that a difference of equal trucks counts as one beyond chance."""
 PRIOR_FRACTION = 0.1
 """An estimate that takes a larger fraction of its information from the prior is noted."""
-SAME_NUMBER, LISTED_NUMBERS = 1e-4, 3
-"""Numbers of two vehicle files are the same up to this relative difference; of the others so many are listed."""
+SAME_NUMBER, LISTED_NUMBERS, TINY = 1e-3, 3, 1e-9
+"""Numbers of two vehicle files are the same up to this relative difference; of the others so many are listed. Numbers
+of both that are smaller than the last are 0."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -236,19 +237,35 @@ def _shared_logs(a: Identification, b: Identification) -> list[str]:
 
 
 def _changed_numbers(a: Vehicle, b: Vehicle) -> list[str]:
-    """What differs in two vehicle files, as "Trailer, mass 33 t instead of 32 t"; the largest relative change first."""
+    """What differs in two vehicle files, as "Trailer, mass 33 t instead of 32 t", also in what is stated of a number's
+    standard deviation; the largest change relative to the number first."""
     before, after = a.parameters(), b.parameters()
-    sizes = {
-        path: abs(after[path] - before[path]) / max(abs(after[path]), abs(before[path]))
-        for path in before.keys() & after.keys()
-        if after[path] != before[path] and path not in a.assumed.keys() & b.assumed.keys()
-    }
+    sizes = dict[str, float]()
+    for path in before.keys() & after.keys() - (a.assumed.keys() & b.assumed.keys()):
+        sigmas = [vehicle.stated.get(path, 0.0) for vehicle in (a, b)]
+        change = max(abs(after[path] - before[path]), abs(sigmas[1] - sigmas[0]))
+        sizes[path] = change / max(abs(after[path]), abs(before[path]), *sigmas, TINY)
     return [
-        f"{spoken(path)} {with_sigma(after[path], None, unit_of(path))} "
-        f"instead of {with_sigma(before[path], None, unit_of(path))}"
+        f"{spoken(path)} {with_sigma(after[path], b.stated.get(path), unit_of(path))} "
+        f"instead of {with_sigma(before[path], a.stated.get(path), unit_of(path))}"
         for path in sorted(sizes, key=lambda path: (-sizes[path], path))
         if sizes[path] > SAME_NUMBER
     ]
+
+
+def _changed_settings(a: Any, b: Any) -> list[str]:
+    """Names of the settings that differ, those of a mapping by its keys; the method, if that is another."""
+    if type(a) is not type(b):
+        return ["method"]
+    before, after = asdict(a), asdict(b)
+    names = []
+    for name in before | after:
+        one, other = before.get(name), after.get(name)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            names += [str(key) for key in one | other if one.get(key) != other.get(key)]
+        elif one != other:
+            names.append(name)
+    return names
 
 
 def _notes(runs: Mapping[str, Identification]) -> list[str]:
@@ -261,10 +278,15 @@ def _notes(runs: Mapping[str, Identification]) -> list[str]:
             some = "; ".join(changed[:LISTED_NUMBERS])
             notes.append(f"The vehicle file of {other} differs from that of {first}: {some}{more}.")
         if shared := _shared_logs(runs[first], runs[other]):
-            effect = "the vehicle files and of the settings" if changed else "the settings"
+            settings = _changed_settings(runs[first].settings, runs[other].settings)
+            causes = ["the vehicle files"] if changed else []
+            causes += [f"the settings ({', '.join(settings)})"] if settings else []
+            effect = (
+                f"It shows the effect of {enumerated(causes)}" if causes else "Vehicle files and settings are equal"
+            )
             notes.append(
-                f"{first} and {other} share {enumerated(shared)}: their noise is common, so that the difference in "
-                f"sigmas is at least the one shown. It shows the effect of {effect} and is not a test."
+                f"{first} and {other} share {enumerated(shared)}, so that the noise is the same and the difference is "
+                f"no test of the truck. {effect}."
             )
         if not _common_sources(runs[first], runs[other]):
             notes.append(f"{first} and {other} have no uncertain number in common: their sigmas count as independent.")
