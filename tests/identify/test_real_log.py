@@ -1,6 +1,7 @@
 """Logs of a real truck, if they are present; they are not part of the project."""
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +127,19 @@ def test_a_vibrating_accelerometer(bend: Record) -> None:
         )
         relative = e.sigma / e.value, without[e.name].sigma / without[e.name].value
         assert relative[0] < 1.06 * relative[1] or e.verdict is Verdict.NOT_IDENTIFIABLE
+
+
+@pytest.mark.slow
+def test_the_signals_of_the_tractor_alone(bend: Record, ramp: Record) -> None:
+    """The articulation angle that they give is close to the measured one, whose own offset is about 0.2 deg; the tyres
+    agree with those of all signals within their sigma."""
+    seen = [replace(r, signals={n: v for n, v in r.signals.items() if "semitrailer" not in n}) for r in (bend, ramp)]
+    every, result = (identify(logs, vehicle.get("auburn_6x4")) for logs in ([bend, ramp], seen))
+    for name in ("tractor.front", "tractor.drive", "semitrailer"):
+        one, other = result[f"{name}.cornering_stiffness"], every[f"{name}.cornering_stiffness"]
+        assert abs(one.value - other.value) < 2 * np.hypot(one.sigma, other.sigma), name
+        assert one.sigma > other.sigma, name
+    for record, full in zip(seen, (bend, ramp), strict=True):
+        states = result.observer(log=record.name).batch(record, result.uncertainty(record.name))
+        error = states.values["articulation.semitrailer"] - full.signals["articulation.semitrailer"]
+        assert np.degrees(np.sqrt(np.nanmean(error**2))) < 1.0, record.name

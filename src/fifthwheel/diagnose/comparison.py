@@ -262,7 +262,7 @@ def _changed_settings(a: Any, b: Any) -> list[str]:
     for name in before | after:
         one, other = before.get(name), after.get(name)
         if isinstance(one, Mapping) and isinstance(other, Mapping):
-            names += [str(key) for key in one | other if one.get(key) != other.get(key)]
+            names += [str(key) for key in {**one, **other} if one.get(key) != other.get(key)]
         elif one != other:
             names.append(name)
     return names

@@ -327,7 +327,7 @@ def objections(evidence: SignalEvidence, signal_map: SignalMap, truck: Vehicle |
 def _words(channel: ChannelEvidence) -> str:
     if channel.explained is None:
         return "Cannot be compared: too few samples, or the truck does not turn."
-    words = f"The prediction explains {percent(channel.explained)} of the variance"
+    words = f"With a free gain and offset, the prediction explains {percent(channel.explained)} of the variance"
     if channel.is_scaled and channel.gain is not None:
         larger = (
             f"{digits(max(channel.gain, 1 / channel.gain), 2)} times too {'small' if channel.gain > 1 else 'large'}"
