@@ -1,7 +1,8 @@
-"""Unusual masses of the units of a vehicle."""
+"""How the masses of a unit follow from each other, and which are unusual."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
+from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TRAILER_AXLE
 from fifthwheel.vehicle.unit import Unit
@@ -11,6 +12,36 @@ MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""
 MAX_FACTOR = 3.0
 """Largest usual factor between the mass of axles and wheels and that of published vehicles, or its inverse."""
+
+
+def with_numbers(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+    """The vehicle with other numbers, SI, by path, and with the masses and assumed numbers that follow from them.
+
+    Axles and wheels keep their mass. The payload takes a change of the mass of its unit; the sprung body takes it where
+    there is no payload, or its mass is among the numbers. Nothing follows in a unit whose sprung mass is among them.
+
+    Raises:
+        VehicleError: a number is not valid, or nothing remains for the payload or the sprung body.
+    """
+    before, changed = vehicle.parameters(), dict(values)
+    given = {path for path, value in values.items() if value != before.get(path)}
+    for unit in vehicle.units:
+        total, body, payload = (f"{unit.name}.{key}" for key in ("mass", "sprung.mass", "payload.mass"))
+        if body in values or not {total, payload} & given:
+            continue
+        mass, axles = values.get(total, unit.mass), unit.mass - unit.laden_sprung_mass
+        if unit.payload is None or payload in values:
+            path, parts, rest = body, "payload and axles" if unit.payload else "axles", axles + values.get(payload, 0.0)
+        else:
+            path, parts, rest = payload, "sprung body and axles", axles + unit.sprung.mass
+        if mass <= rest:
+            raise VehicleError(
+                f"{total}: expected more than {rest:.0f} kg, the mass of {parts}, got {mass:.0f} kg; correct {total} or"
+                f" {payload if unit.payload else body}"
+            )
+        if path not in vehicle.assumed:
+            changed[path] = mass - rest
+    return vehicle.restated(changed) if given else vehicle
 
 
 def unusual_masses(vehicle: Vehicle) -> Iterator[str]:

@@ -33,6 +33,7 @@ from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.masses import with_numbers
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
@@ -224,7 +225,8 @@ class _Result:
                 if longest_matching_key(path, DEFAULT_CONSIDERED) is None:
                     reason = f"it would also scale the stated sigma of {path}; remove one of the two"
                     raise refused(self.factor_of_file, reason)
-        vehicle = self.vehicle.replace(self.values).with_stated(self.sigmas)
+        known = {path: self.own[path] for path in self.sigmas} | self.values
+        vehicle = with_numbers(self.vehicle, known).with_stated(self.sigmas)
         free = [path for path in self.estimated if path not in self.fixed] + self.free
         return vehicle, replace(
             self.settings,
@@ -254,7 +256,7 @@ def _apply_to_two_stages(
             raise refused(stated, "needs --method one-stage; remove it, or choose that method")
         values |= {path: stated.value} if stated.has_value else {}
         fixed += [path] if stated.sigma == 0 else []
-    return vehicle.replace(values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
+    return with_numbers(vehicle, values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
 
 
 def _by_target(
