@@ -32,7 +32,7 @@ from fifthwheel.identify.unknowns.parameters import (
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.masses import with_numbers
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
@@ -204,6 +204,9 @@ class _Result:
     def _set_free(self, path: str, stated: Stated) -> None:
         if path == FRICTION:
             return
+        if ParameterPath.of(path).quantity == "mass":
+            cure = "give its standard deviation, such as '+- 2 %', or weigh the truck"
+            raise refused(stated, f"lateral motion alone does not determine a mass; {cure}")
         if ParameterPath.of(path).is_payload_height:
             self.stated_priors[path] = stated.value, self.settings.height_prior
         elif path in self.estimated and path in self.stated_priors:
@@ -324,11 +327,23 @@ def _paths(vehicle: Vehicle, known: Mapping[str, float], statement: Statement) -
     name = statement.name
     paths = [path for path in known if ends_with(path, name)]
     if not paths:
+        _refuse_change(vehicle, statement)
         ends = {path.rpartition(".")[2] for path in known} | {*SENSOR_PRIORS, *MODEL_ERRORS}
         words = known if "." in name else sorted(ends)
         raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, words)}")
     used = [path for path in paths if known[path] or statement.kind == "exact"]
     return used if len(paths) > 1 and used else paths
+
+
+def _refuse_change(vehicle: Vehicle, statement: Statement) -> None:
+    """Refuse the name of a change that several numbers share, such as the axle positions of a unit."""
+    altered = [path for change in changes(vehicle) if ends_with(change.name, statement.name) for path in change.slopes]
+    if altered:
+        example = f"--set {altered[0]}='+- {'2 cm' if unit_of(altered[0]) == 'm' else '1 %'}'"
+        raise VehicleError(
+            f"--set {statement}: expected one number, got the error that {', '.join(altered)} share; state these with"
+            f" their standard deviation, such as {example}"
+        )
 
 
 def _is_sensor_error(name: str) -> bool:
