@@ -34,7 +34,7 @@ class Question:
     sigma: float | None = None
     """Standard deviation as a fraction where the answer states none."""
     unused: Callable[[Mapping[str, str]], str] = lambda answers: ""
-    """Why the other answers leave no use for this one; "" if they do not."""
+    """Why this answer has no use beside the others; "" if it has one."""
 
     @property
     def text(self) -> str:
