@@ -399,6 +399,14 @@ def test_exchanged_axle_loads_of_a_vehicle_file_are_named(run):
     assert outcome.err.startswith("warning: tractor.cog: front and drive axle loads seem exchanged: ")
 
 
+def test_unusual_masses_are_named(run):
+    made = run("vehicle", "new", *NEW, "--laden", "6850 10500 22500", "--solo", "5200 2000", "--load-mass", "20 t")
+    shown = run("vehicle", "show", "truck.toml")
+    for outcome in (made, shown):
+        assert outcome.code == 0
+        assert outcome.err.startswith("warning: semitrailer: the empty semitrailer weighs 12.7 t by ")
+
+
 def test_questions_are_asked_until_they_are_answered(monkeypatch, capsys):
     answers = iter(["lorry", "tractor_4x2", "", "semitrailer_3", "", "3.7 t", "3.7 m"])  # "" refused, "" skipped
     monkeypatch.setattr(typer, "prompt", lambda *_, **__: next(answers))

@@ -98,6 +98,17 @@ def test_three_axle_tractors_and_twin_tyres() -> None:
     assert vehicle.units[1].payload.shape == "point"  # type: ignore[union-attr]
 
 
+def test_a_solo_slip_alone_gives_mass_and_cog_of_the_tractor() -> None:
+    unladen = {"laden": None, "fifth_wheel": "3.1 m", "load_mass": "20 t"}
+    alone, with_laden = Vehicle.loads(written(**unladen)), Vehicle.loads(written())
+    for path in ("tractor.mass", "tractor.cog"):
+        assert alone.parameters()[path] == pytest.approx(with_laden.parameters()[path], rel=1e-3)
+        assert alone.stated[path] == pytest.approx(with_laden.stated[path], rel=0.1)
+        assert path not in alone.assumed
+    with pytest.raises(VehicleError, match=r"^solo: front and drive axle loads seem exchanged; write 5200 kg for"):
+        written(**unladen, solo="2000 5200")
+
+
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
@@ -210,12 +221,13 @@ STATED = {
 
 
 @pytest.mark.parametrize("key", [question.key for question in QUESTIONS if question.unit])
-@pytest.mark.parametrize("weighing", ["none", "laden", "solo", "empty"])
+@pytest.mark.parametrize("weighing", ["none", "laden", "solo", "solo alone", "empty"])
 def test_every_stated_sigma_changes_the_file_or_is_refused(key: str, weighing: str) -> None:
     of_kind = {
         "none": dict.fromkeys(("laden", "solo")) | {"fifth_wheel": "3.1 m", "load_mass": "20.2 t"},
         "laden": {"solo": None, "fifth_wheel": "3.1 m"},
         "solo": {},
+        "solo alone": {"laden": None, "fifth_wheel": "3.1 m", "load_mass": "20.2 t"},
         "empty": {"empty": "5450 5600 9480", "trailer_tare": None},
     }[weighing]
     base = {**of_kind, "load_height": None, "tractor": "tractor_6x4" if key == "tractor_spread" else "tractor_4x2"}
@@ -237,7 +249,7 @@ def test_every_stated_sigma_changes_the_file_or_is_refused(key: str, weighing: s
     [
         ({"tractor_tare": "7.2 t"}, "tractor_tare: has no use, because solo gives it; remove it"),
         ({"empty": "5450 5600 9480"}, "trailer_tare: has no use, because empty gives it; remove it"),
-        ({"laden": None}, "solo: has no use, because there are no laden loads; remove it"),
+        ({"laden": None, "empty": "5450 5600 9480"}, "empty: has no use, because there are no laden loads; remove it"),
         ({"load_mass": "0"}, "load_height: has no use, because load_mass is 0; remove it"),
         ({"tractor_spread": "1.3 m"}, "tractor_spread: has no use, because tractor_4x2 has one axle there; remove it"),
     ],

@@ -29,12 +29,14 @@ from fifthwheel.workflow import (
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
 from tests.cli.test_cli import run
+from tests.vehicle.test_classes import TEXT
 
 __all__ = ["run"]
 
 TRUCK = get("cheng_cebon_2011")
 SATURATING = OneStage(tyres="saturating")
 EXAMPLES = Path(__file__).parents[2] / "examples"
+BODY, LOAD = "semitrailer.sprung.mass", "semitrailer.payload.mass"
 HEIGHT, TRAILER = "semitrailer.payload.height", "semitrailer.cornering_stiffness"
 GAIN, DELAY = "steer.tractor.front.gain", "yaw_rate.semitrailer.delay"
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
@@ -80,6 +82,36 @@ def test_numbers_of_the_vehicle() -> None:
     assert (vehicle.unit("semitrailer").mass, vehicle.unit("tractor").mass) == (33600.0, 7300.0)
     assert vehicle.stated == {"semitrailer.mass": pytest.approx(168.0), "fifth_wheel.height": pytest.approx(0.01)}
     assert settings == OneStage()
+
+
+@pytest.mark.parametrize(
+    ("texts", "body", "load"),
+    [
+        ([f"{LOAD}=15 t exact"], 33450 - 2250 - 15000, 15000),
+        (["semitrailer.mass=35 t"], 11078, 35000 - 2250 - 11078),
+        ([f"{LOAD}=21 t", "semitrailer.mass=35 t"], 35000 - 2250 - 21000, 21000),
+        ([f"{LOAD}=+- 1 %", "semitrailer.mass=35 t"], 35000 - 2250 - 20122, 20122),
+        ([f"{LOAD}=15 t", f"{BODY}=12 t"], 12000, 15000),
+        ([f"{LOAD}=+- 1 %"], 11078, 20122),
+    ],
+)
+def test_axles_keep_their_mass(texts: list[str], body: float, load: float) -> None:
+    for settings in (OneStage(), TwoStage()) if "+-" not in texts[0] else (OneStage(),):
+        parameters = stated(*texts, settings=settings)[0].parameters()
+        assert (parameters[BODY], parameters[LOAD]) == pytest.approx((body, load))
+    body_alone, _ = stated("tractor.mass=7.5 t")
+    assert body_alone.unit("tractor").sprung.mass == pytest.approx(TRUCK.unit("tractor").sprung.mass + 300)
+
+
+@pytest.mark.parametrize("statement", ["15 t", "26.1 t +- 100 kg"])
+def test_a_mass_is_as_in_the_vehicle_file(statement: str) -> None:
+    """The numbers that classes give follow from it, with their sigmas and sources."""
+    without = Vehicle.loads(TEXT.replace('[unit.payload]\nmass = "20 t +- 300 kg"', "[unit.payload]"))
+    assert {LOAD, BODY} <= without.assumed.keys()
+    expected = Vehicle.loads(TEXT.replace("20 t +- 300 kg", statement))
+    assert stated(f"{LOAD}={statement}", vehicle=without)[0] == expected
+    lighter = Vehicle.loads(TEXT.replace("33.45 t", "31 t").replace("20 t +- 300 kg", statement))
+    assert stated(f"{LOAD}={statement}", "semitrailer.mass=31 t +- 1 %", vehicle=without)[0] == lighter
 
 
 def test_value_and_sigma_may_be_two_statements() -> None:
@@ -204,7 +236,13 @@ LINEAR: dict[str, str] = {
     "yaw_inertia=24000 kg m^2": "fits tractor.yaw_inertia, semitrailer.yaw_inertia; give the whole path",
     "tractor.mass=7 m": "expected kg .* got 'm'; give the value in kg",
     "tractor.mass=7200": "expected a number with a unit.*add its unit",
-    "tractor.mass=-7 t": r"tractor\.mass: expected a number > 0",
+    "tractor.mass=-7 t": r"tractor\.mass: expected more than 1900 kg, the mass of axles, got -7000 kg; correct",
+    "semitrailer.payload.mass=32 t": r"semitrailer\.mass: expected more than 34250 kg, the mass of payload and ax",
+    "semitrailer.mass=13 t": r"expected more than 13328 kg, the mass of sprung body and axles, got 13000 kg; correct",
+    "semitrailer.mass=free": "semitrailer.mass: lateral motion alone does not determine a mass; give its standard dev",
+    "semitrailer.payload.mass=free": r"payload.mass=free: semitrailer\.payload\.mass: lateral motion alone does not",
+    "semitrailer.axle_positions=free": r"share; state these with .*, such as --set semitrailer\.front\.position='\+- 2",
+    "mass_scale=+- 1 %": r"got the error that tractor\.mass, .* share; .* such as --set tractor\.mass='\+- 1 %'",
     "tractor.mass=+- -5 %": "0 or more, got .*; give its magnitude",
     "tractor.mass=+- 5": "expected a unit.*write '\\+- 5 kg'",
     "tractor.mass=+- 5 s": "expected kg .* got 's'",
@@ -426,7 +464,7 @@ def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], sett
             priors.add(total_prior(path, *found))
         assert not message or path in message
     assert len(priors) < 2, "what the file states has no effect on a wide prior"
-    assert min(priors, default=1.0) > sigma
+    assert min(priors, default=math.inf) > sigma
 
 
 @pytest.mark.parametrize("name", SENSOR_PRIORS)

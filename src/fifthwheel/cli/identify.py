@@ -90,7 +90,7 @@ def identify(
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         used = dict(zip(logs, records, strict=False))
         for start in starts:
-            terminal.warn_of_axle_loads(start.vehicle, [used[path] for path in start.logs])
+            terminal.warn_of_masses(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
         provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:])

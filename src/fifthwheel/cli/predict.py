@@ -12,7 +12,7 @@ from fifthwheel.cli.terminal import (
     load_records,
     print_files,
     progress_bar,
-    warn_of_axle_loads,
+    warn_of_masses,
     warn_of_replaced_options,
 )
 from fifthwheel.options import IdentifyOptions
@@ -65,7 +65,7 @@ def check(
     warn_of_replaced_options(chosen)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
-        warn_of_axle_loads(truck, records)
+        warn_of_masses(truck, records)
         require_signals(settings, *records)
         if plot is not None:
             from fifthwheel.report.time_offsets import write_time_offsets

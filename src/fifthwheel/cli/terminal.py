@@ -3,7 +3,7 @@
 import json
 import shlex
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -33,13 +33,15 @@ def load_records(
         return read_records(paths, signal_map, exclude=windows(exclude), progress=progress)
 
 
-def warn_of_axle_loads(vehicle: "Vehicle", records: "list[Record]") -> None:
-    """Print exchanged axle loads in the vehicle file, and those in the logs that are not those of the file."""
+def warn_of_masses(vehicle: "Vehicle", records: "Sequence[Record]" = ()) -> None:
+    """Print exchanged axle loads and unusual masses in the vehicle file, and axle loads in the logs that are not those
+    of the file."""
+    from fifthwheel.vehicle.masses import unusual_masses
     from fifthwheel.vehicle.weighing import exchanged_loads
     from fifthwheel.workflow import axle_load_differences
 
-    if exchanged := exchanged_loads(vehicle):
-        typer.secho(f"warning: {exchanged}", fg="yellow", err=True)
+    for warning in filter(None, (exchanged_loads(vehicle), *unusual_masses(vehicle))):
+        typer.secho(f"warning: {warning}", fg="yellow", err=True)
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
 

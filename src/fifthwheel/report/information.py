@@ -80,7 +80,7 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
     known = {name: describe_remedy(Remedy(known=(name,))) for remedy in remedies for name in remedy.known}
     if fixed := [name for name, text in known.items() if "measured and fixed" in text]:
         settings = " ".join(f"--set {name}='VALUE exact'" for name in fixed)
-        yield f"Measured and fixed (--set): measure it, and give {settings}."
+        yield f"To fix a number that you have measured, add {settings}."
     if any("known exactly" in text for text in known.values()):
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
 

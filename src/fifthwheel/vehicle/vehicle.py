@@ -227,6 +227,22 @@ class Vehicle(Component):
             fields[key] = {path: entry for path, entry in fields[key].items() if path not in known}
         return type(self)(**fields)
 
+    def restated(self, values: Mapping[str, float]) -> Self:
+        """The same vehicle with other values of some parameters, as if its file had them: the numbers that classes give
+        follow from them. Stated standard deviations stay.
+
+        Args:
+            values: by path, SI; they are not assumed.
+
+        Raises:
+            VehicleError: a path does not exist, a value is not valid, or no class gives a number that follows.
+        """
+        fields, locations = self.fields_with(values), self.locations()
+        for path in self.assumed.keys() - values.keys():
+            del _owner(fields, locations[path])[locations[path][-1]]
+        stated = {path: sigma for path, sigma in self.stated.items() if path not in self.assumed}
+        return type(self)(**complete(fields | {"stated": stated, "assumed": {}}))
+
     def with_stated(self, sigmas: Mapping[str, float]) -> Self:
         """The same vehicle with other stated standard deviations of some parameters.
 

@@ -309,10 +309,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     """
     _check_slip(slip, groups)
     _check_order(lengths, slip, groups, tares)
-    inputs: dict[str, Number] = {}
-    for condition in CONDITIONS:
-        for path, load in getattr(slip, condition).items():
-            inputs[f"{condition}.{groups.index(path)}"] = (load, slip.accuracy * load)
+    inputs = _inputs(slip, groups)
     if lengths.coupling is not None:
         usual = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
         inputs["coupling"] = (lengths.coupling, usual if lengths.coupling_sigma is None else lengths.coupling_sigma)
@@ -344,6 +341,26 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if not slip.solo:
         results["tractor.cog"] = _mean(results["tractor.cog"], results["cog by moments"])
     return {key: number for key, number in results.items() if key not in ("hitch", "cog by moments")}
+
+
+def weigh_solo(lengths: Lengths, slip: Slip, groups: tuple[str, str, str]) -> dict[str, Number]:
+    """The results "tractor.mass" and "tractor.cog" of `weigh`, from the loads of the tractor alone.
+
+    Raises:
+        VehicleError: a load is missing or unknown, or front and drive loads seem exchanged.
+    """
+    _check_slip(slip, groups, "solo")
+    _check_order(lengths, slip, groups, {})
+    return propagate(lambda values: _tractor(values, lengths), _inputs(slip, groups))
+
+
+def _inputs(slip: Slip, groups: tuple[str, str, str]) -> dict[str, Number]:
+    """Every load of a slip with its standard deviation, kg, by condition and number of the group."""
+    return {
+        f"{condition}.{groups.index(path)}": (load, slip.accuracy * load)
+        for condition in CONDITIONS
+        for path, load in getattr(slip, condition).items()
+    }
 
 
 def _mean(one: Number, other: Number) -> Number:
@@ -443,14 +460,11 @@ def propagate(
 def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads. Where the kingpin is
     known, the laden loads have a CoG of the tractor that needs no solo loads, "cog by moments"."""
-    if "solo.0" in x:
-        tractor = x["solo.0"] + x["solo.1"]
-        cog = lengths.wheelbase * x["solo.1"] / tractor
-    else:
-        tractor, cog = x["tractor.mass"], x["tractor.cog"]
+    result = _tractor(x, lengths) if "solo.0" in x else {key: x[key] for key in ("tractor.mass", "tractor.cog")}
+    tractor, cog = result.values()
     hitch = x["laden.0"] + x["laden.1"] - tractor
     moment = lengths.wheelbase * x["laden.1"] - cog * tractor
-    result = {"tractor.mass": tractor, "tractor.cog": cog, "hitch": hitch, "front": 0.0}
+    result |= {"hitch": hitch, "front": 0.0}
     if lengths.coupling is None:
         result["coupling"] = moment / hitch if hitch > 0 else math.inf
     else:
@@ -466,12 +480,18 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     return result
 
 
-def _check_slip(slip: Slip, groups: tuple[str, ...]) -> None:
+def _tractor(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
+    """Mass, kg, and CoG, m, of the tractor from its solo loads."""
+    mass = x["solo.0"] + x["solo.1"]
+    return {"tractor.mass": mass, "tractor.cog": lengths.wheelbase * x["solo.1"] / mass}
+
+
+def _check_slip(slip: Slip, groups: tuple[str, ...], required: str = "laden") -> None:
     for condition, expected in (("laden", groups), ("solo", groups[:2]), ("empty", groups)):
         loads = getattr(slip, condition)
         for path in loads:
             if path not in expected:
                 raise VehicleError(f"{condition}.{path}: no such axle load; {suggestion(path, expected)}")
         missing = [path for path in expected if path not in loads]
-        if missing and (loads or condition == "laden"):
+        if missing and (loads or condition == required):
             raise VehicleError(f"{condition}.{missing[0]}: expected a load, got none; weigh every axle group")

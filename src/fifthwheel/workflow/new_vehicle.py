@@ -11,7 +11,16 @@ from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
-from fifthwheel.vehicle.weighing import CONTRADICTION, COUPLING_RANGE, MAX_SOLO, Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.weighing import (
+    CONTRADICTION,
+    COUPLING_RANGE,
+    MAX_SOLO,
+    Lengths,
+    Number,
+    Slip,
+    weigh,
+    weigh_solo,
+)
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
@@ -159,9 +168,6 @@ class _Builder:
         position = known.fifth_wheel
         if position is not None:
             self._set(coupling, COUPLING, "leading_position", (-position[0], position[1]), MEASURED)
-        if not known.slip.laden:
-            self._unweighed(tractor, trailer)
-            return
         rear = [axle["position"] for axle in tractor["axle_groups"][1]["axles"]]
         lengths = Lengths(
             wheelbase=-sum(rear) / len(rear),
@@ -171,6 +177,13 @@ class _Builder:
             trailer_sigma=known.trailer_wheelbase[1],
         )
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
+        if not known.slip.laden:
+            if known.slip.solo:
+                results = weigh_solo(lengths, known.slip, groups)
+                _check_solo(known.slip.solo, *groups[:2])
+                self._weighed(tractor, TRACTOR, results["tractor.mass"], results["tractor.cog"])
+            self._unweighed(tractor, trailer)
+            return
         results = weigh(lengths, known.slip, groups, self._tares(lengths))
         _check_solo(known.slip.solo, *groups[:2])
         if "coupling" in results:
@@ -178,9 +191,7 @@ class _Builder:
         _check_load(known, results)
         for key, unit, name in (("tractor", tractor, TRACTOR), ("trailer", trailer, TRAILER)):
             if key == "trailer" or known.slip.solo:
-                cog, sigma = results[f"{key}.cog"]
-                self._set(unit, name, "mass", results[f"{key}.mass"], WEIGHED)
-                self._set(unit, name, "cog", (-cog, sigma), WEIGHED)
+                self._weighed(unit, name, results[f"{key}.mass"], results[f"{key}.cog"])
             else:
                 cog, sigma = results["tractor.cog"]
                 self._set(unit, name, "mass", known.tractor_tare, BROCHURE)
@@ -197,8 +208,13 @@ class _Builder:
             source = f"{WEIGHED}, laden less {'empty' if known.slip.empty else 'the unladen mass by the ' + BROCHURE}"
             self._set(payload, f"{TRAILER}.payload", "mass", results["payload.mass"], source)
 
+    def _weighed(self, unit: dict[str, Any], name: str, mass: Number, cog: Number) -> None:
+        """Mass, kg, and CoG behind the origin, m, of a unit."""
+        self._set(unit, name, "mass", mass, WEIGHED)
+        self._set(unit, name, "cog", (-cog[0], cog[1]), WEIGHED)
+
     def _unweighed(self, tractor: dict[str, Any], trailer: dict[str, Any]) -> None:
-        """Masses by the brochure."""
+        """Masses by the brochure; there is none of a tractor that was weighed."""
         known = self.known
         if known.fifth_wheel is None:
             raise VehicleError("fifth_wheel: expected its distance from the front axle, got none; measure it")

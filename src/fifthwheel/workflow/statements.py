@@ -32,7 +32,8 @@ from fifthwheel.identify.unknowns.parameters import (
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, changes
+from fifthwheel.vehicle.masses import with_numbers
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
@@ -203,6 +204,9 @@ class _Result:
     def _set_free(self, path: str, stated: Stated) -> None:
         if path == FRICTION:
             return
+        if ParameterPath.of(path).quantity == "mass":
+            cure = "give its standard deviation, such as '+- 2 %', or weigh the truck"
+            raise refused(stated, f"lateral motion alone does not determine a mass; {cure}")
         if ParameterPath.of(path).is_payload_height:
             self.stated_priors[path] = stated.value, self.settings.height_prior
         elif path in self.estimated and path in self.stated_priors:
@@ -224,7 +228,8 @@ class _Result:
                 if longest_matching_key(path, DEFAULT_CONSIDERED) is None:
                     reason = f"it would also scale the stated sigma of {path}; remove one of the two"
                     raise refused(self.factor_of_file, reason)
-        vehicle = self.vehicle.replace(self.values).with_stated(self.sigmas)
+        known = {path: self.own[path] for path in self.sigmas} | self.values
+        vehicle = with_numbers(self.vehicle, known).with_stated(self.sigmas)
         free = [path for path in self.estimated if path not in self.fixed] + self.free
         return vehicle, replace(
             self.settings,
@@ -254,7 +259,7 @@ def _apply_to_two_stages(
             raise refused(stated, "needs --method one-stage; remove it, or choose that method")
         values |= {path: stated.value} if stated.has_value else {}
         fixed += [path] if stated.sigma == 0 else []
-    return vehicle.replace(values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
+    return with_numbers(vehicle, values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
 
 
 def _by_target(
@@ -322,11 +327,23 @@ def _paths(vehicle: Vehicle, known: Mapping[str, float], statement: Statement) -
     name = statement.name
     paths = [path for path in known if ends_with(path, name)]
     if not paths:
+        _refuse_change(vehicle, statement)
         ends = {path.rpartition(".")[2] for path in known} | {*SENSOR_PRIORS, *MODEL_ERRORS}
         words = known if "." in name else sorted(ends)
         raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, words)}")
     used = [path for path in paths if known[path] or statement.kind == "exact"]
     return used if len(paths) > 1 and used else paths
+
+
+def _refuse_change(vehicle: Vehicle, statement: Statement) -> None:
+    """Refuse the name of a change that several numbers share, such as the axle positions of a unit."""
+    altered = [path for change in changes(vehicle) if ends_with(change.name, statement.name) for path in change.slopes]
+    if altered:
+        example = f"--set {altered[0]}='+- {'2 cm' if unit_of(altered[0]) == 'm' else '1 %'}'"
+        raise VehicleError(
+            f"--set {statement}: expected one number, got the error that {', '.join(altered)} share; state these with"
+            f" their standard deviation, such as {example}"
+        )
 
 
 def _is_sensor_error(name: str) -> bool:

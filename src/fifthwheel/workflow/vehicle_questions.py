@@ -34,7 +34,7 @@ class Question:
     sigma: float | None = None
     """Standard deviation as a fraction where the answer states none."""
     unused: Callable[[Mapping[str, str]], str] = lambda answers: ""
-    """Why the other answers leave no use for this one; "" if they do not."""
+    """Why this answer has no use beside the others; "" if it has one."""
 
     @property
     def text(self) -> str:
@@ -123,7 +123,7 @@ QUESTIONS = (
     Question(key="trailer_wheelbase", unit="m", limits=(3, 15), required=True),
     Question(key="trailer_spread", unit="m", limits=SPREADS, unused=_one_axle("trailer")),
     Question(key="laden"),
-    Question(key="solo", unused=_without_laden),
+    Question(key="solo"),
     Question(key="empty", unused=_without_laden),
     Question(key="tractor_tare", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA, unused=_given("solo")),
     Question(key="trailer_tare", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA, unused=_given("empty")),

@@ -53,6 +53,7 @@ def new(
     uncertainty. For a vehicle with more units, --like writes a file to edit.
     """
     from fifthwheel.errors import VehicleError
+    from fifthwheel.vehicle import Vehicle
     from fifthwheel.vehicle.classes.template import template
     from fifthwheel.workflow.new_vehicle import new_vehicle
     from fifthwheel.workflow.vehicle_questions import QUESTIONS, conditions, describe
@@ -79,6 +80,7 @@ def new(
             raise
         with atomic_write(out) as temporary:
             temporary.write_text(text, encoding="utf-8")
+    terminal.warn_of_masses(Vehicle.loads(text))
     terminal.print_files({"vehicle": out})
 
 

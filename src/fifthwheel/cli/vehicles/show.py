@@ -76,8 +76,8 @@ def show(
     from fifthwheel.workflow import read_vehicle
 
     truck = read_vehicle(vehicle)
-    terminal.warn_of_axle_loads(truck, [])
     with reserved(plot, force=force):
+        terminal.warn_of_masses(truck)
         summary, numbers = summarize(truck, speed / 3.6), assumed_numbers(truck, speed / 3.6)
         if plot is not None:
             truck.plot().save(plot)

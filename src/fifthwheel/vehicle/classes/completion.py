@@ -132,9 +132,7 @@ def _complete_unit(completion: _Completion, unit: Table, coupling: Table | None)
 def _complete_masses(completion: _Completion, unit: Table, kind: VehicleClass) -> None:
     """Mass of the unit, of its payload and of its sprung body: what is given gives the others."""
     name, payload, sprung = unit["name"], unit.get("payload"), unit.setdefault("sprung", {})
-    figures = zip(unit["axle_groups"], kind.groups.values(), strict=True)
-    axles = [figure.unsprung_mass for group, figure in figures for _ in group["axles"]]
-    unsprung, sigma_unsprung = sum(f.value for f in axles), sum(f.sigma for f in axles)  # one error for all axles
+    unsprung, sigma_unsprung = kind.unsprung_mass(len(group["axles"]) for group in unit["axle_groups"])
     tare, sigma_tare, source = kind.tare
     if "mass" in sprung:
         tare, sigma_tare, source = sprung["mass"] + unsprung, sigma_unsprung, "sprung body and axles"

@@ -10,7 +10,7 @@ the sets chose it, sigma is wider. The sets:
     GOPS       iDLab, Tsinghua University, GOPS, Semitruck7DoF: 4x2 tractor and semitrailer; Apache-2.0
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -76,6 +76,12 @@ class VehicleClass:
     """The front coupling; None for a first unit."""
     steerable: Literal["first", "last"] | None = None
     """Which axle has a steer angle as an input."""
+
+    def unsprung_mass(self, counts: Iterable[int]) -> tuple[float, float]:
+        """Mass of axles and wheels with its standard deviation, kg, by the number of axles in each group; one error
+        for all axles."""
+        axles = [(n, figures.unsprung_mass) for n, figures in zip(counts, self.groups.values(), strict=True)]
+        return sum(n * figure.value for n, figure in axles), sum(n * figure.sigma for n, figure in axles)
 
 
 DAMPING_TIME = Figure(
