@@ -42,6 +42,10 @@ def live(
     missing, 4 inconsistent, 8 degraded: a fault limits the quality of the states, 9 failed. Ctrl-C ends the run; the
     record is then complete and the estimates are saved.
     """
+    from fifthwheel._extras import require
+
+    for package in ("can", "cantools"):  # the modules below import them
+        require(package, "live")
     from fifthwheel.live.setup import opened
 
     stop = threading.Event()
