@@ -4,6 +4,7 @@ import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
@@ -30,7 +31,7 @@ from fifthwheel.observe import Observer
 from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import exported_observer, read_vehicle
+from fifthwheel.workflow import exported_observer, read_vehicle, vehicle_and_identification
 
 
 @contextmanager
@@ -52,6 +53,9 @@ def opened(
     """
     _require_consistent(chosen, observer)
     speed = _speed(chosen.rate)
+    if not chosen.learn:
+        vehicle, identification = vehicle_and_identification(vehicle, chosen.identification)
+        chosen = replace(chosen, identification=identification)
     truck, signal_map = read_vehicle(vehicle), SignalMap.load(signals, allow_outside=allow_outside)
     if chosen.replay is not None and not chosen.replay.is_file():
         raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
