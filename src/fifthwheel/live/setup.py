@@ -76,28 +76,29 @@ def opened(
                 "source": [str(chosen.replay)] if chosen.replay else list(chosen.bus),
             }
             session.views.append(Journal(recorded.with_name(f"{recorded.name}.events.jsonl"), session, about))
+        if chosen.replay is not None:
+            notes: list[str] = []
+            stack.callback(lambda: [say(note) for note in notes])
+            frames = takewhile(lambda _: not stop.is_set(), read_trace(chosen.replay, notes))
+            outputs = replay(session.node, frames, speed=speed, sleep=stop.wait)
+        else:
+            arrivals, options = frame_queue(), {"bitrate": chosen.bitrate} if chosen.bitrate else {}
+            filters = session.node.decoder.filters()
+            buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(chosen.bus)]
+            for k, bus in enumerate(buses):
+                if bus.number in (other.number for other in buses[:k]):
+                    bus.number = max(other.number for other in buses) + 1
+                stack.callback(bus.close)
+                bus.start()
+            session.bus = buses[0]
+            outputs = listen(session.node, buses, arrivals, stop.is_set)
         if chosen.page is not None:
             from fifthwheel.live.page.server import Page
 
             page = Page(chosen.page, truck, session)
             session.views.append(page)
             say(f"Page: {page.address}")
-        if chosen.replay is not None:
-            notes: list[str] = []
-            stack.callback(lambda: [say(note) for note in notes])
-            frames = takewhile(lambda _: not stop.is_set(), read_trace(chosen.replay, notes))
-            yield session, replay(session.node, frames, speed=speed, sleep=stop.wait)
-            return
-        arrivals, options = frame_queue(), {"bitrate": chosen.bitrate} if chosen.bitrate else {}
-        filters = session.node.decoder.filters()
-        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(chosen.bus)]
-        for k, bus in enumerate(buses):
-            if bus.number in (other.number for other in buses[:k]):
-                bus.number = max(other.number for other in buses) + 1
-            stack.callback(bus.close)
-            bus.start()
-        session.bus = buses[0]
-        yield session, listen(session.node, buses, arrivals, stop.is_set)
+        yield session, outputs
 
 
 def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:
