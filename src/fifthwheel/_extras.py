@@ -5,12 +5,17 @@ from typing import Any
 
 from fifthwheel.errors import FifthwheelError
 
+_PROJECTS = {"can": "python-can", "PIL": "pillow"}
+"""What pip installs for a package with another name."""
+
 
 def require(package: str, extra: str) -> Any:
     """The imported package, or a FifthwheelError that names the extra of fifthwheel that installs it."""
     try:
         return import_module(package)
     except ImportError:
+        top = package.partition(".")[0]
+        project = _PROJECTS.get(top, top)
         raise FifthwheelError(
-            f"{package} is needed but not installed; pip install 'fifthwheel[{extra}]', or pip install {package}"
+            f"{project} is needed but not installed; pip install 'fifthwheel[{extra}]', or pip install {project}"
         ) from None

@@ -753,3 +753,20 @@ def test_reproduces_the_article_in_short(run, tmp_path):
     names = {path.name for path in (tmp_path / "r").iterdir()}
     assert {"reproduction.md", "reproduction.csv"} | {f"figure_{n}.png" for n in range(4, 10)} <= names
     assert len(outcome.json()["rows"]) > 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "help"),
+    [
+        (["design"], "design"),
+        (["states", "run.csv", "--unknown"], "states"),
+        (["export", "c"], "export c"),
+        (["nonsense"], ""),
+    ],
+)
+def test_wrong_usage_names_the_help_of_the_command(arguments, help, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["fifthwheel", *arguments])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert capsys.readouterr().err.endswith(" ".join(f"See fifthwheel {help} --help".split()) + "\n")

@@ -93,3 +93,28 @@ def test_an_uncertainty_that_is_not_a_covariance(record, monkeypatch, capsys):
         cli.main()
     assert stop.value.code == 2
     assert capsys.readouterr().err.startswith(f"error: {path}: uncertainty: not a covariance")
+
+
+def test_a_result_folder_is_its_vehicle_and_its_identification(record, truck):
+    path = identification(uncertainty=UNCERTAINTY.as_dict())
+    result = Path("result")
+    result.mkdir()
+    Path(path).rename(result / path)
+    truck.save(result / "vehicle.toml")
+    expected = Observer(truck, record.signals).smooth(record, UNCERTAINTY)
+    for given in ("result", "result/identification.json"):
+        printed, columns = states("-v", given, "--smooth")
+        assert printed["uncertain"] == list(UNCERTAINTY.names)
+        same(columns, expected)
+    (result / path).unlink()
+    printed, _ = states("-v", "result")
+    assert printed["uncertain"] == []
+
+
+def test_a_folder_without_a_result_is_refused_with_the_cure(record, monkeypatch, capsys):
+    Path("empty").mkdir()
+    monkeypatch.setattr("sys.argv", ["fifthwheel", "states", "run.csv", "-v", "empty"])
+    with pytest.raises(SystemExit) as stop:
+        cli.main()
+    assert stop.value.code == 2
+    assert "empty: a folder without vehicle.toml; give a vehicle file, or the result folder" in capsys.readouterr().err

@@ -12,6 +12,7 @@ import pytest
 from fifthwheel.cheng_cebon_2011 import article
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.identify.online import Learner
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -165,6 +166,15 @@ def test_the_text_is_short_and_the_summary_complete(result):
         assert line.endswith(estimate.verdict.replace("_", " "))
     assert any(line.startswith("<other> (validation)  yaw_rate.tractor") for line in lines)
     assert "kN/rad" in result.summary()
+
+
+def test_the_summary_has_the_doubts(result):
+    cause = Cause(name="semitrailer.mass", changes={}, prior_sigmas=5.24)
+    doubtful = ("semitrailer.yaw_inertia",)
+    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=(cause,), parameters=doubtful, statistic=5.0)
+    words = " ".join(replace(result, doubts=(doubt,)).summary().split())
+    assert "contradicted assumption: semitrailer.mass (+5.2 prior sigma); doubtful: semitrailer.yaw_inertia" in words
+    assert "contradicted" not in replace(result, doubts=()).summary()
 
 
 def test_the_tables_of_a_notebook(result):

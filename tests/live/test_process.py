@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import resource
 import signal
 import subprocess
@@ -189,3 +190,33 @@ def test_a_file_that_cannot_be_written_is_said_and_the_states_go_on(folder):
     assert "not recorded" in done.stderr
     assert "File too large" in done.stderr
     assert not (folder / "run.parquet").exists()
+
+
+def test_the_end_has_a_summary(folder):
+    done = run(folder, "--replay", "run.log", "--rate", "max")
+    assert re.search(r"^40\.0 s of bus time, 4000 samples: \d+ % ok, [\d.]+ % settling\.$", done.stdout, re.MULTILINE)
+    assert "Verdict" not in done.stdout
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--learn")
+    assert re.search(r"Parameter +Value +± % +Verdict", done.stdout.replace("+-", "±"))
+    assert "Add --state FILE to keep them" in done.stdout
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--learn", "--state", "truck.json")
+    assert "Verdict" in done.stdout
+    assert "--state" not in done.stdout
+
+
+def test_a_run_that_is_interrupted_has_a_summary(folder):
+    command_line = command("--replay", "run.log", "--learn")
+    with subprocess.Popen(command_line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        while " s  " not in run.stderr.readline():
+            assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=60)
+    assert run.returncode == 0
+    assert " s of bus time, " in printed
+
+
+def test_a_page_is_announced_only_after_the_bus_is_open(folder):
+    done = run(folder, "--bus", "socketcan:none7", "--page", "0")
+    assert done.returncode == 2
+    assert "cannot be opened" in done.stderr
+    assert "Page:" not in done.stderr

@@ -62,7 +62,9 @@ def main() -> None:
         if type(error).__name__ == "NoArgsIsHelpError":
             typer.echo(error.format_message(), err=True)
             sys.exit(2)
-        _refuse(f"{error.format_message()} See fifthwheel --help")
+        context: Any = getattr(error, "ctx", None)
+        words = context.command_path.removeprefix(context.find_root().command_path) if context else ""
+        _refuse(f"{error.format_message()} See fifthwheel{words} --help")
     except FifthwheelError as error:
         _refuse(str(error))
     except OSError as error:

@@ -23,7 +23,7 @@ MEASURED = (
 
 
 @command(
-    "fifthwheel export c --vehicle result/vehicle.toml --identification result/identification.json",
+    "fifthwheel export c --vehicle result",
     "fifthwheel export c -v truck.toml --signal speed --signal steer.tractor.front --signal yaw_rate.tractor",
     "fifthwheel export c -v truck.toml --bank --out observer",
     "fifthwheel export c -v truck.toml --learner --passes 0 --out learner",
@@ -33,7 +33,9 @@ def c(
     vehicle: options.VehicleOption,
     identification: Annotated[
         Path | None,
-        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings."),
+        typer.Option(
+            "--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings. {options.OF_RESULT}"
+        ),
     ] = None,
     signal: Annotated[
         list[str] | None,
@@ -66,8 +68,9 @@ def c(
     from fifthwheel.identify import Identification
     from fifthwheel.identify.online import Learner
     from fifthwheel.observe import Observer
-    from fifthwheel.workflow import exported_learner, read_vehicle
+    from fifthwheel.workflow import exported_learner, read_vehicle, vehicle_and_identification
 
+    vehicle, identification = vehicle_and_identification(vehicle, identification)
     estimator: Observer | Learner
     if learner:
         if chosen.estimate_bank:
@@ -98,7 +101,7 @@ def c(
 
 @command(
     "fifthwheel export fmu --vehicle result/vehicle.toml --what truck",
-    "fifthwheel export fmu -v result/vehicle.toml -i result/identification.json --what observer --out observer.fmu",
+    "fifthwheel export fmu -v result --what observer --out observer.fmu",
     "fifthwheel export fmu -v truck.toml --what truck --fmi 2 --signal yaw_rate.tractor --tunable cornering_stiffness",
     of=export_app,
 )
@@ -110,7 +113,7 @@ def fmu(
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard: 2 (2.0) or 3 (3.0).")] = 3,
     identification: Annotated[
         Path | None,
-        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}."),
+        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}. {options.OF_RESULT}"),
     ] = None,
     signal: Annotated[
         list[str] | None,
@@ -176,7 +179,8 @@ def _observer(
 ) -> "Observer":
     """The observer that the options describe."""
     from fifthwheel.identify import Identification
-    from fifthwheel.workflow import exported_observer, read_vehicle
+    from fifthwheel.workflow import exported_observer, read_vehicle, vehicle_and_identification
 
+    vehicle, identification = vehicle_and_identification(vehicle, identification)
     stored = Identification.load(identification) if identification else None
     return exported_observer(read_vehicle(vehicle), signals, stored, **vars(chosen))

@@ -71,6 +71,7 @@ def identify(
         read_truck,
         run_loads,
         starts_of,
+        vehicle_file,
         vehicle_text,
         write_loads,
     )
@@ -79,7 +80,7 @@ def identify(
         checked_format(figures)
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
-    file = str(result.with_name("vehicle.toml")) if result else vehicle
+    file = vehicle_file(vehicle)
     results = [path for path in (result, chosen.earlier_result and knowledge_file(chosen.earlier_result)) if path]
     before = [signals] if signals else []
     # what a result keeps may grow in place

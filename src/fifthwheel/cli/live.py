@@ -40,9 +40,15 @@ def live(
 
     The states go to a page, to a file and to the bus. Every output has a status: 0 ok, 1 coasting, 2 too slow, 3 input
     missing, 4 inconsistent, 8 degraded: a fault limits the quality of the states, 9 failed. Ctrl-C ends the run; the
-    record is then complete and the estimates are saved.
+    record is then complete and the estimates are saved. At the end a summary is printed.
     """
+    from fifthwheel._extras import require
+
+    for package in ("can", "cantools"):  # the modules below import them
+        require(package, "live")
     from fifthwheel.live.setup import opened
+    from fifthwheel.live.summary import Summary
+    from fifthwheel.pages.terminal import show
 
     stop = threading.Event()
     with _stopped_by_signals(stop), ExitStack() as stack:
@@ -57,11 +63,13 @@ def live(
             say=lambda text: typer.echo(text, err=True),
         )
         session, states = stack.enter_context(run)
-        line = _StatusLine(session)
+        line, summary = _StatusLine(session), Summary(session)
+        session.views.append(summary)
         for output in states:
             session.handle(output)
             line.show(output)
         line.end()
+        show(summary.document())
 
 
 @contextmanager

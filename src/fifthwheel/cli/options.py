@@ -11,7 +11,11 @@ Logs = Annotated[
 ]
 VehicleOption = Annotated[
     str,
-    typer.Option("--vehicle", "-v", help="The vehicle: a TOML file, or a name from `fifthwheel vehicle`."),
+    typer.Option(
+        "--vehicle",
+        "-v",
+        help="The vehicle: a TOML file, a name from `fifthwheel vehicle`, or a result folder of `fifthwheel identify`.",
+    ),
 ]
 SignalsOption = Annotated[
     Path | None,
@@ -41,12 +45,13 @@ ForceOption = Annotated[
 ForceFileOption = Annotated[bool, typer.Option("--force", help="Replace a file that exists.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")]
 CheckOption = Annotated[bool, typer.Option("--check/--no-check", help="Refuse logs with implausible signals.")]
+OF_RESULT = "Default: that of the result folder, if --vehicle is one."
 IdentificationOption = Annotated[
     Path | None,
     typer.Option(
         "--identification",
         "-i",
-        help="An identification.json: sensor errors, noise, and the uncertainty of the vehicle.",
+        help=f"An identification.json: sensor errors, noise, and the uncertainty of the vehicle. {OF_RESULT}",
     ),
 ]
 FiguresOption = Annotated[

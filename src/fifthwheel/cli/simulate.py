@@ -162,7 +162,7 @@ def reproduce(
     Writes Figures 4 to 9, a table with published and reproduced values, the estimates of
     every seed (parameters.parquet) and time histories of seed 0 (histories.parquet). Needs
     `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores; with --quick
-    less than one minute.
+    one to two minutes.
     """
     from fifthwheel.cheng_cebon_2011 import table
     from fifthwheel.cheng_cebon_2011.reproduce import FILES

@@ -16,7 +16,7 @@ from fifthwheel.options import ObserverOptions
 
 @command(
     "fifthwheel states run.csv --vehicle fifthwheel-out/vehicle.toml",
-    "fifthwheel states run.csv -v fifthwheel-out/vehicle.toml -i fifthwheel-out/identification.json",
+    "fifthwheel states run.csv -v fifthwheel-out",
     "fifthwheel states run.parquet -v truck.toml --json > states.json",
     "fifthwheel states run.csv -v truck.toml --at sideslip.semitrailer=-2.34",
     "fifthwheel states run.csv -v truck.toml --smooth --bank",
@@ -55,7 +55,8 @@ def states(
     predicted_load_transfer.<axle group>, its value in 0.2 s at its present rate, is 0.9 or more in magnitude, a wheel
     is about to lift.
 
-    With an identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
+    A result folder of `identify` as --vehicle stands for its vehicle.toml and its identification.json. With an
+    identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used
     for the identification, its sensor errors are estimated from the log itself.
     """
     from fifthwheel.logs import start_reader
@@ -66,11 +67,18 @@ def states(
     from fifthwheel.pages.page import checked_format
     from fifthwheel.report import provenance_of_run
     from fifthwheel.report.states import states_document
-    from fifthwheel.workflow import STATES_FILES, read_vehicle, run_states, write_results
+    from fifthwheel.workflow import (
+        STATES_FILES,
+        read_vehicle,
+        run_states,
+        vehicle_and_identification,
+        write_results,
+    )
     from fifthwheel.workflow.settings import named_values
 
     if figures:
         checked_format(figures)
+    vehicle, identification = vehicle_and_identification(vehicle, identification)
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)
         stored = Identification.load(identification) if identification else None

@@ -75,7 +75,9 @@ def filesystem(path: str) -> tuple[Any, str]:
     try:
         system = fsspec.filesystem(path.partition("://")[0])
     except ImportError as error:
-        raise FifthwheelError(f"{path}: its library is not installed ({error}); pip install it") from None
+        raise FifthwheelError(
+            f"{path}: its library is not installed ({error}); pip install 'fifthwheel[fleet]' for s3, or that library"
+        ) from None
     return system, system._strip_protocol(path)
 
 

@@ -9,5 +9,6 @@ sources     live buses and traces
 outputs     frames with their DBC, and files
 session     what happens with an output
 page        the web page
+summary     the result at the end of a run
 setup       a run from what a user requests
 """

@@ -84,10 +84,10 @@ class Session:
 
     def status_text(self, output: Output) -> str:
         """Status and faults in words, with the columns and files that they concern."""
-        words = [_words(output.status.name)]
+        words = [in_words(output.status.name)]
         for fault in output.faults:
             columns = [column for column, of_column in output.problems.items() if of_column == fault]
-            words.append(": ".join([_words(str(fault.name)), *([", ".join(columns)] if columns else [])]))
+            words.append(": ".join([in_words(str(fault.name)), *([", ".join(columns)] if columns else [])]))
         return "  ".join([*words, *self.writer.errors.values()])
 
     def state_text(self, output: Output) -> str:
@@ -122,5 +122,6 @@ class Session:
         self.node.set_fault(LiveFault.NOT_SENT, bool(frames and bus.send(frames)))
 
 
-def _words(name: str) -> str:
+def in_words(name: str) -> str:
+    """The name of a status or of a fault."""
     return name.replace("_", " ").lower()

@@ -4,6 +4,7 @@ import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
@@ -30,7 +31,7 @@ from fifthwheel.observe import Observer
 from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import exported_observer, read_vehicle
+from fifthwheel.workflow import exported_observer, read_vehicle, vehicle_and_identification
 
 
 @contextmanager
@@ -52,6 +53,9 @@ def opened(
     """
     _require_consistent(chosen, observer)
     speed = _speed(chosen.rate)
+    if not chosen.learn:
+        vehicle, identification = vehicle_and_identification(vehicle, chosen.identification)
+        chosen = replace(chosen, identification=identification)
     truck, signal_map = read_vehicle(vehicle), SignalMap.load(signals, allow_outside=allow_outside)
     if chosen.replay is not None and not chosen.replay.is_file():
         raise FifthwheelError(f"{chosen.replay}: no such file; check the path")
@@ -72,28 +76,29 @@ def opened(
                 "source": [str(chosen.replay)] if chosen.replay else list(chosen.bus),
             }
             session.views.append(Journal(recorded.with_name(f"{recorded.name}.events.jsonl"), session, about))
+        if chosen.replay is not None:
+            notes: list[str] = []
+            stack.callback(lambda: [say(note) for note in notes])
+            frames = takewhile(lambda _: not stop.is_set(), read_trace(chosen.replay, notes))
+            outputs = replay(session.node, frames, speed=speed, sleep=stop.wait)
+        else:
+            arrivals, options = frame_queue(), {"bitrate": chosen.bitrate} if chosen.bitrate else {}
+            filters = session.node.decoder.filters()
+            buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(chosen.bus)]
+            for k, bus in enumerate(buses):
+                if bus.number in (other.number for other in buses[:k]):
+                    bus.number = max(other.number for other in buses) + 1
+                stack.callback(bus.close)
+                bus.start()
+            session.bus = buses[0]
+            outputs = listen(session.node, buses, arrivals, stop.is_set)
         if chosen.page is not None:
             from fifthwheel.live.page.server import Page
 
             page = Page(chosen.page, truck, session)
             session.views.append(page)
             say(f"Page: {page.address}")
-        if chosen.replay is not None:
-            notes: list[str] = []
-            stack.callback(lambda: [say(note) for note in notes])
-            frames = takewhile(lambda _: not stop.is_set(), read_trace(chosen.replay, notes))
-            yield session, replay(session.node, frames, speed=speed, sleep=stop.wait)
-            return
-        arrivals, options = frame_queue(), {"bitrate": chosen.bitrate} if chosen.bitrate else {}
-        filters = session.node.decoder.filters()
-        buses = [LiveBus(name, k, filters, arrivals, options) for k, name in enumerate(chosen.bus)]
-        for k, bus in enumerate(buses):
-            if bus.number in (other.number for other in buses[:k]):
-                bus.number = max(other.number for other in buses) + 1
-            stack.callback(bus.close)
-            bus.start()
-        session.bus = buses[0]
-        yield session, listen(session.node, buses, arrivals, stop.is_set)
+        yield session, outputs
 
 
 def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:

@@ -5,7 +5,15 @@ from fifthwheel.time_bases import check_record
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification, run_loads
-from fifthwheel.workflow.inputs import read_knowledge, read_records, read_vehicle, vehicle_text
+from fifthwheel.workflow.inputs import (
+    identification_file,
+    read_knowledge,
+    read_records,
+    read_vehicle,
+    vehicle_and_identification,
+    vehicle_file,
+    vehicle_text,
+)
 from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
 from fifthwheel.workflow.measured_vehicle import (
     AxleLoadDifference,
@@ -21,7 +29,6 @@ from fifthwheel.workflow.results import (
     IDENTIFICATION_FILES,
     STATES_FILES,
     compare_runs,
-    identification_file,
     knowledge_file,
     read_truck,
     write_assessment,
@@ -79,6 +86,8 @@ __all__ = [
     "starts_of",
     "survey_file",
     "tested_numbers",
+    "vehicle_and_identification",
+    "vehicle_file",
     "vehicle_text",
     "weigh_by_slip",
     "weigh_vehicle",

@@ -5,6 +5,7 @@ from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 
+from fifthwheel._atomic import recover
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
@@ -17,8 +18,39 @@ Progress = Callable[[str, int, int], None]
 """Called with a title, the work done and the total."""
 
 
+def identification_file(name: str) -> Path | None:
+    """The identification.json that a folder or a file name stands for; None for a vehicle."""
+    path = Path(name)
+    return path / "identification.json" if path.is_dir() else path if path.suffix == ".json" else None
+
+
+def vehicle_file(name: str) -> str:
+    """The vehicle.toml of a result folder or of the folder of an identification.json; any other name as given."""
+    result = identification_file(name)
+    return name if result is None else str(result.with_name("vehicle.toml"))
+
+
+def vehicle_and_identification(vehicle: str, identification: Path | None = None) -> tuple[str, Path | None]:
+    """The file, or name in the catalogue, of a vehicle, and the identification.json that belongs to it.
+
+    A result folder stands for both of its files, unless another identification is given.
+
+    Raises:
+        VehicleError: a folder without a vehicle file.
+    """
+    result = identification_file(vehicle)
+    if result is not None:
+        recover(result.parent)
+        vehicle = str(_file(vehicle))
+    if identification is not None:
+        result = identification_file(str(identification)) or identification
+    elif result is not None and not result.exists():
+        result = None
+    return vehicle, result
+
+
 def read_vehicle(name: str) -> Vehicle:
-    """The vehicle of this name in the catalogue, of this file, or of this result folder.
+    """The vehicle of this name in the catalogue, of this file, or of this result folder or identification.json.
 
     Raises:
         VehicleError: neither exists, or the file does not describe a vehicle.
@@ -36,9 +68,11 @@ def vehicle_text(name: str) -> str:
 
 
 def _file(name: str) -> Path:
-    path = Path(name)
-    if path.is_dir() and (path / "vehicle.toml").is_file():
-        return path / "vehicle.toml"
+    path = Path(vehicle_file(name))
+    if not path.is_file() and Path(name).is_dir():
+        raise VehicleError(
+            f"{name}: a folder without vehicle.toml; give a vehicle file, or the result folder of `fifthwheel identify`"
+        )
     if not path.is_file():
         raise VehicleError(
             f"{name}: no such file, and not in the catalogue, which has {', '.join(catalogue.names())}; check the path"

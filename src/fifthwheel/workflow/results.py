@@ -23,18 +23,12 @@ from fifthwheel.report import (
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
-from fifthwheel.workflow.inputs import read_vehicle
+from fifthwheel.workflow.inputs import identification_file, read_vehicle
 from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.states import StatesRun
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html")
 """Results of an assessment, besides figures."""
-
-
-def identification_file(name: str) -> Path | None:
-    """The identification.json that a folder or a file name stands for; None for a vehicle."""
-    path = Path(name)
-    return path / "identification.json" if path.is_dir() else path if path.suffix == ".json" else None
 
 
 def knowledge_file(path: Path) -> Path:

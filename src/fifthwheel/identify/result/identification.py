@@ -14,6 +14,7 @@ from fifthwheel._extras import require
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
 from fifthwheel.errors import SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -161,7 +162,7 @@ class Identification(IdentificationData):
         return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:
-        """A table of parameters with sigma and verdict, derived quantities and fits, and the notes."""
+        """A table of parameters with sigma and verdict, derived quantities and fits, the doubts, and the notes."""
         return str(self._document())
 
     def to_pandas(self) -> "pd.DataFrame":
@@ -267,4 +268,11 @@ class Identification(IdentificationData):
 
     def _document(self) -> pages.Document:
         estimates = display.estimates_table((*self.parameters, *self.derived))
-        return pages.Document(self._title, [estimates, display.fits_table(self.fits), pages.Items(self.notes)])
+        doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
+        return pages.Document(self._title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
+
+
+def _doubt_in_words(doubt: Doubt) -> str:
+    """A doubt, and which estimates it makes doubtful."""
+    doubtful = f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else ""
+    return f"{describe_doubt(doubt)}{doubtful}"

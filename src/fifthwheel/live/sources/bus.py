@@ -56,6 +56,8 @@ class LiveBus:
                 f"--bus {name}: expected INTERFACE:CHANNEL, such as socketcan:can0, with an interface of python-can: "
                 f"{', '.join(sorted(self._can.VALID_INTERFACES))}"
             )
+        if interface == "udp_multicast":
+            require("msgpack", "live")
         self.name = name
         digits = re.search(r"\d{1,6}$", channel)
         self.number = int(digits[0]) if digits and interface != "udp_multicast" else number
