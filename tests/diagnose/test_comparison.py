@@ -132,6 +132,15 @@ def test_the_headline_names_what_differs_most(result):
     )
 
 
+def test_the_headline_omits_what_a_run_does_not_identify(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, sigma=0.03))
+    unknown = estimate(REAR, value=1.4, sigma=0.04, verdict=Verdict.NOT_IDENTIFIABLE)
+    b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), unknown)
+    for first, second in ((a, b), (b, a)):
+        assert f"{spoken(FRONT)} of" in headline(compare({"a": first, "b": second}))
+        assert spoken(REAR) not in headline(compare({"a": first, "b": second}))
+
+
 def test_chance_takes_the_number_of_differences_into_account(result):
     """2.1 sigma is beyond chance alone, and not as the largest of two differences."""
     a, b = (run(result, log, estimate(FRONT, value=v, sigma=0.05 / 2**0.5)) for log, v in (("1", 1.0), ("2", 1.105)))

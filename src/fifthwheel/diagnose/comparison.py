@@ -127,8 +127,14 @@ class Comparison:
         return sorted(clear, key=lambda found: -abs(found[0].sigmas(found[1])))
 
     def _known(self) -> list[tuple[ComparedParameter, int]]:
-        """The differences that have a sigma."""
-        return [(p, k) for p in self.parameters for k in range(len(self.runs)) if p.in_sigmas(k)]
+        """The differences that have a sigma, of parameters that both runs identify."""
+        return [
+            (p, k)
+            for p in self.parameters
+            for k in range(len(self.runs))
+            if p.in_sigmas(k)
+            and not any(e and e.verdict is Verdict.NOT_IDENTIFIABLE for e in (p.estimates[0], p.estimates[k]))
+        ]
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
