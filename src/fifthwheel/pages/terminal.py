@@ -1,7 +1,7 @@
 """A document on a terminal, in Unicode or ASCII."""
 
-from collections.abc import Iterable
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Literal
 
 from fifthwheel import pages
 from fifthwheel.errors import printable_lines
@@ -66,8 +66,12 @@ class _Printer:
         """A text for this console, with brackets that are no markup and without control characters."""
         from rich.markup import escape
 
+        return escape(self._shown(text))
+
+    def _shown(self, text: str) -> str:
+        """A text as this console shows it."""
         text = printable_lines(text)
-        return escape(plain_ascii(text) if self._ascii else text)
+        return plain_ascii(text) if self._ascii else text
 
     def _line(self, text: str, style: str = "") -> None:
         self._console.print(self._text(text), style=style, highlight=False)
@@ -77,27 +81,21 @@ class _Printer:
         self._line(text, "bold")
 
     def _table(self, table: pages.Table) -> None:
-        """A table without lines, and without the columns that have HTML; where it is too wide, its numbers wrap too."""
+        """A table without lines, and without the columns that have HTML; where it is too wide, its cells wrap, if
+        possible between words."""
         from rich.table import Table as Grid
 
         shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
         columns = [table.columns[k] for k in shown] or table.columns
         grid = Grid(box=None, pad_edge=False, padding=(0, 1, 0, 0), header_style="bold underline")
-        texts = [[column.head] for column in columns]
+        texts = [[self._shown(column.head)] for column in columns]
         for row in table.rows:
             for k, place in zip(shown, texts, strict=True):
-                place.append(_plain(row[k]))
-        fits = sum(1 + max(map(len, column)) for column in texts) <= self._console.width
-        for k, column in enumerate(columns):
-            head, right = self._text(column.head), column.is_number
-            words = [len(word) for text in texts[k] for word in text.split()]
-            grid.add_column(
-                head,
-                justify="right" if right else "left",
-                overflow="fold",
-                no_wrap=right and fits,
-                min_width=None if fits else min(max(words, default=1), WORD),
-            )
+                place.append(self._shown(_plain(row[k])))
+        widths = _widths(texts, self._console.width - len(columns) + 1)
+        for column, width in zip(columns, widths, strict=True):
+            justify: Literal["left", "right"] = "right" if column.is_number else "left"
+            grid.add_column(self._text(column.head), justify=justify, overflow="fold", width=width)
         for row in table.rows:
             grid.add_row(*[self._cell(row[k]) for k in shown])
         self._console.print()
@@ -119,6 +117,20 @@ class _Printer:
         for line in items.lines:
             grid.add_row("-", self._text(line))
         self._console.print(grid)
+
+
+def _widths(texts: Sequence[Sequence[str]], total: int) -> list[int]:
+    """Widths of columns by the texts of head and cells, in characters.
+
+    Every column has room for its longest word, or if that is too much for its longest word up to `WORD` characters; the
+    rest goes to the narrowest columns whose cells need it.
+    """
+    words = [max((len(word) for text in column for word in text.split()), default=1) for column in texts]
+    widths = words if sum(words) <= total else [min(word, WORD) for word in words]
+    needed = [max(map(len, cells), default=0) for _, *cells in texts]
+    while sum(widths) < total and (narrow := [k for k, width in enumerate(widths) if width < needed[k]]):
+        widths[min(narrow, key=lambda k: widths[k])] += 1
+    return widths
 
 
 def _plain(cell: pages.Cell) -> str:
