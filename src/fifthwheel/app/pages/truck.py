@@ -205,14 +205,10 @@ def _field(question: Question, answer: str, keep: Any) -> ui.element:
             field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
             field.on_value_change(lambda event: keep(event.value))
         else:
-            hint = question.loads_example if question.is_slip else _EXAMPLES[question.unit]
-            field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
+            field = ui.input(value=answer, placeholder=question.example, validation=partial(_error, question))
             field.on("change", lambda: keep(field.value))
         field.classes("w-full").props("dense outlined")
         field.props["aria-label"] = question.text
         if question.required:
             field.props["aria-required"] = "true"
     return row
-
-
-_EXAMPLES = {"m": "7.7 m +- 2 cm", "kg": "7.2 t +- 3 %"}
