@@ -165,7 +165,14 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
         for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
             page.get_by_label(label).click()
             page.get_by_role("option", name=name, exact=True).click()
-        page.get_by_role("button", name="Use this truck").wait_for()
+        page.get_by_role("region", name="Described truck").locator(".modebar").wait_for(state="attached")
+        field = page.get_by_label("Mass of the load")
+        for text, usable in (("15.5 t?", False), ("", True)):
+            field.fill(text)
+            field.press("Tab")
+            refusal = page.get_by_text("Correct or remove the answer to: Mass of the load")
+            refusal.wait_for(state="detached" if usable else "visible")
+            page.get_by_role("button", name="Use this truck", disabled=not usable).wait_for()
         page.reload()
         assert page.get_by_label("Slip of the tractor alone").input_value() == "5200 2000"
         page.get_by_role("button", name="Use this truck").click()

@@ -143,11 +143,18 @@ def _questions(workspace: Workspace) -> None:
 
 @ui.refreshable
 def preview(workspace: Workspace) -> None:
-    """The drawing of the truck that the answers describe, and the button that takes it."""
-    answers = {key: text for key, text in _valid(workspace.choices().truck).items() if _known(key, text)}
-    missing = [question.text for question in QUESTIONS if question.required and question.key not in answers]
+    """The drawing of the truck that the answers describe, and the button that takes it unless an answer is refused."""
+    given = _valid(workspace.choices().truck)
+    answers = {key: text for key, text in given.items() if _known(key, text)}
+    shown = [question for question in QUESTIONS if _applies(question, given)]
+    refused = [question.text for question in shown if question.key in given.keys() - answers.keys()]
+    missing = [question.text for question in QUESTIONS if question.required and question.key not in given]
+    if refused:
+        layout.failure(f"Correct or remove the answer to: {'; '.join(refused)}.")
     if missing:
         ui.label(f"Still needed: {'; '.join(missing)}.").props("role=status")
+    if refused or missing:
+        ui.button("Use this truck", icon="check").props("no-caps").disable()
         return
     try:
         text = new_vehicle(describe({key: answers[key] for key in answers if _applies(_BY_KEY[key], answers)}))
