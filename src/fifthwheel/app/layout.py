@@ -176,9 +176,9 @@ def finding(severity: str, message: str) -> None:
         ui.label(message)
 
 
-def failure(message: str) -> None:
+def failure(message: str) -> ui.label:
     """A message in the page; screen readers read it at once."""
-    ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
+    return ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
 
 
 def say(message: str) -> None:
