@@ -106,6 +106,9 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
             page.get_by_role("link", name="Save as CSV").click()
         assert download.value.path().read_text().startswith("parameter,run,value,sigma")
         page.get_by_role("img", name="Measured and predicted, lane_changes.csv").wait_for(timeout=LONG)
+        page.locator(".q-chip__icon--remove").last.click()
+        page.get_by_text("Choose a second result.").wait_for()
+        assert table.count() == 0
 
     logged = capsys.readouterr().out
     assert "name: expected letters" in logged
