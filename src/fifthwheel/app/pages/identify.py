@@ -82,7 +82,8 @@ class _Settings:
             def add() -> None:
                 if name.value and value.value:
                     given = self._value(known.STATEMENTS, [])
-                    self._keep(known.STATEMENTS, [], [*given, f"{name.value}={value.value}"])
+                    stated = f"{name.value}={layout.with_decimal_points(value.value)}"
+                    self._keep(known.STATEMENTS, [], [*given, stated])
                     name.value, value.value = None, ""
 
             ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
