@@ -251,8 +251,9 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
         select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
         ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
-        ui.link("vehicle.toml", result_files.address(chosen, "vehicle.toml"))
-        ui.link("identification.json", result_files.address(chosen, "identification.json"))
+        for file in result_files.DATA:
+            if (workspace.run(chosen) / file).is_file():
+                ui.link(file, result_files.address(chosen, file))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
         rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
