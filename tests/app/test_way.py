@@ -192,15 +192,17 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
 def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
     prepared(tmp_path / "w", count=40)
     with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
+        page.get_by_label("Name of the result").fill("long")
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
         page.reload()
         page.get_by_role("progressbar").wait_for()
         page.get_by_role("button", name="Cancel").click()
         page.get_by_text("Cancelled; no result was changed.").wait_for()
+        assert page.get_by_label("Name of the result").input_value() == "long"
         page.get_by_role("button", name="Identify", exact=True).wait_for()
         assert page.get_by_text("interrupted before its end").count() == 0
-    assert not (tmp_path / "w" / "runs" / "run-1").exists()
+    assert not (tmp_path / "w" / "runs" / "long").exists()
 
 
 def test_a_result_is_replaced_only_after_a_question(browser, tmp_path, result):

@@ -205,13 +205,15 @@ def _run(workspace: Workspace) -> None:
     if running:
         layout.show_progress(KEY, partial(_ended, workspace))
     else:
-        with ui.row().classes("items-end"):
-            name = ui.input("Name of the result", value=runs.next_name(workspace)).classes("fw-field")
-            ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
         if job is not None and job.state == "failed":
             layout.failure(job.error)
         elif job is not None and job.state == "cancelled":
             ui.label("Cancelled; no result was changed.").props("role=status")
+        with ui.row().classes("items-end"):
+            unfinished = job is not None and job.state in ("failed", "cancelled")
+            made = job.product if job is not None and unfinished else runs.next_name(workspace)
+            name = ui.input("Name of the result", value=made).classes("fw-field")
+            ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
     for left in runs.interrupted(workspace) if not running else ():
         with ui.row().classes("items-center"):
             ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again, or delete it.")
@@ -227,7 +229,8 @@ async def _start(workspace: Workspace, name: str) -> None:
     question = f"There is a result {plain} already. Replace it? This cannot be undone."
     if plain in runs.results(workspace) and not await layout.confirmed(question, "Replace"):
         return
-    jobs.start(KEY, runs.identify, folder, plain, on_cancel=partial(runs.discard_empty, folder, plain))
+    discard = partial(runs.discard_empty, folder, plain)
+    jobs.start(KEY, runs.identify, folder, plain, product=plain, on_cancel=discard)
     _run.refresh()
 
 
