@@ -144,6 +144,7 @@ def _layout(plot: PanelGrid) -> Figure:
         "separators": ".\u202f",
         "legend": {"orientation": "h", "y": -0.12, "yanchor": "top"},
         "shapes": [],
+        "modebar": {"orientation": "v"},
         "annotations": [],
     }
     domains = list(_domains(plot))
