@@ -163,7 +163,7 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
             field.press("Tab")
         page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
         field = page.get_by_label("Front axle to the first axle behind it")
-        field.fill("3.7 m")
+        field.fill("3,7 m")
         field.press("Tab")
         for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
             page.get_by_label(label).click()

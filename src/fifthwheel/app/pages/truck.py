@@ -122,7 +122,7 @@ def _questions(workspace: Workspace) -> None:
 
     def keep(question: Question, value: str | None) -> None:
         answers = _valid(workspace.choices().truck)
-        text = (value or "").strip()
+        text = _answer(question, value or "")
         if text == answers.get(question.key, ""):
             return
         answers = {**answers, question.key: text} if text else {k: a for k, a in answers.items() if k != question.key}
@@ -194,11 +194,16 @@ def _applies(question: Question, answers: Mapping[str, str]) -> bool:
         return False
 
 
+def _answer(question: Question, text: str) -> str:
+    """A text as an answer: a number may have a decimal comma, the commas of a slip separate its loads."""
+    return layout.with_decimal_points(text.strip()) if question.unit else text.strip()
+
+
 def _error(question: Question, text: str) -> str | None:
     """Why a text is no answer; None if it is one, or empty."""
     try:
-        if text.strip():
-            question.parse(text.strip())
+        if answer := _answer(question, text):
+            question.parse(answer)
     except VehicleError as error:
         return str(error)
     return None
