@@ -289,6 +289,11 @@ def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
         two.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
         two.get_by_text("Settings", exact=True).click()
         assert two.get_by_label("Load of any shape").is_checked()
+        passes = two.get_by_role("textbox", name=re.compile("^Passes"))
+        passes.fill("2.5")
+        two.get_by_text("Passes: expected a whole number").wait_for()
+        two.wait_for_timeout(500)
+        assert passes.input_value() == ""
         two.get_by_label("Refuse implausible signals").click()
         one.wait_for_timeout(2500)
         assert not one.get_by_label("Refuse implausible signals").is_checked()

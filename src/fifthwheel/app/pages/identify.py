@@ -187,7 +187,7 @@ class _Settings:
         if not isinstance(field, ui.checkbox):
             field.classes("w-full").props("dense outlined")
 
-        def change(event: Any) -> None:
+        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
             try:
                 self._keep(key, default, default if event.value in ("", None) else convert(event.value))
             except FifthwheelError:
