@@ -157,7 +157,30 @@ def test_a_decimal_comma_is_a_decimal_point(browser, tmp_path):
         delay = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True)
         delay.fill("-3566")
         page.get_by_text("expected at most 60 s, got -3566 s").first.wait_for()
+        delay.press("Tab")
+        page.wait_for_function("document.querySelector('[aria-label=\"Delay of yaw_rate.semitrailer\"]').value == '0'")
     assert (mapped(tmp_path / "w")[TRAILER].gain, mapped(tmp_path / "w")[TRAILER].delay) == (0.054, 0.0)
+
+
+def test_a_field_shows_the_file_after_a_refusal_which_stays_until_the_next_change(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        before = mapped(tmp_path / "w")
+        row = section(page, TRAILER)
+        unit, column = (row.get_by_label(f"{key} of {TRAILER}", exact=True) for key in ("Unit", "Column"))
+        kept = unit.input_value()
+        unit.fill("kg")
+        unit.press("Tab")
+        row.get_by_role("alert").get_by_text("kg").wait_for()
+        assert unit.input_value() == kept
+        column.fill("yaw_rate.tractor")
+        page.get_by_role("option", name="yaw_rate.tractor", exact=True).click()
+        row.get_by_role("alert").get_by_text("yaw_rate.tractor").wait_for()
+        page.wait_for_timeout(1000)
+        assert column.input_value() == TRAILER
+        assert mapped(tmp_path / "w") == before
+        row.get_by_role("button", name="−", exact=True).click()
+        row.get_by_role("alert").wait_for(state="hidden")
 
 
 def test_a_log_that_cannot_be_read_is_not_used(browser, tmp_path):

@@ -155,10 +155,9 @@ def test_what_speaks_against_a_map(workspace):
     ]  # fmt: skip
 
 
-def test_a_slip_of_two_loads_has_an_example_of_two():
-    slips = {q.key: q for q in QUESTIONS if q.is_slip}
-    for key, question in slips.items():
-        assert question.parse(question.loads_example), key
+@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.key)
+def test_each_question_without_choices_has_an_example_that_answers_it(question):
+    assert question.choices or question.parse(question.example)
 
 
 def test_only_predicted_logs_are_refused(workspace):

@@ -106,6 +106,9 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
             page.get_by_role("link", name="Save as CSV").click()
         assert download.value.path().read_text().startswith("parameter,run,value,sigma")
         page.get_by_role("img", name="Measured and predicted, lane_changes.csv").wait_for(timeout=LONG)
+        page.locator(".q-chip__icon--remove").last.click()
+        page.get_by_text("Choose a second result.").wait_for()
+        assert table.count() == 0
 
     logged = capsys.readouterr().out
     assert "name: expected letters" in logged
@@ -160,12 +163,19 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
             field.press("Tab")
         page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
         field = page.get_by_label("Front axle to the first axle behind it")
-        field.fill("3.7 m")
+        field.fill("3,7 m")
         field.press("Tab")
         for label, name in (("Class of the tractor", "tractor_4x2"), ("Class of the semitrailer", "semitrailer_3")):
             page.get_by_label(label).click()
             page.get_by_role("option", name=name, exact=True).click()
-        page.get_by_role("button", name="Use this truck").wait_for()
+        page.get_by_role("region", name="Described truck").locator(".modebar").wait_for(state="attached")
+        field = page.get_by_label("Mass of the load")
+        for text, usable in (("15.5 t?", False), ("", True)):
+            field.fill(text)
+            field.press("Tab")
+            refusal = page.get_by_text("Correct or remove the answer to: Mass of the load")
+            refusal.wait_for(state="detached" if usable else "visible")
+            page.get_by_role("button", name="Use this truck", disabled=not usable).wait_for()
         page.reload()
         assert page.get_by_label("Slip of the tractor alone").input_value() == "5200 2000"
         page.get_by_role("button", name="Use this truck").click()
@@ -182,15 +192,17 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
 def test_a_reload_keeps_an_identification_and_cancel_ends_it(browser, tmp_path):
     prepared(tmp_path / "w", count=40)
     with served(tmp_path / "w") as address, tab(browser, f"{address}identify") as page:
+        page.get_by_label("Name of the result").fill("long")
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text(re.compile("fit|residual", re.IGNORECASE)).first.wait_for(timeout=LONG)
         page.reload()
         page.get_by_role("progressbar").wait_for()
         page.get_by_role("button", name="Cancel").click()
         page.get_by_text("Cancelled; no result was changed.").wait_for()
+        assert page.get_by_label("Name of the result").input_value() == "long"
         page.get_by_role("button", name="Identify", exact=True).wait_for()
         assert page.get_by_text("interrupted before its end").count() == 0
-    assert not (tmp_path / "w" / "runs" / "run-1").exists()
+    assert not (tmp_path / "w" / "runs" / "long").exists()
 
 
 def test_a_result_is_replaced_only_after_a_question(browser, tmp_path, result):
@@ -277,6 +289,11 @@ def test_two_tabs_do_not_overwrite_each_other(browser, tmp_path):
         two.get_by_text("Load of any shape: yes.").wait_for()  # it has reloaded, and shows the settings
         two.get_by_text("Settings", exact=True).click()
         assert two.get_by_label("Load of any shape").is_checked()
+        passes = two.get_by_role("textbox", name=re.compile("^Passes"))
+        passes.fill("2.5")
+        two.get_by_text("Passes: expected a whole number").wait_for()
+        two.wait_for_timeout(500)
+        assert passes.input_value() == ""
         two.get_by_label("Refuse implausible signals").click()
         one.wait_for_timeout(2500)
         assert not one.get_by_label("Refuse implausible signals").is_checked()

@@ -510,7 +510,7 @@ def test_what_cannot_be_read(command, folder, run):
     refused(run(command, "binary.csv", *truck), r"binary\.csv: ")
     refused(run(command, "text.csv", *truck), r"text\.csv: ")
     refused(run(command, good, "-v", "lorry"), r"lorry: no such file, and not in the catalogue, which has ")
-    refused(run(command, good, "-v", "."), r"\.: (no such file|a folder without identification.json)")
+    refused(run(command, good, "-v", "."), r"\.: (no such file|a folder without (identification.json|vehicle.toml))")
     refused(run(command, good, *truck, "-s", "nothing.toml"), r"nothing\.toml: cannot be read")
     refused(run(command, good, "-v", good), r".*first\.csv: ")
     assert sorted(path.name for path in Path().iterdir()) == ["binary.csv", "text.csv"]

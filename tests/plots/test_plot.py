@@ -197,3 +197,14 @@ def test_a_range_shows_all_finite_values():
     assert visible_range([np.inf]) == (-1.0, 1.0)
     assert visible_range(3.0) == (2.0, 4.0)
     assert trimmed(np.array([*range(101), np.nan]), 0.05) == pytest.approx([5, 95])
+
+
+@pytest.mark.parametrize(
+    ("values", "ticks"),
+    [([0.02, 10.0], {"dtick": 1}), ([0.3, 2.0], {"ticktext": ["0.1", "0.2", "0.5", "1", "2", "5"]}), ([1.1, 1.4], {})],
+)
+def test_ticks_of_a_logarithmic_axis_have_their_whole_value(values, ticks):
+    axis = Axis(log=True)
+    plot = Plot(panels=[Panel(items=[Line([1.0, 2.0], values)], y=axis)])
+    y = plotly_figure.figure(plot)["layout"]["yaxis"]
+    assert {key: y[key] for key in ("dtick", "ticktext") if key in y} == ticks

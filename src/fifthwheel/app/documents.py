@@ -100,7 +100,7 @@ def drawn(plot: Plot, *, height: int, log: str | None = None) -> dict[str, Any]:
     """A plot as `ui.plotly` takes it; over the time of a log in the window that the tab has zoomed to."""
     content = figure(plot)
     own: dict[str, Any] = {"height": height, "autosize": True, "paper_bgcolor": _CLEAR, "plot_bgcolor": _CLEAR}
-    own["modebar"] = {"bgcolor": _CLEAR, "color": "#999999", "activecolor": "#333333"}
+    own["modebar"] = content["layout"]["modebar"] | {"bgcolor": _CLEAR, "color": "#999999", "activecolor": "#333333"}
     if log is not None:
         own["hovermode"] = False  # the time cursor shows the values
         if window := kept_zoom(log):

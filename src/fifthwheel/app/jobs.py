@@ -38,6 +38,8 @@ class Job:
     """Work with this title, and how much of it is done; 0 where it is not known."""
     result: Any = None
     error: str = ""
+    product: str = ""
+    """Name of what it makes."""
     started: float = field(default_factory=time.monotonic)
     title_since: float = field(default_factory=time.monotonic)
     process: Any = None
@@ -89,7 +91,12 @@ def get(key: str) -> Job | None:
 
 
 def start(
-    key: str, function: Callable[..., Any], *args: Any, on_cancel: Callable[[], object] = lambda: None, **options: Any
+    key: str,
+    function: Callable[..., Any],
+    *args: Any,
+    product: str = "",
+    on_cancel: Callable[[], object] = lambda: None,
+    **options: Any,
 ) -> Job:
     """Start `function(*args, progress=..., **options)` in a process; a job with this key that runs already is returned.
 
@@ -100,7 +107,7 @@ def start(
     if job is not None and job.running:
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
-    job = Job(on_cancel=on_cancel)
+    job = Job(product=product, on_cancel=on_cancel)
     job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
     _jobs[key] = job
     job.process.start()

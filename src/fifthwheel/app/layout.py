@@ -176,9 +176,9 @@ def finding(severity: str, message: str) -> None:
         ui.label(message)
 
 
-def failure(message: str) -> None:
+def failure(message: str) -> ui.label:
     """A message in the page; screen readers read it at once."""
-    ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
+    return ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
 
 
 def say(message: str) -> None:
@@ -205,12 +205,24 @@ def typed_number(text: str | None) -> float | None:
     plain = (text or "").strip().replace("\u2212", "-")
     if not plain:
         return None
+    plain = with_decimal_points(plain)
     if not _NUMBER.fullmatch(plain):
         raise FifthwheelError(f"expected a number without separators of thousands, got {plain!r}; correct it")
-    return float(plain.replace(",", "."))
+    return float(plain)
 
 
-_NUMBER = re.compile(r"[+-]?(\d+[.,]?\d*|[.,]\d+)([eE][+-]?\d{1,2})?")
+def with_decimal_points(text: str) -> str:
+    """A text with its decimal commas as points; a comma that may separate thousands, as in 1,234, stays.
+
+    >>> with_decimal_points("0,8 m +- 2,5 cm"), with_decimal_points("1,234 kg")
+    ('0.8 m +- 2.5 cm', '1,234 kg')
+    """
+    return _DECIMAL_COMMA.sub(r"\1.\2", text)
+
+
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,2})?")
+_THOUSANDS = r"[1-9]\d{0,2},\d{3}(?!\d)"
+_DECIMAL_COMMA = re.compile(rf"(?<![\d.,])(?!{_THOUSANDS})(\d*),(\d+)(?![\d.,])")
 
 
 def number_field(
@@ -239,7 +251,7 @@ def number_field(
 
     def show() -> None:
         if not error(field.value):
-            field.set_value((field.value or "").replace(",", "."))
+            field.set_value(with_decimal_points(field.value or ""))
 
     field = ui.input(label, value=shown_number(value, form), validation=error).props(
         "inputmode=decimal hide-bottom-space"

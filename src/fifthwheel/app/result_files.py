@@ -15,7 +15,9 @@ from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.report import write_comparison_page
 
-FILES = ("report.html", "vehicle.toml", "identification.json", "states.parquet")
+DATA = ("vehicle.toml", "identification.json", "states.parquet")
+"""What can be downloaded of a result."""
+FILES = ("report.html", *DATA)
 """What can be asked for."""
 SANDBOX = "sandbox allow-scripts"
 """The report draws its plots, but cannot read or change anything else."""

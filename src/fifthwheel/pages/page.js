@@ -15,7 +15,7 @@
     displaylogo: false,
     responsive: true,
     doubleClick: false,  // resetGroup() below handles it
-    displayModeBar: coarse ? true : "hover",
+    displayModeBar: "hover",
     modeBarButtons: [coarse ? ["zoom2d", "pan2d", "resetScale2d"]
       : ["toImage", "zoom2d", "pan2d", "zoomIn2d", "zoomOut2d", "resetScale2d"]],
   };

@@ -29,7 +29,6 @@ POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-sr
 LEVEL = 5
 """Of the compression; 9 takes twice as long for 1 % less."""
 MARGINS = {"": {"l": 56, "r": 12, "t": 30, "b": 44}, "small": {"l": 46, "r": 10, "t": 26, "b": 40}}
-MARGINS["wide"] = MARGINS[""] | {"t": 46}  # the title of the first panel is below the buttons
 """Around a plot by its size, pixels."""
 IMAGE_SIZES = {"tall": (6.4, 4.6), "small": (4.2, 3.0)}
 """Inches."""

@@ -1,5 +1,6 @@
 """A plot as plotly.js takes it: nested dictionaries of traces and layout."""
 
+import math
 from collections.abc import Iterable
 from typing import Any
 
@@ -143,6 +144,7 @@ def _layout(plot: PanelGrid) -> Figure:
         "hovermode": "x" if plot.shared_x else "closest",
         "separators": ".\u202f",
         "legend": {"orientation": "h", "y": -0.12, "yanchor": "top"},
+        "modebar": {"orientation": "v"},
         "shapes": [],
         "annotations": [],
     }
@@ -151,12 +153,12 @@ def _layout(plot: PanelGrid) -> Figure:
         x, y = _references(plot, k)
         row, column = divmod(k, plot.columns)
         left, right = (column + 0.08 * (column > 0)) / plot.columns, (column + 1) / plot.columns
-        layout[f"yaxis{y[1:]}"] = axis_style(panel.y) | {"domain": domains[row], "anchor": x}
+        layout[f"yaxis{y[1:]}"] = _axis(panel, "y") | {"domain": domains[row], "anchor": x}
         if panel.equal:
             layout[f"yaxis{y[1:]}"] |= {"scaleanchor": x, "scaleratio": 1}
         lowest = not plot.one_x_axis or k == len(plot.panels) - 1
         if lowest:
-            layout[f"xaxis{x[1:]}"] = axis_style(panel.x) | {"domain": [left, right], "anchor": y, "tickangle": 0}
+            layout[f"xaxis{x[1:]}"] = _axis(panel, "x") | {"domain": [left, right], "anchor": y, "tickangle": 0}
             if plot.shared_x and x != "x":
                 layout[f"xaxis{x[1:]}"]["matches"] = "x"
         if panel.title:
@@ -178,6 +180,28 @@ def _domains(plot: PanelGrid) -> Iterable[list[float]]:
         bottom = top - available * height / sum(heights)
         yield [max(bottom, 0.0), top]
         top = bottom - gap
+
+
+def _axis(panel: Panel, name: str) -> Figure:
+    """The style of an axis, "x" or "y", of a panel."""
+    axis: Axis = getattr(panel, name)
+    if not axis.log:
+        return axis_style(axis)
+    drawn = [as_array(getattr(item, name)) for item in panel.items if isinstance(item, Line | Points)]
+    values = np.concatenate([np.asarray(axis.range), *drawn] if axis.range else [[], *drawn])
+    values = values[np.isfinite(values) & (values > 0)]
+    return axis_style(axis) | (_log_ticks(values.min(), values.max()) if values.size else {})
+
+
+def _log_ticks(low: float, high: float) -> Figure:
+    """Ticks with their whole value: powers of ten, or 1, 2 and 5 times these if the range is shorter."""
+    if high > 100 * low:
+        return {"dtick": 1}
+    powers = range(math.floor(math.log10(low)), math.floor(math.log10(high)) + 1)
+    ticks = [digit * 10.0**power for power in powers for digit in (1, 2, 5)]
+    if sum(low <= tick <= high for tick in ticks) < 2:
+        return {}  # plotly.js gives such a range the ticks of a linear axis
+    return {"tickvals": ticks, "ticktext": [np.format_float_positional(tick, 6, trim="-") for tick in ticks]}
 
 
 def axis_style(axis: Axis) -> Figure:

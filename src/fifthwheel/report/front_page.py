@@ -24,7 +24,7 @@ ESTIMATES = (
     *("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Verdict|full"),
     "Prior, vehicle file, estimate|full",
 )
-PRIORS = ("Parameter|name", "Prior>|main", "Vehicle file>", "Settled after>")
+PRIORS = ("Parameter|name", "Prior>", "Vehicle file>", "Settled after>")
 WIDTH, HEIGHT, MARGIN = 260, 18, 6
 """Of the picture of an estimate, pixels."""
 LEAST_RANGE = 0.3

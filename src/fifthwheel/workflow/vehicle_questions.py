@@ -30,6 +30,8 @@ class Question:
     """Least and largest quantity, in the unit. The ranges are wider than those of road vehicles, heavy haulage
     included: an answer outside has a wrong unit or digit."""
     choices: tuple[str, ...] = ()
+    example: str = ""
+    """An answer, unless there are choices."""
     required: bool = False
     sigma: float | None = None
     """Standard deviation as a fraction where the answer states none."""
@@ -46,11 +48,6 @@ class Question:
     def is_slip(self) -> bool:
         """Whether the answer is the loads of a slip."""
         return not self.unit and not self.choices
-
-    @property
-    def loads_example(self) -> str:
-        """Loads of a slip, kg, as many as the answer has."""
-        return "5200 2000" if self.key == "solo" else "6850 10500 22500"
 
     def parse(self, answer: str) -> Any:
         """The value of an answer: a choice, value and standard deviation, or loads by their paths.
@@ -112,25 +109,40 @@ SPREADS = (0.8, 3.5)
 QUESTIONS = (
     Question(key="tractor", choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)), required=True),
     Question(key="trailer", choices=tuple(name for name in CLASSES if name.startswith(TRAILER)), required=True),
-    Question(key="wheelbase", unit="m", limits=(2, 8), required=True),
+    Question(key="wheelbase", unit="m", limits=(2, 8), example="3.7 m +- 2 cm", required=True),
     Question(
         key="tractor_spread",
         unit="m",
         limits=SPREADS,
+        example="1.35 m +- 1 cm",
         unused=_one_axle(TRACTOR),
     ),
-    Question(key="fifth_wheel", unit="m", limits=(1, 9)),
-    Question(key="trailer_wheelbase", unit="m", limits=(3, 15), required=True),
-    Question(key="trailer_spread", unit="m", limits=SPREADS, unused=_one_axle("trailer")),
-    Question(key="laden"),
-    Question(key="solo"),
-    Question(key="empty", unused=_without_laden),
-    Question(key="tractor_tare", unit="kg", limits=(3e3, 2e4), sigma=TARE_SIGMA, unused=_given("solo")),
-    Question(key="trailer_tare", unit="kg", limits=(1.5e3, 2.5e4), sigma=TARE_SIGMA, unused=_given("empty")),
-    Question(key="load_mass", unit="kg", limits=(0, 8e4)),
-    Question(key="load_height", unit="m", limits=(0.05, 4), unused=_without_load),
-    Question(key="load_width", unit="m", limits=(0.2, 5), unused=_without_load),
-    Question(key="floor_height", unit="m", limits=(0.2, 2), unused=_without_load),
+    Question(key="fifth_wheel", unit="m", limits=(1, 9), example="3.1 m +- 3 cm"),
+    Question(key="trailer_wheelbase", unit="m", limits=(3, 15), example="7.7 m +- 2 cm", required=True),
+    Question(key="trailer_spread", unit="m", limits=SPREADS, example="1.31 m +- 1 cm", unused=_one_axle("trailer")),
+    Question(key="laden", example="6850 10500 22500"),
+    Question(key="solo", example="5200 2000"),
+    Question(key="empty", example="5800 4200 4700", unused=_without_laden),
+    Question(
+        key="tractor_tare",
+        unit="kg",
+        limits=(3e3, 2e4),
+        example="7.2 t +- 3 %",
+        sigma=TARE_SIGMA,
+        unused=_given("solo"),
+    ),
+    Question(
+        key="trailer_tare",
+        unit="kg",
+        limits=(1.5e3, 2.5e4),
+        example="6.4 t +- 3 %",
+        sigma=TARE_SIGMA,
+        unused=_given("empty"),
+    ),
+    Question(key="load_mass", unit="kg", limits=(0, 8e4), example="21 t +- 2 %"),
+    Question(key="load_height", unit="m", limits=(0.05, 4), example="2.2 m +- 20 cm", unused=_without_load),
+    Question(key="load_width", unit="m", limits=(0.2, 5), example="2.4 m +- 5 cm", unused=_without_load),
+    Question(key="floor_height", unit="m", limits=(0.2, 2), example="1.2 m +- 3 cm", unused=_without_load),
     Question(key="load_shape", choices=("uniform", "point"), unused=_without_load),
     Question(key="trailer_tyres", choices=tuple(TYRES)),
 )

@@ -1,7 +1,5 @@
 """Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
-from typing import Any
-
 from nicegui import ui
 
 from fifthwheel.app import documents, inputs, jobs, layout, result_files, runs
@@ -19,9 +17,12 @@ def build(workspace: Workspace) -> None:
     if len(results) < 2:
         layout.next_step("There are fewer than two results; identify again, with other logs or settings.", "identify")
         return
-    asked = [name for name in ui.context.client.request.query_params.getlist("run") if name in results]
-    chosen = asked if len(asked) > 1 else results[:MOST][::-1]
+    asked = ui.context.client.request.query_params.getlist("run")
+    chosen = [name for name in asked if name in results] if asked else results[:MOST][::-1]
     _choice(results, chosen)
+    if len(chosen) < 2:
+        ui.label("Choose a second result." if chosen else "Choose two results.").props("role=status")
+        return
     place = ui.column().classes("w-full")
     with place:
         ui.spinner(size="2em").props('role=status aria-label="Comparing"')
@@ -37,11 +38,20 @@ def _choice(results: list[str], chosen: list[str]) -> None:
     select = ui.select(results, value=chosen, multiple=True, label="Results; the first is the reference")
     select.classes("w-full").props("use-chips")
 
-    def change(event: Any) -> None:
-        if len(event.value) > 1:
-            ui.navigate.to(f"?{layout.query(run=list(event.value))}")
+    opened = False
 
-    select.on("popup-hide", lambda: change(select))
+    def show(opens: bool) -> None:
+        nonlocal opened
+        opened = opens
+        change()
+
+    def change() -> None:
+        if not opened and select.value != chosen:
+            ui.navigate.to(f"?{layout.query(run=select.value or [''])}")
+
+    select.on("popup-show", lambda: show(True))
+    select.on("popup-hide", lambda: show(False))
+    select.on_value_change(change)
 
 
 def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> None:

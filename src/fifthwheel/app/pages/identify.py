@@ -82,7 +82,8 @@ class _Settings:
             def add() -> None:
                 if name.value and value.value:
                     given = self._value(known.STATEMENTS, [])
-                    self._keep(known.STATEMENTS, [], [*given, f"{name.value}={value.value}"])
+                    stated = f"{name.value}={layout.with_decimal_points(value.value)}"
+                    self._keep(known.STATEMENTS, [], [*given, stated])
                     name.value, value.value = None, ""
 
             ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
@@ -186,7 +187,7 @@ class _Settings:
         if not isinstance(field, ui.checkbox):
             field.classes("w-full").props("dense outlined")
 
-        def change(event: Any) -> None:
+        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
             try:
                 self._keep(key, default, default if event.value in ("", None) else convert(event.value))
             except FifthwheelError:
@@ -204,13 +205,15 @@ def _run(workspace: Workspace) -> None:
     if running:
         layout.show_progress(KEY, partial(_ended, workspace))
     else:
-        with ui.row().classes("items-end"):
-            name = ui.input("Name of the result", value=runs.next_name(workspace)).classes("fw-field")
-            ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
         if job is not None and job.state == "failed":
             layout.failure(job.error)
         elif job is not None and job.state == "cancelled":
             ui.label("Cancelled; no result was changed.").props("role=status")
+        with ui.row().classes("items-end"):
+            unfinished = job is not None and job.state in ("failed", "cancelled")
+            made = job.product if job is not None and unfinished else runs.next_name(workspace)
+            name = ui.input("Name of the result", value=made).classes("fw-field")
+            ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
     for left in runs.interrupted(workspace) if not running else ():
         with ui.row().classes("items-center"):
             ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again, or delete it.")
@@ -226,7 +229,8 @@ async def _start(workspace: Workspace, name: str) -> None:
     question = f"There is a result {plain} already. Replace it? This cannot be undone."
     if plain in runs.results(workspace) and not await layout.confirmed(question, "Replace"):
         return
-    jobs.start(KEY, runs.identify, folder, plain, on_cancel=partial(runs.discard_empty, folder, plain))
+    discard = partial(runs.discard_empty, folder, plain)
+    jobs.start(KEY, runs.identify, folder, plain, product=plain, on_cancel=discard)
     _run.refresh()
 
 
@@ -250,8 +254,9 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
         select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
         ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
-        ui.link("vehicle.toml", result_files.address(chosen, "vehicle.toml"))
-        ui.link("identification.json", result_files.address(chosen, "identification.json"))
+        for file in result_files.DATA:
+            if (workspace.run(chosen) / file).is_file():
+                ui.link(file, result_files.address(chosen, file))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
         rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")

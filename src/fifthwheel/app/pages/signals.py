@@ -9,7 +9,7 @@ from fifthwheel.app import documents, inputs, jobs, layout
 from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.checks import Finding
-from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.errors import FifthwheelError, SignalError, printable
 from fifthwheel.formatting import digits, percent
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.edited_map import with_channel, without_channel
@@ -55,6 +55,8 @@ class _Page:
         self._latest = 0
         self._plots: dict[str, ui.plotly] = {}
         self._sections: dict[str, ui.element] = {}
+        self._fields: dict[str, dict[str, Any]] = {}
+        self._refusals: dict[str, ui.label] = {}
         self._found = ""
 
     def build(self) -> None:
@@ -211,46 +213,71 @@ class _Page:
             self._sections[signal] = section
             layout.heading(signal)
             with ui.row().classes("items-end w-full"):
+                fields: dict[str, Any] = {}
                 if channel.column is not None:
-                    self._column(signal, channel)
+                    fields["column"] = self._column(signal, channel)
                 else:
                     ui.label(f"sum of {', '.join(map(printable, channel.columns))}")
-                unit = self._unit_in_log(channel)
-                text = ui.input("Unit", value=channel.unit or unit or si_unit(signal) or "")
-                text.on_value_change(partial(self._changed, signal, "unit"))
-                sign = ui.toggle({1: "+", -1: "−"}, value=channel.sign).props("dense")
-                sign.props["aria-label"] = f"Sign of {signal}"
-                sign.on_value_change(partial(self._changed, signal, "sign"))
-                gain = layout.number_field("Gain", channel.gain, partial(self._set, signal, "gain"))
-                delay = layout.number_field("Delay, s", float(channel.delay), partial(self._set, signal, "delay"))
-                for field, key in ((text, "Unit"), (gain, "Gain"), (delay, "Delay")):
-                    field.props(f"dense debounce={_WAIT}").classes("w-24")
-                    field.props["aria-label"] = f"{key} of {signal}"
+                fields["unit"] = ui.input("Unit", value=self._shown(signal, channel)["unit"])
+                fields["unit"].on("change", lambda: self._changed(signal, "unit", fields["unit"].value))
+                fields["sign"] = ui.toggle({1: "+", -1: "−"}, value=channel.sign).props("dense")
+                fields["sign"].props["aria-label"] = f"Sign of {signal}"
+                fields["sign"].on_value_change(lambda event: self._changed(signal, "sign", event.value))
+                for key, label, value in (("gain", "Gain", channel.gain), ("delay", "Delay, s", float(channel.delay))):
+                    fields[key] = layout.number_field(label, value, partial(self._set, signal, key))
+                    fields[key].on("blur", lambda: self._show_file(signal) if self._refusals[signal].text else None)
+                    fields[key].props(f"debounce={_WAIT}")
+                for key in ("unit", "gain", "delay"):
+                    fields[key].props("dense").classes("w-24").props["aria-label"] = f"{key.capitalize()} of {signal}"
+                self._fields[signal] = fields
                 button = ui.button("Remove", on_click=partial(self.remove, signal)).props("flat dense no-caps")
                 button.props["aria-label"] = f"Remove {signal}"
+            self._refusals[signal] = layout.failure("")
+            self._refusals[signal].bind_visibility_from(self._refusals[signal], "text", bool)
             self._course(signal)
             self._verdict(signal)
 
-    def _column(self, signal: str, channel: SignalSource) -> None:
+    def _shown(self, signal: str, channel: SignalSource) -> dict[str, Any]:
+        """What the fields of a signal show of the file."""
+        unit = channel.unit or self._unit_in_log(channel) or si_unit(signal) or ""
+        numbers = {key: layout.shown_number(float(getattr(channel, key))) for key in ("gain", "delay")}
+        return {"column": channel.column, "unit": unit, "sign": channel.sign, **numbers}
+
+    def _show_file(self, signal: str) -> None:
+        """Let the fields of a signal show the file again."""
+        shown = self._shown(signal, self.signal_map().signals[signal])
+        for key, field in self._fields[signal].items():
+            field.set_value(shown[key])
+
+    def _column(self, signal: str, channel: SignalSource) -> ui.select:
         names = self._with_numbers()
         options = names if channel.column in names else [channel.column, *names]
         field = ui.select(options, value=channel.column, label="Column", with_input=True)
         field.props("dense").classes("w-64").props["aria-label"] = f"Column of {signal}"
-        field.on_value_change(partial(self._changed, signal, "column"))
+        field.on_value_change(lambda event: self._changed(signal, "column", event.value))
+        return field
 
     def _with_numbers(self) -> list[str]:
         return [name for name, content in self.columns.items() if content.alive]
 
-    async def _changed(self, signal: str, key: str, event: events.ValueChangeEventArguments[Any]) -> None:
-        """A field has a new value; an empty one is the default."""
-        value = event.value
-        if key == "unit" and value == self._unit_in_log(self.signal_map().signals[signal]):
+    async def _changed(self, signal: str, key: str, value: Any) -> None:
+        """A field has a new value; an empty one is the default. After a refusal, the field shows the file again."""
+        if key == "unit" and value in ("", self._unit_in_log(self.signal_map().signals[signal])):
             value = None
         await self._set(signal, key, value)
+        if self._refusals[signal].text:
+            self._show_file(signal)
 
     async def _set(self, signal: str, key: str, value: Any) -> None:
-        if value != getattr(self.signal_map().signals[signal], key):
+        """Change a key of a signal; a refusal is shown in its row until the next change."""
+        if value == getattr(self.signal_map().signals[signal], key):
+            return
+        refusal = self._refusals[signal]
+        refusal.text = ""
+        try:
             await self.change(signal, **{key: value})
+        except SignalError as error:
+            refusal.text = str(error)
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])

@@ -123,7 +123,7 @@ def _questions(workspace: Workspace) -> None:
 
     def keep(question: Question, value: str | None) -> None:
         answers = _valid(workspace.choices().truck)
-        text = (value or "").strip()
+        text = _answer(question, value or "")
         if text == answers.get(question.key, ""):
             return
         answers = {**answers, question.key: text} if text else {k: a for k, a in answers.items() if k != question.key}
@@ -144,11 +144,18 @@ def _questions(workspace: Workspace) -> None:
 
 @ui.refreshable
 def preview(workspace: Workspace) -> None:
-    """The drawing of the truck that the answers describe, and the button that takes it."""
-    answers = {key: text for key, text in _valid(workspace.choices().truck).items() if _known(key, text)}
-    missing = [question.text for question in QUESTIONS if question.required and question.key not in answers]
+    """The drawing of the truck that the answers describe, and the button that takes it unless an answer is refused."""
+    given = _valid(workspace.choices().truck)
+    answers = {key: text for key, text in given.items() if _known(key, text)}
+    shown = [question for question in QUESTIONS if _applies(question, given)]
+    refused = [question.text for question in shown if question.key in given.keys() - answers.keys()]
+    missing = [question.text for question in QUESTIONS if question.required and question.key not in given]
+    if refused:
+        layout.failure(f"Correct or remove the answer to: {'; '.join(refused)}.")
     if missing:
         ui.label(f"Still needed: {'; '.join(missing)}.").props("role=status")
+    if refused or missing:
+        ui.button("Use this truck", icon="check").props("no-caps").disable()
         return
     try:
         text = new_vehicle(describe({key: answers[key] for key in answers if _applies(_BY_KEY[key], answers)}))
@@ -188,11 +195,16 @@ def _applies(question: Question, answers: Mapping[str, str]) -> bool:
         return False
 
 
+def _answer(question: Question, text: str) -> str:
+    """A text as an answer: a number may have a decimal comma, the commas of a slip separate its loads."""
+    return layout.with_decimal_points(text.strip()) if question.unit else text.strip()
+
+
 def _error(question: Question, text: str) -> str | None:
     """Why a text is no answer; None if it is one, or empty."""
     try:
-        if text.strip():
-            question.parse(text.strip())
+        if answer := _answer(question, text):
+            question.parse(answer)
     except VehicleError as error:
         return str(error)
     return None
@@ -206,14 +218,10 @@ def _field(question: Question, answer: str, keep: Any) -> ui.element:
             field = ui.select([UNKNOWN, *question.choices], value=answer if answer in question.choices else UNKNOWN)
             field.on_value_change(lambda event: keep(event.value))
         else:
-            hint = question.loads_example if question.is_slip else _EXAMPLES[question.unit]
-            field = ui.input(value=answer, placeholder=hint, validation=partial(_error, question))
+            field = ui.input(value=answer, placeholder=question.example, validation=partial(_error, question))
             field.on("change", lambda: keep(field.value))
         field.classes("w-full").props("dense outlined")
         field.props["aria-label"] = question.text
         if question.required:
             field.props["aria-required"] = "true"
     return row
-
-
-_EXAMPLES = {"m": "7.7 m +- 2 cm", "kg": "7.2 t +- 3 %"}
