@@ -111,9 +111,9 @@ class IdentifyOptions(Settings):
     load: Annotated[
         Names,
         Option(
-            help="Load of the logs, or LOG=LOAD of one log; may be repeated. A payload mass such as 0t or 12t, a "
-            "vehicle file of this load, or a name, for which the vehicle file holds. By default that of the last log. "
-            "What depends on the load is estimated for each.",
+            help="Load of all logs, or LOG=LOAD for one log; may be repeated. LOAD is a payload mass such as 0t or "
+            "12t, a vehicle file with this load, or a name for the load of the vehicle file. Each load has its own "
+            "estimates. Default: the load of the last log.",
         ),
     ] = ()
     road: Annotated[
@@ -143,8 +143,8 @@ class IdentifyOptions(Settings):
     tyres: Annotated[
         TyreChoice,
         Option(
-            help="saturating: at the friction of the road, which is estimated too; linear, with an unknown softening; "
-            "auto: saturating if the axle loads are known.",
+            help="Model of the tyres. saturating: up to the friction of the road, which is estimated too. linear: with "
+            "an unknown softening. auto: saturating if the axle loads are known, else linear.",
             choices={
                 "auto": "Saturating if the axle loads are known",
                 "saturating": "Saturating at the friction of the road, which is estimated",
@@ -206,7 +206,7 @@ class TruckOptions(Settings):
         str | None,
         Option(
             help="Front axle to the kingpin. Default: from --laden and --solo.",
-            label="Front axle to the kingpin; a laden and a solo slip also give it",
+            label="Front axle to the kingpin; leave it empty if you have a laden and a solo slip",
         ),
     ] = None
     trailer_wheelbase: Annotated[str | None, Option(help="Kingpin to the middle of the trailer's axles.")] = None

@@ -71,10 +71,8 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
         logs = [log.name for log in identification.logs]
         texts = [describe_cause(cause, identification.initial_vehicle, logs) for cause in doubt.causes]
         one = len(texts) == 1
-        message = (
-            "The logs contradict the vehicle file or an assumption on a sensor. They imply that "
-            f"{texts[0] if one else 'one of these holds: ' + '; '.join(texts)}."
-        )
+        cause = f"They imply that {texts[0]}" if one else f"One of these is the likely cause: {'; '.join(texts)}"
+        message = f"The logs contradict the vehicle file or an assumption on a sensor. {cause}."
         cure = f"Check {'this' if one else 'them'}, correct the vehicle file or the signal map, and identify again."
         yield Caution(
             CautionKind.ASSUMPTION,

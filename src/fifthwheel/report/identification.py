@@ -169,8 +169,8 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
     explanation = pages.Hint(
         "These numbers are not exact. They are estimated together with the parameters, from their priors, and every "
         "sigma above includes their uncertainty. The last column is the fraction of the prior sigma that remains: at "
-        "100 % the logs contain no information on the number. Of numbers that change together, such as all masses with "
-        "the scale that weighed them, a row shows the one that changes most."
+        "100 % the logs contain no information on the number. Some numbers change together, such as all masses by "
+        "one scale. Their row shows the number that changes most."
     )
     remaining, rows = dict(identification.remaining_uncertainty), list[tuple[pages.Cell, ...]]()
     for e in identification.uncertain:

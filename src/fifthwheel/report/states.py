@@ -103,11 +103,14 @@ def states_document(
 
 def _tables(summary: StateSummary) -> Iterator[pages.Block]:
     """The states of a record in a few numbers."""
+    columns = {"2 sigma, median>": summary.band}
+    if any(value is not None for value in summary.reference_rms.values()):
+        columns["rms from reference>"] = summary.reference_rms
     rows = [
-        (name, *["–" if v is None else approximate(v, si_unit(name)) for v in (band, summary.reference_rms[name])])
-        for name, band in summary.band.items()
+        (name, *["–" if v is None else approximate(v, si_unit(name)) for v in (c[name] for c in columns.values())])
+        for name in summary.band
     ]
-    yield pages.Table((pages.TableColumn(summary.name), "2 sigma, median>", "rms from reference>"), rows)
+    yield pages.Table((pages.TableColumn(summary.name), *columns), rows)
     statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
     yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
     if summary.lift_warning is not None:

@@ -35,8 +35,7 @@ def assumed_blocks(numbers: Sequence[AssumedNumber]) -> list[pages.Block]:
     for number in numbers:
         sources.setdefault(number.source, []).append(number.path)
     notes = (
-        "Yaw, Roll: largest change of a yaw rate and of a roll rate in a lane change by one sigma of the number, as a "
-        "fraction of the rms value.",
+        "Yaw, Roll: how much one sigma of the number changes the yaw rates and the roll rates in a lane change (rms).",
         "Measure the numbers with the largest effects, and write them into the vehicle file. Cornering stiffness, the "
         "trailers' yaw inertia and payload heights are estimated from logs.",
     )

@@ -309,7 +309,7 @@ class _Page:
         channel = self.evidence.channels.get(signal)
         mapped = self.signal_map().signals.get(signal)
         if channel is None or mapped is None:
-            ui.label("Not predicted: the predictions of the others depend on it." if channel is None else "")
+            ui.label("An input: the other signals are predicted from it." if channel is None else "")
             return
         with ui.row().classes("items-center").props("aria-live=polite"):
             ui.label(_words(channel))
