@@ -123,13 +123,14 @@ def _widths(texts: Sequence[Sequence[str]], total: int) -> list[int]:
     """Widths of columns by the texts of head and cells, in characters.
 
     Every column has room for its longest word, or if that is too much for its longest word up to `WORD` characters; the
-    rest goes to the narrowest columns whose cells need it.
+    rest goes to the narrowest columns whose cells need it, then to those whose heads do.
     """
     words = [max((len(word) for text in column for word in text.split()), default=1) for column in texts]
     widths = words if sum(words) <= total else [min(word, WORD) for word in words]
-    needed = [max(map(len, cells), default=0) for _, *cells in texts]
-    while sum(widths) < total and (narrow := [k for k, width in enumerate(widths) if width < needed[k]]):
-        widths[min(narrow, key=lambda k: widths[k])] += 1
+    cells = [max(map(len, cells), default=0) for _, *cells in texts]
+    for needed in (cells, [max(map(len, column)) for column in texts]):
+        while sum(widths) < total and (narrow := [k for k, width in enumerate(widths) if width < needed[k]]):
+            widths[min(narrow, key=lambda k: widths[k])] += 1
     return widths
 
 

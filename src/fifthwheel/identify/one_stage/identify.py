@@ -4,7 +4,6 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
-from fifthwheel.errors import SignalError
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
@@ -132,11 +131,7 @@ def _without_what_changed(
         if not _is_contradicted(solution, before.prior(solution.problem.setup, occasion), members):
             first, *others = log_knowledge(solution, occasion)
             return solution, [replace(first, changed=tuple(sorted(members))), *others]
-    try:
-        alone = solve()
-    except SignalError as error:  # such as signals of the first unit alone
-        names = ", ".join(log.name for log in log_knowledge(solution, occasion))
-        raise SignalError(f"{names}: {UNEXPLAINED}, and by itself it cannot be identified ({error})") from None
+    alone = solve()
     return alone, [replace(log, set_aside=UNEXPLAINED) for log in log_knowledge(alone, occasion)]
 
 
