@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import catalogue, with_axle_loads
-from fifthwheel.vehicle.weighing import Lengths, Slip, exchanged_loads, weigh
+from fifthwheel.vehicle.masses import exchanged_loads
+from fifthwheel.vehicle.weighing import Lengths, Slip, weigh
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")

@@ -52,6 +52,8 @@ IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
 """Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
+MOTION = (YAW_RATE, ARTICULATION, LATERAL_ACCELERATION)
+"""Those of which one, of any unit, is enough for an identification; roll rates alone are not."""
 GYROS = (YAW_RATE, ROLL_RATE)
 """Those whose delay is the latency of a gyro."""
 MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == "unit")

@@ -34,13 +34,11 @@ def load_records(
 
 
 def warn_of_masses(vehicle: "Vehicle", records: "Sequence[Record]" = ()) -> None:
-    """Print exchanged axle loads and unusual masses in the vehicle file, and axle loads in the logs that are not those
-    of the file."""
+    """Print unusual masses in the vehicle file, and axle loads in the logs that are not those of the file."""
     from fifthwheel.vehicle.masses import unusual_masses
-    from fifthwheel.vehicle.weighing import exchanged_loads
     from fifthwheel.workflow import axle_load_differences
 
-    for warning in filter(None, (exchanged_loads(vehicle), *unusual_masses(vehicle))):
+    for warning in unusual_masses(vehicle):
         typer.secho(f"warning: {warning}", fg="yellow", err=True)
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)

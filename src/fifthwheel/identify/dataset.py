@@ -10,6 +10,7 @@ import numpy as np
 from fifthwheel.channels import (
     ARTICULATION,
     IDENTIFIED,
+    MOTION,
     ROLL_RATE,
     USUAL,
     YAW_RATE,
@@ -152,7 +153,7 @@ def prepare_dataset(
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
     roll = measured_signals(logged, units, (ROLL_RATE,))
     others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in USUAL])
-    if not yaw and not others:  # roll rates alone
+    if not measured_signals(logged, units, MOTION):
         raise SignalError(f"yaw_rate.{units[0]}: in none of the logs; map the yaw rate gyro of the {units[0]} to it")
     notes += [
         f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The parameters of the {unit} are estimated "

@@ -163,7 +163,7 @@ def _headline(
         which = enumerated(wide) if len(wide) <= SHOWN else f"{len(wide)} parameters"
         sigma = f" Rough, with a sigma above {percent(WIDE_SIGMA)}: {which}."
     if stated := [named(e.name) for e in identification.parameters if e.verdict is Verdict.STATED]:
-        sigma += f" As you state it, because the logs know it less well: {enumerated(stated)}."
+        sigma += f" As stated, not from the logs: {enumerated(stated)}."
     if len(converged) == len(estimated):
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     verb = "is" if len(converged) == 1 else "are"

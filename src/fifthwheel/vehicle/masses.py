@@ -7,6 +7,7 @@ from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TRAILER_AXLE
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
+from fifthwheel.vehicle.weighing import COUPLING_RANGE, EXCHANGED, MAX_SOLO, MIN_SOLO
 
 MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""
@@ -14,7 +15,7 @@ MAX_FACTOR = 3.0
 """Largest usual factor between the mass of axles and wheels and that of published vehicles, or its inverse."""
 
 
-def with_numbers(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
+def with_consistent_masses(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
     """The vehicle with other numbers, SI, by path, and with the masses and assumed numbers that follow from them.
 
     Axles and wheels keep their mass. The payload takes a change of the mass of its unit; the sprung body takes it where
@@ -45,10 +46,13 @@ def with_numbers(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
 
 
 def unusual_masses(vehicle: Vehicle) -> Iterator[str]:
-    """Units whose mass without load is not that of their class, and those whose axles and wheels have an unusual mass.
+    """A tractor whose axle loads seem exchanged, units whose mass without load is not that of their class, and those
+    whose axles and wheels have an unusual mass.
 
-    Both may be right, so these are warnings.
+    All may be right, so these are warnings.
     """
+    if exchanged := exchanged_loads(vehicle):
+        yield exchanged
     for unit in vehicle.units:
         load = unit.payload.mass if unit.payload else 0.0
         empty, keys = ("empty ", "sprung.mass and payload.mass") if load else ("", "sprung.mass")
@@ -66,6 +70,33 @@ def unusual_masses(vehicle: Vehicle) -> Iterator[str]:
                 f"{unit.name}: axles and wheels weigh {axles / 1e3:.1f} t, the mass of the unit less {keys}; usual are"
                 f" {usual / 1e3:.1f} t; check these masses"
             )
+
+
+def exchanged_loads(vehicle: Vehicle) -> str:
+    """Why the CoG of a tractor seems to come from exchanged axle loads; "" if it does not.
+
+    Without its trailer, a tractor has most of its mass on the front axle. If a vehicle file says the contrary, and the
+    exchanged loads would be usual, the loads were exchanged.
+    """
+    tractor = vehicle.units[0]
+    if len(tractor.axle_groups) != 2 or not vehicle.couplings or tractor.payload is not None:
+        return ""
+    front, drive = tractor.axle_groups
+    a, b, wheel = front.position, drive.position, vehicle.couplings[0]
+    low, high = COUPLING_RANGE
+    fraction = (a - tractor.cog) / (a - b)
+    is_tractor = wheel.kind == "fifth_wheel" and low <= (a - wheel.leading_position) / (a - b) <= high
+    if not is_tractor or not MAX_SOLO < fraction < 1 - MIN_SOLO:
+        return ""
+    paths = [tractor.group_path(group) for group in tractor.axle_groups]
+    loads = [
+        f"{part * tractor.mass:.0f} kg on {path}" for path, part in zip(paths, (1 - fraction, fraction), strict=True)
+    ]
+    return (
+        f"{tractor.name}.cog: {EXCHANGED}: {tractor.cog:.2f} m means {' and '.join(loads)} without a trailer, and"
+        f" tractors have at most {MAX_SOLO:.0%} of their mass on {paths[1]}; exchanged, the CoG is at"
+        f" {a + b - tractor.cog:.2f} m; correct it"
+    )
 
 
 def _usual_axles(unit: Unit) -> float:

@@ -98,33 +98,6 @@ def with_axle_loads(
 EXCHANGED = "front and drive axle loads seem exchanged"
 
 
-def exchanged_loads(vehicle: Vehicle) -> str:
-    """Why the CoG of a tractor seems to come from exchanged axle loads; "" if it does not.
-
-    Without its trailer, a tractor has most of its mass on the front axle. If a vehicle file says the contrary, and the
-    exchanged loads would be usual, the loads were exchanged.
-    """
-    tractor = vehicle.units[0]
-    if len(tractor.axle_groups) != 2 or not vehicle.couplings or tractor.payload is not None:
-        return ""
-    front, drive = tractor.axle_groups
-    a, b, wheel = front.position, drive.position, vehicle.couplings[0]
-    low, high = COUPLING_RANGE
-    fraction = (a - tractor.cog) / (a - b)
-    is_tractor = wheel.kind == "fifth_wheel" and low <= (a - wheel.leading_position) / (a - b) <= high
-    if not is_tractor or not MAX_SOLO < fraction < 1 - MIN_SOLO:
-        return ""
-    paths = [tractor.group_path(group) for group in tractor.axle_groups]
-    loads = [
-        f"{part * tractor.mass:.0f} kg on {path}" for path, part in zip(paths, (1 - fraction, fraction), strict=True)
-    ]
-    return (
-        f"{tractor.name}.cog: {EXCHANGED}: {tractor.cog:.2f} m means {' and '.join(loads)} without a trailer, and"
-        f" tractors have at most {MAX_SOLO:.0%} of their mass on {paths[1]}; exchanged, the CoG is at"
-        f" {a + b - tractor.cog:.2f} m; correct it"
-    )
-
-
 def _coupling_load(vehicle: Vehicle, loads: Mapping[str, float], front: str, drive: str) -> float:
     """Vertical load of the trailer on the coupling, N: the measured load less the tractor's contribution to it."""
     tractor = vehicle.units[0]
@@ -461,7 +434,7 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads. Where the kingpin is
     known, the laden loads have a CoG of the tractor that needs no solo loads, "cog by moments"."""
     result = _tractor(x, lengths) if "solo.0" in x else {key: x[key] for key in ("tractor.mass", "tractor.cog")}
-    tractor, cog = result.values()
+    tractor, cog = result["tractor.mass"], result["tractor.cog"]
     hitch = x["laden.0"] + x["laden.1"] - tractor
     moment = lengths.wheelbase * x["laden.1"] - cog * tractor
     result |= {"hitch": hitch, "front": 0.0}

@@ -33,7 +33,7 @@ from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, changes
-from fifthwheel.vehicle.masses import with_numbers
+from fifthwheel.vehicle.masses import with_consistent_masses
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
@@ -229,7 +229,7 @@ class _Result:
                     reason = f"it would also scale the stated sigma of {path}; remove one of the two"
                     raise refused(self.factor_of_file, reason)
         known = {path: self.own[path] for path in self.sigmas} | self.values
-        vehicle = with_numbers(self.vehicle, known).with_stated(self.sigmas)
+        vehicle = with_consistent_masses(self.vehicle, known).with_stated(self.sigmas)
         free = [path for path in self.estimated if path not in self.fixed] + self.free
         return vehicle, replace(
             self.settings,
@@ -259,7 +259,7 @@ def _apply_to_two_stages(
             raise refused(stated, "needs --method one-stage; remove it, or choose that method")
         values |= {path: stated.value} if stated.has_value else {}
         fixed += [path] if stated.sigma == 0 else []
-    return with_numbers(vehicle, values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
+    return with_consistent_masses(vehicle, values), replace(settings, fixed=tuple(dict.fromkeys(fixed)))
 
 
 def _by_target(

@@ -104,6 +104,12 @@ def _without_laden(answers: Mapping[str, str]) -> str:
     return "" if "laden" in answers else "there are no laden loads"
 
 
+def _tare(key: str, limits: tuple[float, float], example: str, *, weighed: str) -> Question:
+    """The question for a mass without load by a brochure, which the slip `weighed` replaces."""
+    unused = _given(weighed)
+    return Question(key=key, unit="kg", limits=limits, example=example, sigma=TARE_SIGMA, unused=unused)
+
+
 SPREADS = (0.8, 3.5)
 """Between neighbouring axles, m: from a tyre's diameter to the 3.1 m of North American spread axles."""
 QUESTIONS = (
@@ -123,22 +129,8 @@ QUESTIONS = (
     Question(key="laden", example="6850 10500 22500"),
     Question(key="solo", example="5200 2000"),
     Question(key="empty", example="5800 4200 4700", unused=_without_laden),
-    Question(
-        key="tractor_tare",
-        unit="kg",
-        limits=(3e3, 2e4),
-        example="7.2 t +- 3 %",
-        sigma=TARE_SIGMA,
-        unused=_given("solo"),
-    ),
-    Question(
-        key="trailer_tare",
-        unit="kg",
-        limits=(1.5e3, 2.5e4),
-        example="6.4 t +- 3 %",
-        sigma=TARE_SIGMA,
-        unused=_given("empty"),
-    ),
+    _tare("tractor_tare", (3e3, 2e4), "7.2 t +- 3 %", weighed="solo"),
+    _tare("trailer_tare", (1.5e3, 2.5e4), "6.4 t +- 3 %", weighed="empty"),
     Question(key="load_mass", unit="kg", limits=(0, 8e4), example="21 t +- 2 %"),
     Question(key="load_height", unit="m", limits=(0.05, 4), example="2.2 m +- 20 cm", unused=_without_load),
     Question(key="load_width", unit="m", limits=(0.2, 5), example="2.4 m +- 5 cm", unused=_without_load),

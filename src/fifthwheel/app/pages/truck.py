@@ -15,7 +15,6 @@ from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.report.vehicle import NOTHING_ASSUMED, assumed_blocks
 from fifthwheel.vehicle import Vehicle, catalogue
 from fifthwheel.vehicle.masses import unusual_masses
-from fifthwheel.vehicle.weighing import exchanged_loads
 from fifthwheel.workflow.new_vehicle import new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
 
@@ -33,7 +32,7 @@ def build(workspace: Workspace) -> None:
                 ui.label("None yet. Answer the questions, import a file, or take a published vehicle.")
             else:
                 _draw(current)
-                for warning in filter(None, (exchanged_loads(current), *unusual_masses(current))):
+                for warning in unusual_masses(current):
                     layout.failure(warning)
                 _numbers(current)
                 _assumed(current)

@@ -10,7 +10,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, ROLL_RATE, is_of
+from fifthwheel.channels import ARTICULATION, MOTION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
@@ -216,7 +216,7 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     for name in channels:
         if name not in possible:
             raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")
-    if all(is_of(name, ROLL_RATE) for name in channels):
+    if not any(is_of(name, *MOTION) for name in channels):
         unit = vehicle.units[0].name
         raise SignalError(f"yaw_rate.{unit}: not among the channels; a fit needs a yaw rate, add it")
     return tuple(name for name in possible if name in channels)

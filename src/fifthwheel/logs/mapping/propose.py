@@ -8,9 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.channels import (
-    ARTICULATION,
     AXLE_LOAD,
-    LATERAL_ACCELERATION,
+    MOTION,
     SIDESLIP,
     SPEED,
     STEER,
@@ -270,11 +269,7 @@ def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:
 
 def missing_signals(proposed: SignalMap, units: Sequence[str]) -> list[str]:
     """Sentences on the signals that an estimator needs and the map does not have."""
-    needed = {
-        "speed": [SPEED],
-        f"steer.{units[0]}.front": [STEER],
-        f"yaw_rate.{units[0]}": [YAW_RATE, ARTICULATION, LATERAL_ACCELERATION],
-    }
+    needed = {"speed": [SPEED], f"steer.{units[0]}.front": [STEER], f"yaw_rate.{units[0]}": MOTION}
     missing = [
         f"{name}: not found; every estimator needs it"
         for name, any_of in needed.items()
