@@ -33,7 +33,7 @@ def of(result, *estimates, **others):
 
 def outlook(*assessments):
     return InformationAssessment(
-        vehicle="a", logs=("a",), speed=25.0, findings=(), parameters=assessments, noise={}, cautions=(), notes=(),
+        vehicle="a", logs=("a",), speed=25.0, findings=(), parameters=assessments, sensors={}, noise={}, cautions=(), notes=(),
         version="",
     )  # fmt: skip
 

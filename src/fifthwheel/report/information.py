@@ -19,6 +19,8 @@ PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
     "include model errors."
 )
+MOST_SENSORS = 5
+"""Signals in the table of those that could be logged too."""
 HEADS = (
     *("Parameter|name", "Value>|wide", "Prior\nsigma>|wide", "Predicted\nsigma>", "Prior and predicted sigma"),
     "Verdict",
@@ -38,6 +40,7 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
         pages.Items(errors, "Errors in the logs"),
         pages.Table(HEADS, list(map(_row, outlook.parameters)), label="Predicted sigma"),
         pages.Items([_improvement(p) for p in outlook.parameters if p.remedies], "What would help"),
+        *_sensors(outlook),
         pages.Items(list(map(_correlation, correlated)), "Strongly correlated"),
         pages.Items([*outlook.cautions, *others], "Cautions"),
         pages.Items([*outlook.notes, *_notes(outlook)], "Notes"),
@@ -107,6 +110,25 @@ def _improvement(p: ParameterAssessment) -> str:
     start = relative(p.value, p.sigma) if _has_sigma(p) else spoken_verdict(p.verdict)
     changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy, naming=named)}" for remedy in p.remedies]
     return f"{spoken(p.name)}: {start} {', '.join(changes)}"
+
+
+def _sensors(outlook: InformationAssessment) -> Iterator[pages.Block]:
+    """Predicted sigma of each parameter with one more signal, for the most useful ones."""
+    signals = list(outlook.sensors)[:MOST_SENSORS]
+    if not signals:
+        return
+    yield pages.Table(
+        ("With one more sensor|name", "Now>", *[f"{spoken(signal).replace(', ', chr(10))}>" for signal in signals]),
+        [
+            (
+                spoken(p.name),
+                f"±{relative(p.value, p.sigma)}" if _has_sigma(p) else "–",
+                *[f"±{relative(p.value, s)}" if (s := outlook.sensors[c][p.name]) < p.prior else "–" for c in signals],
+            )
+            for p in outlook.parameters
+        ],
+        label="Predicted sigma with one more sensor",
+    )
 
 
 def _correlation(p: ParameterAssessment) -> str:

@@ -315,3 +315,20 @@ def test_a_height_that_the_user_knows_better_than_the_log_is_stated(truck, recor
     assessment = assess_information([record], known)[HEIGHT]
     assert (assessment.verdict, assessment.prior) == (Verdict.STATED, pytest.approx(0.02))
     assert 0.01 < assessment.sigma < 0.02
+
+
+def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
+    """The noise of an imagined channel is the default, that of a logged one is estimated: 3 % of the sigma."""
+    tractor = {name: values for name, values in record.signals.items() if not name.endswith(".semitrailer")}
+    alone = assess_information([replace(record, signals=tractor)], truck)
+    added = "yaw_rate.semitrailer"
+    both = assess_information([replace(record, signals={**tractor, added: record.signals[added]})], truck)
+    kept = [p.name for p in both.parameters if p.verdict is Verdict.CONVERGED]
+    np.testing.assert_allclose([alone.sensors[added][name] for name in kept], [both[n].sigma for n in kept], rtol=0.03)
+    assert {name.split(".")[0] for name in alone.sensors} >= {"articulation", "lateral_acceleration"}
+    without_effect = alone[HEIGHT]
+    assert alone.sensors[added][HEIGHT] == pytest.approx(without_effect.prior), "not identifiable even then"
+
+
+def test_a_complete_log_needs_no_other_sensor(assessment):
+    assert not assessment.sensors

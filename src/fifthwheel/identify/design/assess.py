@@ -72,6 +72,9 @@ class InformationAssessment:
     findings: tuple[tuple[str, Finding], ...]
     """Log and finding of the signal checks, errors first."""
     parameters: tuple[ParameterAssessment, ...]
+    sensors: Mapping[str, Mapping[str, float]]
+    """Predicted sigma of the parameters, SI, with one more signal that would improve one of them, by signal, the best
+    first; the prior sigma of a parameter that would not be identifiable."""
     noise: Mapping[str, Mapping[str, float]]
     """Assumed noise variance by log and channel, SI squared."""
     cautions: tuple[str, ...]
@@ -98,6 +101,7 @@ class InformationAssessment:
                 for log, f in self.findings
             ],
             "parameters": [asdict(parameter) for parameter in self.parameters],
+            "sensors": {signal: dict(sigmas) for signal, sigmas in self.sensors.items()},
             "noise": {log: dict(noise) for log, noise in self.noise.items()},
             "cautions": self.cautions,
             "notes": self.notes,
@@ -157,7 +161,7 @@ def assess_information(
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
     predictor = InformationPredictor.of(
-        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.others, earlier=earlier
+        dataset.vehicle, settings, [float(speeds.min()), float(speeds.max()), speed], dataset.outputs, earlier=earlier
     )
     logs = [replace(log, noise={**log.noise, **_noise_variances(predictor, log)}) for log in dataset.logs]
     runs = [predictor.run_information(log) for log in logs]
@@ -175,6 +179,7 @@ def assess_information(
         parameters=tuple(
             _assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in setup.estimated
         ),
+        sensors=_sensors(predictor, posterior, remedies, assessment),
         noise={log.name: {name: log.noise[name] for name in setup.outputs if name in log.noise} for log in logs},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
         notes=dataset.notes,
@@ -216,6 +221,24 @@ def _assess_parameter(
         correlated_with=tuple(_with_log_name(other, logs) for other in posterior.correlated_with(name)),
         remedies=best,
     )
+
+
+def _sensors(
+    predictor: InformationPredictor,
+    posterior: PredictedPosterior,
+    remedies: PredictedRemedies,
+    assessment: AssessmentSettings,
+) -> dict[str, dict[str, float]]:
+    """Each signal that is not logged and would improve a parameter, with the sigma of every parameter, SI."""
+    names = predictor.setup.estimated
+    before = np.array([posterior.reliable_sigma(name) for name in names])
+    sigmas = {r.channel: np.array(list(map(after.reliable_sigma, names))) for r, after in remedies.single if r.channel}
+    useful = {c: after for c, after in sigmas.items() if (after <= (1 - assessment.min_reduction) * before).any()}
+    prior = np.array(list(map(predictor.prior_sigma, names)))
+    return {
+        channel: dict(zip(names, (useful[channel] * prior).tolist(), strict=True))
+        for channel in sorted(useful, key=lambda channel: float(np.log(useful[channel]).sum()))
+    }
 
 
 def _with_log_name(name: str, logs: Sequence[str]) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, MOTION, is_of
+from fifthwheel.channels import GYROS, MOTION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
@@ -212,7 +212,7 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     """The given channels or the default ones, in the order of `possible_channels`; a fit must be able to use them."""
     possible = possible_channels(vehicle, channels)
     if not channels:
-        return tuple(name for name in possible if not is_of(name, ARTICULATION))
+        return tuple(name for name in possible if is_of(name, *GYROS))
     for name in channels:
         if name not in possible:
             raise SignalError(f"{name}: not a channel that a fit uses; choose from {', '.join(possible)}")

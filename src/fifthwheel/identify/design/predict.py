@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import USUAL, measured_signals
+from fifthwheel.channels import IDENTIFIED, MOTION, USUAL, SignalName, is_of, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import Posterior
@@ -88,11 +88,12 @@ class PredictedPosterior:
 
 
 def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
-    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, and those others
-    that are logged."""
-    units = [unit.name for unit in vehicle.units]
-    usual = {f"{c.quantity}.{u}" for c in USUAL for u in units}
-    return measured_signals({*usual, *logged}, units)
+    """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, those others that are
+    logged, and lateral accelerations where a unit has no channel of motion. Where each has one, they add little."""
+    units, logged = [unit.name for unit in vehicle.units], set(logged)
+    complete = set(units) == {SignalName.of(name).unit for name in logged if is_of(name, *MOTION)}
+    possible = {f"{channel.quantity}.{unit}" for channel in (USUAL if complete else IDENTIFIED) for unit in units}
+    return measured_signals(possible | logged, units)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
