@@ -208,10 +208,10 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             height = p[f"{unit.name}.roll_axis_height"]
             change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
             change -= law[f"{path}.braking_load"] * speed_rate
-            contact = Contact(ca.SX(np.mean(slips)), ca.SX(0), height, ca.SX(change), ca.SX(forward[path]))
-            secants = np.array(ca.evalf(saturating(law, path, contact))).ravel()
             along = forward[path] / len(arms)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
+                contact = Contact(ca.SX(slip), ca.SX(0), height, ca.SX(change), ca.SX(forward[path]))
+                secants = np.array(ca.evalf(saturating(law, path, contact))).ravel()
                 force, *moment = secants / len(arms) * slip
                 side = force * np.cos(d) + along * np.sin(d)
                 total += [along * np.cos(d) - force * np.sin(d), side, arm * side - sum(moment)]

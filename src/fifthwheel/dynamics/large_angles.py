@@ -111,9 +111,8 @@ def large_angles(
         tyres |= of_unit
         for path, group in of_unit.items():
             if path in motion.lagged_slip:
-                lag = group.mean_slip - group.slip
                 length = unit_equations.relaxation_length(p, unit, path)
-                rate[index[f"slip_angle.{path}"]] = motion.u[i] * lag / length
+                rate[index[f"slip_angle.{path}"]] = motion.u[i] * group.lag / length
         if roll:
             body = unit_equations.roll_body(p, unit)
             applied[2] -= body.moment * motion.roll[i] * along[0]
@@ -137,7 +136,11 @@ def large_angles(
         force += chain.coupling_moments(p, vehicle, motion)
     per_shift = _loads_per_shift(vehicle)
     by_shift = sum(
-        (sign * ca.jacobian(force, tyres[path].secants) @ tyres[path].by_load for path, sign in per_shift.items()),
+        (
+            sign * ca.jacobian(force, secant) @ slope
+            for path, sign in per_shift.items()
+            for secant, slope in zip(tyres[path].secants, tyres[path].by_load, strict=True)
+        ),
         ca.SX(len(velocities), 1),
     )
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
@@ -159,7 +162,7 @@ def large_angles(
         rates=ca.densify(rate),
         motion=motion,
         acceleration=acceleration,
-        side_force={path: (t.secants[0] + load_change[path] * t.by_load[0]) * t.slip for path, t in tyres.items()},
+        side_force={path: t.side_force(load_change[path]) for path, t in tyres.items()},
         load_change={path: change - p[f"{path}.braking_load"] * speed_rate for path, change in load_change.items()},
         shift=shift,
     )
@@ -217,10 +220,15 @@ def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[
 class _Tyres(NamedTuple):
     """Tyres of an axle group."""
 
-    slip: ca.SX  # rad, lagged if the group has a relaxation length
-    mean_slip: ca.SX  # rad, of its axles
-    secants: ca.SX  # variable: see `tyres.Law`, without the shift
-    by_load: ca.SX  # variable: their derivatives with respect to the load of the group
+    slip: ca.SX  # rad, of each axle (a,), lagged if the group has a relaxation length
+    lag: ca.SX  # rad, by which the mean slip of its axles is ahead
+    secants: tuple[ca.SX, ...]  # variables: of each axle, see `tyres.Law`; without the shift
+    by_load: tuple[ca.SX, ...]  # variables: their derivatives with respect to the load of the group
+
+    def side_force(self, load_change: ca.SX | float) -> ca.SX:
+        """Side force of the group, N, with a change of its load, N."""
+        each = zip(self.secants, self.by_load, ca.vertsplit(self.slip), strict=True)
+        return sum(((secant[0] + load_change * slope[0]) * slip for secant, slope, slip in each), ca.SX(0))
 
 
 def _tyre_forces(
@@ -246,18 +254,24 @@ def _tyre_forces(
             delta, self_steering = steering(p, unit, axle, motion.articulation[i], steer)
             angles.append(delta)  # the small side force of castor wheels acts across their unit
             slips.append(delta - (1 - self_steering) * direction)
-        each = ca.vertsplit(stages.variable(ca.vertcat(*slips)))
-        mean = sum(each, ca.SX(0)) / count
-        slip = motion.lagged_slip.get(path, mean)
+        each = stages.variable(ca.vertcat(*slips))
+        mean = ca.sum1(each) / count
+        slip = motion.lagged_slip.get(path, mean) + (each - mean)
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
         load, forward = ca.SX.sym("load"), longitudinal[path].total
         change = load - p[f"{path}.braking_load"] * speed_rate
-        forces = law(p, path, Contact(slip, suspension, p[f"{unit.name}.roll_axis_height"], change, forward))
-        secants, by_load = (stages.variable(ca.substitute(e, load, 0)) for e in (forces, ca.jacobian(forces, load)))
-        tyres[path] = _Tyres(slip, mean, secants, by_load)
+        height = p[f"{unit.name}.roll_axis_height"]
+        each_forces = [
+            law(p, path, Contact(own, suspension, height, change, forward)) / count for own in ca.vertsplit(slip)
+        ]
+        secants, by_load = (
+            tuple(stages.variable(ca.substitute(e, load, 0)) for e in expressions)
+            for expressions in (each_forces, [ca.jacobian(forces, load) for forces in each_forces])
+        )
+        tyres[path] = _Tyres(slip, mean - motion.lagged_slip.get(path, mean), secants, by_load)
         forward /= count
-        for arm, angle, own in zip(arms, angles, each, strict=True):
-            side, aligning = axle_forces(secants / count, slip + (own - mean))
+        for arm, angle, own, secant in zip(arms, angles, ca.vertsplit(slip), secants, strict=True):
+            side, aligning = axle_forces(secant, own)
             lateral = side * ca.cos(angle) + forward * ca.sin(angle)
             total += ca.vertcat(forward * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral + aligning)
     return total, tyres
