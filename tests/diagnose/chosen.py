@@ -33,8 +33,8 @@ def of(result, *estimates, **others):
 
 def outlook(*assessments):
     return InformationAssessment(
-        vehicle="a", logs=("a",), speed=25.0, findings=(), parameters=assessments, sensors={}, noise={}, cautions=(), notes=(),
-        version="",
+        vehicle="a", logs=("a",), speed=25.0, findings=(), parameters=assessments, sensors={}, noise={}, cautions=(),
+        notes=(), version="",
     )  # fmt: skip
 
 

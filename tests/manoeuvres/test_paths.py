@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
-from fifthwheel.manoeuvres import constant_radius, everyday, straight
+from fifthwheel.manoeuvres import constant_radius, everyday, slow_turns, straight
 from tests.manoeuvres.conftest import check_geometry
 
 
@@ -31,6 +31,16 @@ def test_speed_rises_on_the_circle():
     assert rate[time > 25] == pytest.approx(0.1, abs=2e-3)
     with pytest.raises(SignalError, match="acceleration: expected 0"):
         constant_radius(acceleration=-0.1)
+
+
+def test_slow_turns_are_right_angles_to_both_sides():
+    path = slow_turns(radius=15.0, speed=6.0, duration=40.0)
+    check_geometry(path)
+    ends = path.heading[1:][(path.curvature[1:] == 0) & (path.curvature[:-1] != 0)]
+    np.testing.assert_allclose(ends[:4], [np.pi / 2, 0, np.pi / 2, 0], atol=1e-2)
+    assert np.abs(path.curvature).max() == pytest.approx(1 / 15)
+    with pytest.raises(SignalError, match="radius: expected"):
+        slow_turns(radius=0.0)
 
 
 @settings(max_examples=30, deadline=None)

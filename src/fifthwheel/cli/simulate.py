@@ -33,7 +33,7 @@ def simulate(
         str,
         typer.Option(
             help="lane_changes, sweep, random or straight; with the linear model also bend, with the nonlinear model "
-            "also test_track, single_sine, step, constant_radius and everyday."
+            "also test_track, single_sine, step, constant_radius, slow_turns and everyday."
         ),
     ] = "lane_changes",
     count: Annotated[

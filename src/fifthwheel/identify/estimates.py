@@ -19,6 +19,8 @@ from fifthwheel.vehicle import Vehicle, unit_of
 
 DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
 """SI unit of each derived quantity of a laden body, equations (8) and (9) of the article."""
+DETERMINED = 0.5
+"""A length is a result where the logs leave at most this fraction of its prior standard deviation."""
 
 
 def parameter_estimate(unknown: Unknown, value: float, sigma_z: float, verdict: Verdict, **others: Any) -> Estimate:
@@ -105,6 +107,34 @@ def derived_from_covariance(
                     stage=2,
                 )
             )
+    return derived
+
+
+def wheelbases(
+    initial_vehicle: Vehicle, vehicle: Vehicle, uncertainty: Uncertainty, remaining: Mapping[str, float]
+) -> list[Estimate]:
+    """Distance from the front coupling to the mean axle of every unit whose axle positions the logs determine.
+
+    `remaining` are the fractions of prior standard deviations that remain, by unknown; at most `DETERMINED`.
+    """
+    derived = []
+    for unit, coupling in zip(vehicle.units[1:], vehicle.couplings, strict=True):
+        if remaining.get(f"{unit.name}.axle_positions", 1.0) > DETERMINED:
+            continue
+        name, slopes = f"{unit.name}.wheelbase", {f"{coupling.name}.trailing_position": 1.0}
+        slopes |= {f"{unit.name}.{axle.name}.position": -1 / len(unit.on_road) for axle in unit.on_road}
+        row = np.array([slopes.get(n, 0.0) for n in uncertainty.names])
+        derived.append(
+            Estimate(
+                name=name,
+                value=vehicle.derived()[name],
+                sigma=float(np.sqrt(row @ uncertainty.covariance @ row)),
+                unit="m",
+                initial=initial_vehicle.derived()[name],
+                verdict=Verdict.CONVERGED,
+                stage=1,
+            )
+        )
     return derived
 
 

@@ -22,7 +22,7 @@ from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, braked
 from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
 from fifthwheel.manoeuvres.linear import inverse_steer
 from fifthwheel.manoeuvres.open_loops import single_sine, step_input
-from fifthwheel.manoeuvres.paths import constant_radius, everyday, straight
+from fifthwheel.manoeuvres.paths import constant_radius, everyday, slow_turns, straight
 
 __all__ = [
     "LINEAR_MANOEUVRES",
@@ -42,6 +42,7 @@ __all__ = [
     "lane_changes",
     "lane_changes_on_test_track",
     "single_sine",
+    "slow_turns",
     "step_input",
     "straight",
 ]

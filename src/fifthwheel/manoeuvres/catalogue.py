@@ -57,6 +57,9 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         description="a bend of 8 s with 1 m/s^2, straight before and after it", acceleration=accelerations.bend
     ),
     "constant_radius": Manoeuvre(description="circle of constant radius", path=paths.constant_radius),
+    "slow_turns": Manoeuvre(
+        description="turns of 90 degrees to the left and to the right, with a radius of 20 m", path=paths.slow_turns
+    ),
     "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=paths.everyday),
 }
 """Every manoeuvre by its name."""

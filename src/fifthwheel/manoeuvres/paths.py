@@ -44,6 +44,23 @@ def constant_radius(
     return Path.from_curvature("constant_radius", curvature, speeds, duration)
 
 
+def slow_turns(*, radius: float = 20.0, speed: float = 6.0, duration: float = 60.0) -> Path:
+    """Turns of 90 degrees to the left and to the right, with clothoids of 6 m and 12 m straight ahead between them.
+
+    They determine the distance of the axles from the coupling of a trailer. Radius in m, speed in m/s, duration in s.
+    """
+    require_positive("speed", speed)
+    require_positive("radius", radius)
+    arc, clothoid, straight_ahead = arc_length_grid(speed * duration), 6.0, 12.0
+    turn = radius * math.pi / 2 + clothoid
+    starts = np.arange(straight_ahead, arc[-1], turn + straight_ahead)
+    sides = [1 - 2 * (i % 2) for i in range(len(starts))]
+    turns = (side * trapezoid(arc, start, start + turn, clothoid) for side, start in zip(sides, starts, strict=True))
+    return Path.from_curvature(
+        "slow_turns", sum(turns, np.zeros_like(arc)) / radius, np.full_like(arc, speed), duration
+    )
+
+
 MIN_EVERYDAY_SPEED = 8.0
 """Lowest speed on an everyday road, m/s."""
 LATERAL, SPEED_UP, SLOW_DOWN = 2.0, 0.4, 1.0

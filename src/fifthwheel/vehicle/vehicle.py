@@ -365,13 +365,17 @@ class Vehicle(Component):
         """CoG height and roll inertia of each laden sprung body; equations (8) and (9) of Cheng and Cebon (2011).
 
         Returns:
-            <unit>.cog_height above the ground, m, and <unit>.roll_inertia about the roll axis, kg m^2, for each unit.
+            <unit>.cog_height above the ground, m, and <unit>.roll_inertia about the roll axis, kg m^2, for each unit;
+            <unit>.wheelbase from the front coupling to the mean axle, m, for each unit behind the first.
         """
         p, values = self.parameters(), {}
         for unit in self.units:
             body = laden(p, unit)
             values[f"{unit.name}.cog_height"] = body.cog_height
             values[f"{unit.name}.roll_inertia"] = body.roll_inertia
+        for unit, coupling in zip(self.units[1:], self.couplings, strict=True):
+            axles = [axle.position for axle in unit.on_road]
+            values[f"{unit.name}.wheelbase"] = coupling.trailing_position - sum(axles) / len(axles)
         return values
 
 

@@ -60,19 +60,23 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
     joint = _doubtful_covariance(solution, likely, converged=converged)
     covariance = _covariance(dataset.vehicle, problem, minimum, joint)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
+    remaining = {name: min(sigma[name], 1.0) for name in _shared_uncertain(problem)}
     return Identification(
         method="one-stage",
         vehicle=vehicle,
         initial_vehicle=dataset.initial_vehicle,
         signals=estimates.used_signals(dataset.vehicle, summaries),
         parameters=tuple(estimated),
-        derived=tuple(estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance)),
+        derived=(
+            *estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance),
+            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if converged else ()),
+        ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
         covariance=covariance,
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),
-        remaining_uncertainty={name: min(sigma[name], 1.0) for name in _shared_uncertain(problem)},
+        remaining_uncertainty=remaining,
         histories={"one stage": solution.linearisation.history},
         logs=summaries,
         fits=evaluation.fits,
