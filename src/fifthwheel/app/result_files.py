@@ -6,10 +6,11 @@ from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import HTTPException, Query
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, Response
 from nicegui import app, ui
 
 from fifthwheel.app import runs
+from fifthwheel.app.words import page_in_workbench
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
@@ -36,7 +37,7 @@ def register(folder: Path) -> None:
             raise HTTPException(404)
         if file == "report.html":
             headers = {"Content-Security-Policy": SANDBOX, "Cache-Control": "no-store"}
-            return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
+            return HTMLResponse(page_in_workbench(path.read_text(encoding="utf-8")), headers=headers)
         return FileResponse(path, filename=f"{name}-{file}", headers={"Cache-Control": "no-store"})
 
     @app.get("/compared.{kind}")

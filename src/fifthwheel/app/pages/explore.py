@@ -12,6 +12,7 @@ from nicegui import events, ui
 
 from fifthwheel import pages, plot
 from fifthwheel.app import documents, inputs, jobs, layout, runs
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose import LogPrediction
@@ -217,7 +218,7 @@ class _Page:
             changed = self.truck.replace(self.values)
             drawn = model_plot(self.kind, self.truck, changed, self.speed / 3.6, self.record)
         except FifthwheelError as error:
-            self._model_error.text = str(error)
+            self._model_error.text = in_workbench(str(error))
             return
         self._model_error.text = ""
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110

@@ -6,6 +6,7 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.app import documents, inputs, jobs, layout
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.checks import Finding
@@ -277,7 +278,7 @@ class _Page:
         try:
             await self.change(signal, **{key: value})
         except SignalError as error:
-            refusal.text = str(error)
+            refusal.text = in_workbench(str(error))
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])

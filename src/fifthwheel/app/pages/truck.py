@@ -7,6 +7,7 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.app import documents, jobs, layout
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.diagnose.assumptions import assumed_numbers
 from fifthwheel.dynamics.summary import summarize
@@ -205,7 +206,7 @@ def _error(question: Question, text: str) -> str | None:
         if answer := _answer(question, text):
             question.parse(answer)
     except VehicleError as error:
-        return str(error)
+        return in_workbench(str(error))
     return None
 
 
