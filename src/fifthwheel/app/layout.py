@@ -19,6 +19,7 @@ from fifthwheel.app import jobs, result_files, runs
 from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.spoken_names import spoken
 
 T = TypeVar("T")
 PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare", "history")
@@ -42,6 +43,7 @@ POLL = 1.0
 """s between two looks for changes by other tabs."""
 PROGRESS_POLL = 0.3
 """s between two looks at a job."""
+NO_SIGNAL = "No signal has this name."
 
 
 def register(folder: Path) -> None:
@@ -260,6 +262,22 @@ def number_field(
     field.on_value_change(changed)
     field.on("blur", show)
     return field
+
+
+def search(label: str, find: Callable[[str], object]) -> ui.input:
+    """A field for a part of a name; `find` is called with the text when it changes."""
+    field = ui.input(label, on_change=lambda event: find(event.value or ""))
+    return field.props("dense clearable debounce=300")
+
+
+def contains(name: str, text: str) -> bool:
+    """Whether a name of a signal, its path or in words, contains a text.
+
+    >>> contains("yaw_rate.semitrailer", "Trailer, yaw"), contains("Trailer, yaw rate", "yaw_rate")
+    (True, True)
+    """
+    part, *names = (each.lower().replace("_", " ").strip() for each in (text, name, spoken(name)))
+    return any(part in each for each in names)
 
 
 def shown_number(value: float | None, form: str = ".6g") -> str:

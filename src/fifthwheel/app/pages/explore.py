@@ -62,6 +62,7 @@ class _Page:
         self._moved: float | None = None
         self._busy = False
         self._pending = False
+        self._found = ""
 
     def build(self) -> None:
         ui.timer(REST, self._keep_what_rests)
@@ -187,11 +188,18 @@ class _Page:
         self._place.clear()
         height = 150 * len(self._given) + 90
         with self._place:
+            layout.search("Find a signal", self._find)
             plot = fit_plot(self._given, self._given)
             self._fit_plot = documents.show_plot(
                 plot, height=height, label="Measured and predicted signals", log=self.log
             )
+            self._no_fit = ui.label(layout.NO_SIGNAL).props("role=status")
             self._fit_rows = ui.column().classes("w-full")
+        await self._update()
+
+    async def _find(self, text: str) -> None:
+        """Show the signals whose name contains a text."""
+        self._found = text
         await self._update()
 
     # Responses
@@ -248,14 +256,22 @@ class _Page:
             except FifthwheelError as error:
                 layout.say(str(error))
                 return
-            height = 150 * len(fits) + 90
-            figure = documents.drawn(fit_plot(self._given, fits), height=height, log=self.log)
-            figure["layout"]["uirevision"] = self.log
-            self._fit_plot.update_figure(figure)
+            pairs = zip(self._given, fits, strict=True)
+            both = [pair for pair in pairs if layout.contains(pair[0].signal, self._found)]
+            self._fit_plot.visible, self._no_fit.visible = bool(both), not both
             self._fit_rows.clear()
-            with self._fit_rows:
-                documents.show(fit_table(self._given, fits))
+            if both:
+                self._show_fits(*map(list, zip(*both, strict=True)))
         self._draw_model()
+
+    def _show_fits(self, given: list[Fit], changed: list[Fit]) -> None:
+        height = 150 * len(changed) + 90
+        figure = documents.drawn(fit_plot(given, changed), height=height, log=self.log)
+        figure["layout"]["uirevision"] = self.log
+        self._fit_plot.style(f"height: {height}px")
+        self._fit_plot.update_figure(figure)
+        with self._fit_rows:
+            documents.show(fit_table(given, changed))
 
 
 def _without(values: Mapping[str, float], path: str) -> dict[str, float]:
