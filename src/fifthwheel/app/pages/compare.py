@@ -77,12 +77,14 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
     if not used:
         return
     layout.heading("Measured and predicted, with linear tyres")
-    drawn, part = Plot(panels=()), ""
+    drawn: Plot | None = None
+    part = ""
 
     def find(text: str) -> None:
         nonlocal part
         part = text
-        show(drawn)
+        if drawn is not None:
+            show(drawn)
 
     with ui.row().classes("items-end"):
         choose = ui.select(used, value=used[0], label="Log").classes("fw-field")

@@ -63,6 +63,7 @@ class _Page:
         self._busy = False
         self._pending = False
         self._found = ""
+        self._fit_plot: ui.plotly | None = None
 
     def build(self) -> None:
         ui.timer(REST, self._keep_what_rests)
@@ -186,21 +187,28 @@ class _Page:
                 layout.failure(str(error))
             return
         self._place.clear()
-        height = 150 * len(self._given) + 90
         with self._place:
             layout.search("Find a signal", self._find)
-            plot = fit_plot(self._given, self._given)
-            self._fit_plot = documents.show_plot(
-                plot, height=height, label="Measured and predicted signals", log=self.log
-            )
-            self._no_fit = ui.label(layout.NO_SIGNAL).props("role=status")
-            self._fit_rows = ui.column().classes("w-full")
-        await self._update()
+            self._fit_place = ui.column().classes("w-full")
+        await self._find("")
 
     async def _find(self, text: str) -> None:
         """Show the signals whose name contains a text."""
-        self._found = text
+        self._found, self._fit_plot = text, None
+        given = self._shown(self._given)
+        self._fit_place.clear()
+        with self._fit_place:
+            if given:
+                plot, height = fit_plot(given, given), 150 * len(given) + 90
+                label = "Measured and predicted signals"
+                self._fit_plot = documents.show_plot(plot, height=height, label=label, log=self.log)
+                self._fit_rows = ui.column().classes("w-full")
+            else:
+                ui.label(layout.NO_SIGNAL).props("role=status")
         await self._update()
+
+    def _shown(self, fits: list[Fit]) -> list[Fit]:
+        return [fit for fit in fits if layout.contains(fit.signal, self._found)]
 
     # Responses
 
@@ -256,22 +264,15 @@ class _Page:
             except FifthwheelError as error:
                 layout.say(str(error))
                 return
-            pairs = zip(self._given, fits, strict=True)
-            both = [pair for pair in pairs if layout.contains(pair[0].signal, self._found)]
-            self._fit_plot.visible, self._no_fit.visible = bool(both), not both
-            self._fit_rows.clear()
-            if both:
-                self._show_fits(*map(list, zip(*both, strict=True)))
+            if self._fit_plot is not None:
+                given, changed = self._shown(self._given), self._shown(fits)
+                figure = documents.drawn(fit_plot(given, changed), height=150 * len(given) + 90, log=self.log)
+                figure["layout"]["uirevision"] = self.log
+                self._fit_plot.update_figure(figure)
+                self._fit_rows.clear()
+                with self._fit_rows:
+                    documents.show(fit_table(given, changed))
         self._draw_model()
-
-    def _show_fits(self, given: list[Fit], changed: list[Fit]) -> None:
-        height = 150 * len(changed) + 90
-        figure = documents.drawn(fit_plot(given, changed), height=height, log=self.log)
-        figure["layout"]["uirevision"] = self.log
-        self._fit_plot.style(f"height: {height}px")
-        self._fit_plot.update_figure(figure)
-        with self._fit_rows:
-            documents.show(fit_table(given, changed))
 
 
 def _without(values: Mapping[str, float], path: str) -> dict[str, float]:
