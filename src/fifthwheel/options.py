@@ -77,7 +77,7 @@ class IdentifyOptions(Settings):
             "accelerometer_position, accelerometer_height, and bank. Errors of the model: vehicle_file and softening "
             "(times the default), gyro_delay, stiffness_variation, time_base, fixed_axles, discrepancy, "
             "bank_variation.",
-            label="Statements on numbers",
+            label="State a number",
         ),
     ] = ()
     fix: Annotated[Names, Option(help="Old form of --set NAME=exact.", replaced_by="--set")] = ()

@@ -1,11 +1,16 @@
 """Plots over the time of a log, in a browser: one cursor with values, and one zoom on all pages."""
 
+import re
 from pathlib import Path
 
 import pytest
 
 from fifthwheel.app.workspace import Workspace
 from tests.app.served import chromium, served, tab
+from tests.app.test_way import prepared
+from tests.report.conftest import result
+
+__all__ = ["result"]
 
 pytestmark = pytest.mark.slow
 
@@ -73,3 +78,19 @@ def test_a_time_column_without_the_name_of_a_time_is_chosen(browser, tmp_path):
         page.get_by_role("link", name="2 Signals").click()
         page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
     assert '[time]\ncolumn = "run"' in (folder / "signals.toml").read_text()
+
+
+def test_the_plotted_signals_of_explore_and_compare_are_found_by_name(browser, tmp_path, result):
+    folder = prepared(tmp_path / "w", count=1).folder
+    for name in ("a", "b"):
+        result.identification.save(folder / "runs" / name)
+    with served(folder) as address, tab(browser, f"{address}explore") as page:
+        for name, what in (("explore", "signals"), ("compare", "run.csv")):
+            page.goto(f"{address}{name}")
+            plot = page.get_by_role("img", name=re.compile(f"Measured and predicted,? {what}"))
+            plot.get_by_text("Tractor, yaw rate").first.wait_for(timeout=60_000)
+            page.get_by_label("Find a signal").fill("trailer")
+            plot.get_by_text("Tractor, yaw rate").first.wait_for(state="detached")
+            plot.get_by_text("Trailer, yaw rate").first.wait_for()
+            page.get_by_label("Find a signal").fill("none")
+            page.get_by_text("No signal has this name.").wait_for()

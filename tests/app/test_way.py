@@ -162,6 +162,8 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
             field.fill(text)
             field.press("Tab")
         page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
+        first = page.get_by_role("region", name="Questions").get_by_role("alert").first
+        assert "Correct or remove the answer to: Front axle" in first.inner_text()
         field = page.get_by_label("Front axle to the first axle behind it")
         field.fill("3,7 m")
         field.press("Tab")
@@ -229,13 +231,17 @@ def test_a_result_is_renamed_and_deleted_and_its_note_is_shown(browser, tmp_path
     file = folder / "runs" / "mine" / "identification.json"
     note = {"text": "new tyres", "author": "A", "date": "2026-11-26"}
     file.write_text(json.dumps(json.loads(file.read_text()) | {"note": note}))
-    (folder / "runs" / "mine" / "report.html").write_text("<h1 id=verdict>report</h1>")
+    head = "<title>truck, mine: fifthwheel</title><h1>truck<span class="
+    (folder / "runs" / "mine" / "report.html").write_text(f'{head}"result">, mine</span></h1>--tyres linear')
     with served(folder) as address, tab(browser, f"{address}identify") as page:
         page.get_by_text("mine: new tyres (A, 2026-11-26)").first.wait_for()
         page.get_by_role("button", name="Rename mine").click()
         page.get_by_label("New name of mine").fill("bend")
         page.get_by_role("button", name="Rename", exact=True).click()
         page.get_by_text("bend: new tyres (A, 2026-11-26)").first.wait_for()
+        report = page.frame_locator(".fw-report")
+        report.get_by_role("heading", name="truck, bend").wait_for()
+        report.get_by_text("“Tyres”: “Linear, with an unknown softening”").wait_for()
         page.get_by_role("button", name="Delete bend").click()
         page.get_by_text("Delete the result bend with all its files?").wait_for()
         page.get_by_role("button", name="Delete", exact=True).click()

@@ -24,10 +24,11 @@ def test_table_and_files(runs, run, tmp_path):  # noqa: F811
     assert "share lane changes" in " ".join(outcome.out.split())
     with table.open(newline="") as stream:
         rows = list(csv.DictReader(stream))
-    assert len(rows) == 12
+    assert len(rows) == 16
     assert {row["difference_in_sigmas"] for row in rows} == {"", "0.0"}
     text = Page(page.read_text()).text
     assert runs[1].name in text
+    assert "Rollover threshold" in text
     assert "No difference beyond chance." in text
     assert 'title="tractor.front.cornering_stiffness">Front tyres, cornering stiffness' in page.read_text()
 

@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import white_noise_sigma
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.identify import SensorError
 from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
+from fifthwheel.vehicle.masses import unusual_masses
 from tests.report.conftest import NASTY
 
 STEER = "steer.tractor.front"
@@ -32,6 +34,18 @@ def with_sensors(result, *errors):
 def test_a_good_identification_has_none(result):
     fits = tuple(fit for fit in result.identification.fits if fit.identified_on)
     assert identification_cautions(replace(result.identification, fits=fits), [], result.states[:1]) == []
+
+
+def test_unusual_masses_of_the_vehicle_file_are_a_caution_that_explains_no_other(result):
+    vehicle = result.identification.initial_vehicle
+    empty = vehicle.parameters()["tractor.sprung.mass"]
+    heavy = vehicle.replace({"tractor.sprung.mass": 0.5 * empty})
+    (expected,) = unusual_masses(heavy)
+    cautions = identification_cautions(replace(result.identification, initial_vehicle=heavy))
+    (found,) = [c for c in cautions if c.kind is CautionKind.MASS]
+    assert str(found) == f"{expected}."
+    fit = replace(found, kind=CautionKind.POOR_FIT)
+    assert ranked([fit, found]) == ([found, fit], [])
 
 
 def test_a_poor_fit_of_a_validation_log_says_so(result):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
+from fifthwheel.assess import assess
 from fifthwheel.diagnose import compare, spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, Verdict, identify
@@ -22,6 +23,11 @@ def run(result, log, *estimates, **others):
 
 def difference(a, b, parameter=0):
     return compare({"a": a, "b": b}).parameters[parameter].differences[1]
+
+
+def estimated(comparison):
+    """The parameters without derived quantities."""
+    return [p for p in comparison.parameters if not p.derived]
 
 
 def test_independent_errors_add(result):
@@ -68,9 +74,10 @@ def test_logs_that_a_run_began_with_are_shared_too(result):
 def test_shared_logs_make_the_difference_a_lower_bound(result):
     a, b = (run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, **fixed)) for fixed in ({}, FIXED))
     comparison = compare({"a": a, "b": b})
-    assert [p.differences[1].at_least for p in comparison.parameters] == [True, False]
+    assert [p.differences[1].at_least for p in estimated(comparison)] == [True, False]
     assert any("a and b share 1" in note for note in comparison.notes)
-    assert ("at least" in comparison.rows()[1][5], "at least" in comparison.rows()[3][5]) == (True, False)
+    moved = compare({"a": a, "b": run(result, "1", estimate(FRONT, value=1.1, sigma=0.03), estimate(REAR, **FIXED))})
+    assert moved.rows()[1][5].startswith("at least +")
 
 
 FIXED = {"verdict": Verdict.FIXED, "sigma": None}
@@ -105,11 +112,38 @@ def test_a_fixed_value_counts_as_exact(result):
     assert difference(b, b).sigmas is None
 
 
+def test_cog_height_and_rollover_threshold_of_each_run_follow_the_parameters(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03))
+    path = "semitrailer.payload.height"
+    higher = a.vehicle.replace({path: 1.2 * a.vehicle.parameters()[path]})
+    height = [e for e in a.derived if e.name == "semitrailer.cog_height"]
+    b = run(result, "2", estimate(FRONT, sigma=0.03), vehicle=higher)
+    *_, cog, threshold = compare({"a": a, "b": b}).parameters
+    assert (cog.name, cog.estimates) == ("semitrailer.cog_height", (height[0], height[0]))
+    expected = [assess(each, cheap=True)["rollover_threshold"] for each in (a, b)]
+    assert [(e.value, e.sigma) for e in threshold.estimates] == [(m.value, m.sigma) for m in expected]
+    assert threshold.differences[1].value < 0
+    assert threshold.differences[1].sigma == pytest.approx(np.hypot(*[m.sigma for m in expected]))
+    assert threshold.in_sigmas(1).startswith("at least −")
+
+
+def test_derived_quantities_do_not_count_in_the_headline(result):
+    a, b = (run(result, log, estimate(FRONT, sigma=0.03)) for log in "12")
+    other = replace(b, derived=tuple(replace(e, value=2 * e.value) for e in b.derived))
+    assert headline(compare({"a": a, "b": other})).startswith("No difference beyond chance. Largest: Front tyres")
+
+
+@pytest.mark.parametrize("value", [1.0, 1.0 - 1e-4])
+def test_no_difference_has_no_sign(result, value):
+    a, b = (run(result, "1", estimate(FRONT, value=v, sigma=0.03)) for v in (1.0, value))
+    assert compare({"a": a, "b": b}).rows()[1][5] == "0.0 sigma"
+
+
 def test_parameters_that_one_run_does_not_have(result):
     a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(HEIGHT))
     comparison = compare({"a": a, "b": b})
-    assert [p.name for p in comparison.parameters] == [FRONT, HEIGHT]
-    assert [p.differences for p in comparison.parameters] == [(None, None), (None, None)]
+    assert [p.name for p in estimated(comparison)] == [FRONT, HEIGHT]
+    assert [p.differences for p in estimated(comparison)] == [(None, None), (None, None)]
     assert comparison.rows()[1][2:] == ("–", "", "", "")
     assert headline(comparison) == "No difference from a has a sigma."
 
@@ -117,9 +151,9 @@ def test_parameters_that_one_run_does_not_have(result):
 def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):
     a = run(result, "1", estimate(FRONT, value=4.8e5, sigma=3e3))
     b = run(result, "2", estimate(FRONT, value=4.32e5, sigma=4e3))
-    *_, row = compare({"a": a, "b": b}).rows()
+    row = compare({"a": a, "b": b}).rows()[1]
     assert row[3:] == ("−48.0 ± 5.0 kN/rad", "−10.0 ± 1.0 %", "−9.6 sigma")
-    *_, row = compare({"b": b, "a": a}).rows()
+    row = compare({"b": b, "a": a}).rows()[1]
     assert row[3] == "+48.0 ± 5.0 kN/rad"
 
 

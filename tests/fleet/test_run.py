@@ -5,7 +5,6 @@ import os
 import shutil
 from dataclasses import replace
 from importlib import import_module
-from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -20,7 +19,8 @@ from fifthwheel.fleet.report import limit
 from fifthwheel.fleet.tables import SCHEMAS, Rows
 from fifthwheel.fleet.trips import TripJob, TripOutcome, log_knowledge
 from fifthwheel.identify.knowledge.changes import WINDOWS
-from fifthwheel.identify.knowledge.information import EARLIEST_DATE
+from fifthwheel.record import Record
+from fifthwheel.record.record import EARLIEST_DATE
 from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
 
 RUN = import_module("fifthwheel.fleet.run")
@@ -143,7 +143,7 @@ def test_the_date_of_a_log(tmp_path) -> None:
     path.write_text("")
     os.utime(path, (1.7e9, 1.7e9))
     for first, expected in ((1.75e9, 1.75e9), (EARLIEST_DATE, EARLIEST_DATE), (EARLIEST_DATE - 1, 1.7e9), (0.0, 1.7e9)):
-        record = SimpleNamespace(time=np.array([first, first + 1]))
+        record = Record(time=[first, first + 1], signals={"speed": [20.0, 20.0]})
         assert trips._date(record, str(path)) == datetime.datetime.fromtimestamp(expected, datetime.UTC)
 
 

@@ -1,4 +1,5 @@
 import textwrap
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -210,6 +211,8 @@ def test_a_time_since_1970_is_shifted(tmp_path):
     record = read_table(tmp_path, "[signals]\nspeed = 'v'", t=[1.5e9 + 0.25 + x for x in T], v=T)
     assert record.span == pytest.approx((0.25, 10.15))
     assert record.notes == ("time begins at 2017-07-14 02:40:00 UTC, shifted to 0",)
+    assert record.date == datetime(2017, 7, 14, 2, 40, tzinfo=UTC)
+    assert record.started == record.date + timedelta(seconds=float(record.time[0]))
 
 
 def test_the_time_of_a_channel_is_sampled_with_it(tmp_path):

@@ -1,9 +1,13 @@
 """Stored samples: the same as those of the file, plotted at any zoom with all extremes, and without some windows."""
 
+from datetime import UTC, datetime, timedelta
+
 import numpy as np
 import pytest
+from asammdf import MDF, Signal
 
 from fifthwheel.errors import SignalError
+from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.logs.files import record_of
 from fifthwheel.logs.mapping.survey import survey_log
 from fifthwheel.logs.readers import open_log
@@ -41,6 +45,21 @@ def long_log(tmp_path_factory):
     return StoredLog(folder)
 
 
+def test_the_date_of_a_recording_is_that_of_its_header(tmp_path):
+    mdf, date = MDF(version="4.10"), datetime(2024, 5, 6, 7, 8, 9, tzinfo=UTC)
+    mdf.header.start_time = date
+    mdf.append(Signal(samples=np.ones(20), timestamps=1.0 + np.arange(20) / 10, name="speed", unit="m/s"))
+    mdf.save(tmp_path / "run.mf4")
+    (tmp_path / "samples").mkdir()
+    with open_log(tmp_path / "run.mf4") as log:
+        store_log(log, tmp_path / "samples")
+        records = [record_of(source, name="run") for source in (log, StoredLog(tmp_path / "samples"))]
+    for record in records:
+        assert record.date == date
+        assert record.cut(1.5, 2.5).started == date + timedelta(seconds=1.5)
+        assert Occasion(date=datetime.now(UTC)).date_of([record]) == date + timedelta(seconds=1)
+
+
 @pytest.mark.parametrize("name", sorted(FORMATS))
 def test_the_record_of_stored_samples_is_that_of_the_file(tmp_path, name):
     path, signal_map = stored(simulate(get("cheng_cebon_2011"), count=1, seed=1), tmp_path, name)
@@ -54,7 +73,7 @@ def test_the_record_of_stored_samples_is_that_of_the_file(tmp_path, name):
     assert record.signals.keys() == direct.signals.keys()
     for signal, values in direct.signals.items():
         np.testing.assert_array_equal(record.signals[signal], values)
-    assert (record.notes, record.time_bases) == (direct.notes, direct.time_bases)
+    assert (record.notes, record.time_bases, record.date) == (direct.notes, direct.time_bases, direct.date)
     for column, content in survey_log(again).contents.items():
         assert content.samples == survey.contents[column].samples
         assert content.low == pytest.approx(survey.contents[column].low, nan_ok=True)

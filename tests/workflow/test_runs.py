@@ -91,13 +91,24 @@ def test_files_of_an_identification(run, tmp_path):
     assert stored.covariance.names == run.identification.covariance.names
 
 
-def test_an_assumed_number_keeps_the_sigma_of_its_class(run, tmp_path):
+def test_an_assumed_number_remains_assumed_with_the_sigma_of_its_class(run, tmp_path):
     path, estimated = "tractor.yaw_inertia", "semitrailer.yaw_inertia"
     sources = dict.fromkeys((path, estimated), "class")
     guess = Vehicle(**TRUCK.model_dump() | {"assumed": sources, "stated": {path: 4400.0, estimated: 1e5}})
     found = replace(run.identification, initial_vehicle=guess)
-    files = write_results(replace(run, identification=found), tmp_path)
-    assert Vehicle.load(files["vehicle.toml"]).stated == {path: 4400.0}
+    for text in (None, guess.to_toml()):
+        files = write_results(replace(run, identification=found), tmp_path, vehicle_text=text)
+        written = Vehicle.load(files["vehicle.toml"])
+        assert written.stated.items() >= {path: 4400.0}.items()
+        assert written.assumed == {path: "class"}
+        assert written.parameters() == pytest.approx(run.identification.vehicle.parameters())
+
+
+def test_the_report_has_the_name_of_the_result(run, tmp_path):
+    write_results(run, tmp_path, name="bend <1>")
+    page = (tmp_path / "report.html").read_text()
+    assert f"<title>{TRUCK.name}, bend &lt;1&gt;: fifthwheel</title>" in page
+    assert f'<h1>{TRUCK.name}<span class="result">, bend &lt;1&gt;</span></h1>' in page
 
 
 def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):

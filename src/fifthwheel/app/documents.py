@@ -6,6 +6,7 @@ from nicegui import app, events, ui
 
 from fifthwheel import pages
 from fifthwheel.app import layout
+from fifthwheel.app.words import page_in_workbench
 from fifthwheel.pages import html
 from fifthwheel.plots import Plot
 from fifthwheel.plots.plotly_figure import figure
@@ -30,7 +31,7 @@ def show(*blocks: pages.Block) -> None:
                 if block.lines and block.title:
                     layout.heading(block.title)
                 if block.lines:
-                    ui.html(html.blocks([pages.Items(block.lines)]), sanitize=False).classes("fw-list")
+                    ui.html(_rendered(pages.Items(block.lines)), sanitize=False).classes("fw-list")
             case pages.Folded():
                 with ui.expansion(block.summary).classes("w-full"):
                     show(*block.blocks)
@@ -40,7 +41,11 @@ def show(*blocks: pages.Block) -> None:
                 for each in block.plots:
                     show_plot(each.plot)
             case _:
-                ui.html(html.blocks([block]), sanitize=False).classes("fw-scroll fw-table")
+                ui.html(_rendered(block), sanitize=False).classes("fw-scroll fw-table")
+
+
+def _rendered(block: pages.Block) -> str:
+    return page_in_workbench(html.blocks([block]))
 
 
 def show_plot(plot: Plot, *, height: int = 300, label: str = "", log: str | None = None) -> ui.plotly:

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from fifthwheel.app import runs
+from fifthwheel.app import runs, words
 from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
 from fifthwheel.channels import error_kinds
 from fifthwheel.formatting import enumerated
@@ -44,13 +44,13 @@ def stated(workspace: Workspace, choices: Choices) -> dict[str, str]:
 
 def _sentence(statement: Statement) -> str:
     value = statement.value or "the value of the file"
-    words = {
+    sentences = {
         "exact": f"{value}, exact",
         "free": "unknown; only the logs determine it",
         "sigma": f"{value} ± {statement.sigma}",
         "value": value,
     }
-    return f"{spoken(statement.name)}: {words[statement.kind]}."
+    return f"{spoken(statement.name)}: {sentences[statement.kind]}."
 
 
 def changed_settings(choices: Choices) -> list[str]:
@@ -60,14 +60,14 @@ def changed_settings(choices: Choices) -> list[str]:
         value = choices.identify.get(key)
         if value is None or key == STATEMENTS or option.replaced_by:
             continue
-        label = option.label or key.replace("_", " ").capitalize()
+        label = words.label(key, option)
         if isinstance(value, bool):
             said.append(f"{label}: {'yes' if value else 'no'}.")
         else:
-            words = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
-            said.append(f"{label}: {option.choices.get(words, words)}.")
+            chosen = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
+            said.append(f"{label}: {option.choices.get(chosen, chosen)}.")
     if validate := choices.identify.get("validate"):
-        said.append(f"Only predicted: {enumerated([Path(name).name for name in validate])}.")
+        said.append(f"{words.ONLY_PREDICT}: {enumerated([Path(name).name for name in validate])}.")
     return said
 
 

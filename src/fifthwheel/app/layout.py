@@ -16,8 +16,10 @@ from weakref import WeakKeyDictionary
 from nicegui import Client, app, events, ui
 
 from fifthwheel.app import jobs, result_files, runs
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import StaleError, Workspace
 from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.spoken_names import spoken
 
 T = TypeVar("T")
 PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare", "history")
@@ -41,6 +43,7 @@ POLL = 1.0
 """s between two looks for changes by other tabs."""
 PROGRESS_POLL = 0.3
 """s between two looks at a job."""
+NO_SIGNAL = "No signal has this name."
 
 
 def register(folder: Path) -> None:
@@ -164,7 +167,7 @@ def next_step(message: str, page: str) -> None:
     """What is missing on this page, and a link to the page that provides it."""
     with ui.element("div").classes("fw-next"):
         ui.icon("info", size="sm").props("aria-hidden=true")
-        ui.label(message)
+        ui.label(in_workbench(message))
         ui.link(f"To the page {page.capitalize()}", address(page))
 
 
@@ -173,17 +176,17 @@ def finding(severity: str, message: str) -> None:
     with ui.element("div").classes(f"fw-finding {severity}"):
         icons = {"error": "error", "warning": "warning", "good": "check_circle"}
         ui.icon(icons[severity]).props("role=img aria-hidden=false").props["aria-label"] = severity
-        ui.label(message)
+        ui.label(in_workbench(message))
 
 
 def failure(message: str) -> ui.label:
     """A message in the page; screen readers read it at once."""
-    return ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
+    return ui.label(in_workbench(message)).classes("text-negative").style("white-space: pre-line").props("role=alert")
 
 
 def say(message: str) -> None:
     """A short note that vanishes; screen readers read it."""
-    ui.notify(message, position="bottom", multi_line=True)
+    ui.notify(in_workbench(message), position="bottom", multi_line=True)
 
 
 async def confirmed(question: str, action: str) -> bool:
@@ -259,6 +262,22 @@ def number_field(
     field.on_value_change(changed)
     field.on("blur", show)
     return field
+
+
+def search(label: str, find: Callable[[str], object]) -> ui.input:
+    """A field for a part of a name; `find` is called with the text when it changes."""
+    field = ui.input(label, on_change=lambda event: find(event.value or ""))
+    return field.props("dense clearable debounce=300")
+
+
+def contains(name: str, text: str) -> bool:
+    """Whether a name of a signal, its path or in words, contains a text.
+
+    >>> contains("yaw_rate.semitrailer", "Trailer, yaw"), contains("Trailer, yaw rate", "yaw_rate")
+    (True, True)
+    """
+    part, *names = (each.lower().replace("_", " ").strip() for each in (text, name, spoken(name)))
+    return any(part in each for each in names)
 
 
 def shown_number(value: float | None, form: str = ".6g") -> str:
@@ -362,7 +381,7 @@ def _show_error(error: Exception) -> None:
         ui.notify(str(error), type="warning", timeout=8000)
         ui.timer(2.0, reload, once=True)
     elif isinstance(error, FifthwheelError):
-        ui.notify(str(error), type="negative", multi_line=True, timeout=10000, close_button="Close")
+        ui.notify(in_workbench(str(error)), type="negative", multi_line=True, timeout=10000, close_button="Close")
     elif isinstance(error, OSError):
         ui.notify(f"{error.filename or 'file'}: {error.strerror or error}", type="negative", close_button="Close")
     else:

@@ -1,18 +1,21 @@
 """The report of a result in a frame without rights, and the files of a result."""
 
+import re
 import tempfile
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
 
 from fastapi import HTTPException, Query
-from fastapi.responses import FileResponse, Response
+from fastapi.responses import FileResponse, HTMLResponse, Response
 from nicegui import app, ui
 
 from fifthwheel.app import runs
+from fifthwheel.app.words import page_in_workbench
 from fifthwheel.app.workspace import Workspace
 from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.pages import html
 from fifthwheel.report import write_comparison_page
 
 DATA = ("vehicle.toml", "identification.json", "states.parquet")
@@ -21,6 +24,10 @@ FILES = ("report.html", *DATA)
 """What can be asked for."""
 SANDBOX = "sandbox allow-scripts"
 """The report draws its plots, but cannot read or change anything else."""
+
+
+_NAME = re.compile(r'(<h1>[^<]*<span class="result">)[^<]*<')
+_TITLE = re.compile("<title>[^<]*</title>")
 
 
 def register(folder: Path) -> None:
@@ -36,7 +43,7 @@ def register(folder: Path) -> None:
             raise HTTPException(404)
         if file == "report.html":
             headers = {"Content-Security-Policy": SANDBOX, "Cache-Control": "no-store"}
-            return FileResponse(path, media_type="text/html; charset=utf-8", headers=headers)
+            return HTMLResponse(_report(path, name), headers=headers)
         return FileResponse(path, filename=f"{name}-{file}", headers={"Cache-Control": "no-store"})
 
     @app.get("/compared.{kind}")
@@ -50,6 +57,13 @@ def register(folder: Path) -> None:
         except FifthwheelError as error:
             raise HTTPException(404, str(error)) from None
         raise HTTPException(404)
+
+
+def _report(path: Path, name: str) -> str:
+    """The report with the present name of the result, which may have been renamed."""
+    shown = html.text(name)
+    page = _NAME.sub(lambda found: f"{found[1]}, {shown}<", path.read_text(encoding="utf-8"), count=1)
+    return page_in_workbench(_TITLE.sub(lambda _: f"<title>{shown}: fifthwheel</title>", page, count=1))
 
 
 def _page(found: Comparison) -> bytes:

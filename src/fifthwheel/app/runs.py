@@ -162,7 +162,8 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
             kept,
             command=command(workspace, choices, name),
         )
-        write_loads(starts, runs, temporary, provenance=provenance, vehicle_text=workspace.read(VEHICLE))
+        text = workspace.read(VEHICLE)
+        write_loads(starts, runs, temporary, provenance=provenance, vehicle_text=text, name=name)
     return name
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_motion, yaw_damping
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
-from fifthwheel.assess.measures import MEASURES, REAR, SCHEME, Limit, definition, title
+from fifthwheel.assess.measures import MEASURES, REAR, ROLLOVER, SCHEME, Limit, definition, title
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.formatting import percent
-from fifthwheel.identify import Identification
+from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.vehicle import require_vehicle
 
@@ -32,12 +32,14 @@ FAMILIES: tuple[Family, ...] = (
 
 CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
 """Families without a simulation of a manoeuvre, for the report of an identification."""
+SPEED = 88 / 3.6
+"""Of the high-speed measures, m/s."""
 
 
 def assess(
     truck: Vehicle | Identification,
     *,
-    speed: float = 88 / 3.6,
+    speed: float = SPEED,
     body: Body | Mapping[str, float | str] | None = None,
     changes: Mapping[str, float] | None = None,
     sigmas: Mapping[str, float] | None = None,
@@ -118,6 +120,30 @@ def assess(
         origin=origin,
         notes=tuple(dict.fromkeys(notes)),
         runs=runs,
+    )
+
+
+def rollover_threshold(identification: Identification) -> Estimate:
+    """The static rollover threshold of an identified truck, as of `assess` with `cheap`.
+
+    Its verdict is the worst of the CoG heights.
+
+    Raises:
+        VehicleError: the truck does not stand upright, or its axle loads are not determined.
+    """
+    body = Body()
+    truck = Truck(vehicle=identification.vehicle, body=body, speed=SPEED)
+    uncertainty = complete(of_identification(identification), body, stated={})
+    found = _result(ROLLOVER, samples(Neighbourhood(truck, uncertainty), rollover.measure, sampled=False))
+    heights = [e.verdict for e in identification.derived if e.name.endswith(".cog_height")]
+    return Estimate(
+        name=ROLLOVER,
+        value=found.value,
+        sigma=found.sigma,
+        unit=found.unit,
+        initial=rollover.measure(replace(truck, vehicle=identification.initial_vehicle))[ROLLOVER],
+        verdict=max(heights, key=lambda verdict: verdict is not Verdict.CONVERGED, default=Verdict.FIXED),
+        stage=2,
     )
 
 

@@ -46,11 +46,13 @@ def _levels(sense: Literal["at least", "at most"], *values: float) -> tuple[Limi
     return tuple(Limit(level=str(k + 1), sense=sense, value=value) for k, value in enumerate(values))
 
 
+ROLLOVER = "rollover_threshold"
+"""Rollover threshold of the truck."""
 REAR = "rollover_threshold_rear"
 """Rollover threshold of the rearmost roll-coupled set of units, which the limit of rearward amplification follows."""
 
 MEASURES: Mapping[str, Measure] = {
-    "rollover_threshold": Measure(
+    ROLLOVER: Measure(
         title="static rollover threshold",
         unit="g",
         source="Winkler (2000)",

@@ -24,6 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.assess.measures import ROLLOVER
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -60,7 +61,7 @@ def rollover(truck: Truck) -> tuple[Rollover, ...]:
 def measure(truck: Truck) -> Values:
     """The threshold of the truck and of each roll-coupled set, and the acceleration at which each axle group lifts."""
     sets = rollover(truck)
-    values = {"rollover_threshold": min(s.threshold for s in sets)}
+    values = {ROLLOVER: min(s.threshold for s in sets)}
     if len(sets) > 1:
         values |= {set_name(s): s.threshold for s in sets}
     return values | {f"wheel_lift.{path}": lift for s in sets for path, lift in s.lifts.items()}
@@ -68,7 +69,7 @@ def measure(truck: Truck) -> Values:
 
 def set_name(rollover: Rollover) -> str:
     """Name of the measure of one roll-coupled set: "rollover_threshold.dolly+trailer"."""
-    return f"rollover_threshold.{'+'.join(rollover.units)}"
+    return f"{ROLLOVER}.{'+'.join(rollover.units)}"
 
 
 def _of_set(truck: Truck, units: list[int]) -> Rollover:

@@ -122,7 +122,7 @@ def spikes(record: Record, name: str) -> Iterator[Finding]:
     if mask.any() and np.mean(mask) < _MAX_SPIKES:
         first = int(mask.argmax())
         cure = (
-            "fifthwheel identify ignores these samples, fifthwheel states those that are implausible: repair them, or "
+            "an identification ignores these samples, a state estimation those that are implausible: repair them, or "
             "replace them by NaN"
             if is_input(name)
             else "filters gate them as outliers; repair the column if there are many"

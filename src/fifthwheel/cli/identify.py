@@ -91,12 +91,14 @@ def identify(
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         used = dict(zip(logs, records, strict=False))
         for start in starts:
-            terminal.warn_of_masses(start.vehicle, [used[path] for path in start.logs])
+            terminal.print_axle_load_differences(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
         provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:])
         text = vehicle_text(file)
-        written = write_loads(starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text)
+        written = write_loads(
+            starts, runs, folder, provenance=provenance, figures=figures, vehicle_text=text, name=out.resolve().name
+        )
         files = terminal.in_folder(out, written)
     run = runs[-1]
     document = partial(identification_document, run.identification, run.conclusion)

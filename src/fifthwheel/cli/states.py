@@ -94,7 +94,8 @@ def states(
         for note in run.notes:
             typer.echo(note, err=True)
         provenance = provenance_of_run(logs, vehicle, signals, identification, command=sys.argv[1:])
-        files = terminal.in_folder(out, write_results(run, folder, provenance=provenance, figures=figures))
+        written = write_results(run, folder, provenance=provenance, figures=figures, name=out.resolve().name)
+        files = terminal.in_folder(out, written)
     document = partial(states_document, run.states, run.records, run.conclusion)
     terminal.print_result(run.as_dict(), document, files, as_json=as_json)
 

@@ -33,13 +33,18 @@ def load_records(
         return read_records(paths, signal_map, exclude=windows(exclude), progress=progress)
 
 
-def warn_of_masses(vehicle: "Vehicle", records: "Sequence[Record]" = ()) -> None:
-    """Print unusual masses in the vehicle file, and axle loads in the logs that are not those of the file."""
+def warn_of_masses(vehicle: "Vehicle") -> None:
+    """Print unusual masses in the vehicle file."""
     from fifthwheel.vehicle.masses import unusual_masses
-    from fifthwheel.workflow import axle_load_differences
 
     for warning in unusual_masses(vehicle):
         typer.secho(f"warning: {warning}", fg="yellow", err=True)
+
+
+def print_axle_load_differences(vehicle: "Vehicle", records: "Sequence[Record]") -> None:
+    """Print axle loads in the logs that are not those of the vehicle file."""
+    from fifthwheel.workflow import axle_load_differences
+
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
 

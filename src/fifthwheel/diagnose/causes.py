@@ -14,11 +14,12 @@ ORDER = (
     CautionKind.DELAY,
     CautionKind.ASSUMPTION,
     CautionKind.UNRELATED_CHANNEL,
+    CautionKind.MASS,
     CautionKind.WHEEL_LIFT,
     CautionKind.NONLINEAR_RANGE,
 )
 """Kinds of causes, the one that explains most first. All other kinds are effects, unless no cause is present."""
-INDEPENDENT = (CautionKind.WHEEL_LIFT, CautionKind.NONLINEAR_RANGE)
+INDEPENDENT = (CautionKind.MASS, CautionKind.WHEEL_LIFT, CautionKind.NONLINEAR_RANGE)
 """Causes that no other one explains, and that explain no other one."""
 
 

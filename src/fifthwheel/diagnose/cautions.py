@@ -31,6 +31,8 @@ from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe import States
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.masses import unusual_masses
 from fifthwheel.vehicle.parameters import FRICTION
 
 
@@ -52,6 +54,7 @@ def identification_cautions(
         *unstable_cautions(identification),
         *contradiction_cautions(identification),
         *validation_cautions(validated),
+        *mass_cautions(identification.initial_vehicle),
         *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
@@ -83,6 +86,12 @@ def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
             signals=(first.signal, *first.others),
             log=first.log if not more else None,
         )
+
+
+def mass_cautions(vehicle: Vehicle) -> Iterator[Caution]:
+    """Unusual masses of a vehicle file, which may be right."""
+    for message in unusual_masses(vehicle):
+        yield Caution(CautionKind.MASS, f"{message}.", "", 0.0)
 
 
 def has_wide_sigma(estimate: Estimate) -> bool:

@@ -9,18 +9,20 @@ deviation (covariance P of the unknowns in units of their priors). The squared c
 budget and the standard deviation r_i of number i after the logs, in units of its prior, give s_ai = sqrt(fraction_i)
 sigma_a r_i. The sum is over the numbers that are uncertain in both identifications, with the same value in both vehicle
 files: the errors of their priors are the same, and shift both estimates to the same side. All else counts as
-independent.
+independent. CoG heights and the rollover threshold follow from the parameters and have no variance budget: sigma of
+their differences is an upper limit.
 """
 
 import csv
 import io
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import NormalDist
 from typing import Any
 
-from fifthwheel.errors import SignalError
+from fifthwheel.assess.assess import rollover_threshold
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.plots import Axis, Guide, Item, Panel, Plot, Points
@@ -44,7 +46,7 @@ class Difference:
     sigma: float | None
     """Standard deviation; None if one of the estimates has none."""
     at_least: bool
-    """The identifications share logs: their noise is common too, and sigma is an upper limit."""
+    """sigma is an upper limit: the identifications share logs, whose noise is common, or the quantity is derived."""
 
     @property
     def sigmas(self) -> float | None:
@@ -54,13 +56,15 @@ class Difference:
 
 @dataclass(frozen=True, kw_only=True)
 class ComparedParameter:
-    """One parameter in all runs; None where a run did not estimate it."""
+    """One parameter or derived quantity in all runs; None where a run did not estimate it."""
 
     name: str
     unit: str
     estimates: tuple[Estimate | None, ...]
     differences: tuple[Difference | None, ...]
     """From the reference; None for the reference itself."""
+    derived: bool = False
+    """Whether it follows from the parameters: CoG height or rollover threshold. The headline does not count it."""
 
     def sigmas(self, k: int) -> float:
         """The difference of run k in units of its sigma; 0 without one."""
@@ -81,7 +85,10 @@ class ComparedParameter:
         difference = self.differences[k]
         if difference is None or difference.sigmas is None:
             return ""
-        number = f"{difference.sigmas:+.1f} sigma".replace("-", "−")
+        rounded = round(difference.sigmas, 1)
+        if not rounded:
+            return "0.0 sigma"
+        number = f"{rounded:+.1f} sigma".replace("-", "−")
         return f"at least {number}" if difference.at_least else number
 
     def _in(self, k: int, factor: float, unit: str) -> str:
@@ -127,12 +134,13 @@ class Comparison:
         return sorted(clear, key=lambda found: -abs(found[0].sigmas(found[1])))
 
     def _known(self) -> list[tuple[ComparedParameter, int]]:
-        """The differences that have a sigma, of parameters that both runs identify."""
+        """The differences that have a sigma, of parameters that both runs identify; derived quantities repeat them."""
         return [
             (p, k)
             for p in self.parameters
             for k in range(len(self.runs))
             if p.in_sigmas(k)
+            and not p.derived
             and not any(e and e.verdict is Verdict.NOT_IDENTIFIABLE for e in (p.estimates[0], p.estimates[k]))
         ]
 
@@ -142,6 +150,7 @@ class Comparison:
             {
                 "name": p.name,
                 "unit": p.unit,
+                "derived": p.derived,
                 "estimates": [
                     None if e is None else {"value": e.value, "sigma": e.sigma, "verdict": e.verdict.value}
                     for e in p.estimates
@@ -171,7 +180,8 @@ class Comparison:
 
 
 def compare(runs: Mapping[str, Identification]) -> Comparison:
-    """The estimates of several identifications, with the differences from the first.
+    """The estimates of several identifications, with the differences from the first; then CoG heights and rollover
+    thresholds, which follow from them.
 
     Args:
         runs: by name; the first is the reference.
@@ -181,16 +191,38 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
     """
     if len(runs) < 2:
         raise SignalError(f"runs: expected at least two identifications, got {len(runs)}; give another one")
-    names = dict.fromkeys(e.name for run in runs.values() for e in run.parameters)
+    compared, derived = list(runs.values()), [_derived(run) for run in runs.values()]
     return Comparison(
         runs=tuple(runs),
-        parameters=tuple(_parameter(name, list(runs.values())) for name in names),
+        parameters=(
+            *_compared(compared, [run.parameters for run in compared]),
+            *_compared(compared, derived, derived=True),
+        ),
         notes=tuple(_notes(runs)),
     )
 
 
-def _parameter(name: str, runs: Sequence[Identification]) -> ComparedParameter:
-    estimates = tuple(next((e for e in run.parameters if e.name == name), None) for run in runs)
+def _derived(run: Identification) -> list[Estimate]:
+    """CoG heights, and the rollover threshold where the truck has one."""
+    heights = [e for e in run.derived if e.name.endswith(".cog_height")]
+    try:
+        return [*heights, rollover_threshold(run)]
+    except FifthwheelError:
+        return heights
+
+
+def _compared(
+    runs: Sequence[Identification], found: Sequence[Sequence[Estimate]], *, derived: bool = False
+) -> Iterator[ComparedParameter]:
+    """Each quantity that one of the runs has."""
+    by_name = [{e.name: e for e in estimates} for estimates in found]
+    for name in dict.fromkeys(name for own in by_name for name in own):
+        yield _parameter(name, runs, tuple(own.get(name) for own in by_name), derived)
+
+
+def _parameter(
+    name: str, runs: Sequence[Identification], estimates: tuple[Estimate | None, ...], derived: bool
+) -> ComparedParameter:
     first = estimates[0]
     differences: list[Difference | None] = [None]
     for run, e in zip(runs[1:], estimates[1:], strict=True):
@@ -199,9 +231,9 @@ def _parameter(name: str, runs: Sequence[Identification]) -> ComparedParameter:
             continue
         sigma = _sigma_of_difference(name, (runs[0], first), (run, e))
         shared = Verdict.FIXED not in (first.verdict, e.verdict) and bool(_shared_logs(runs[0], run))
-        differences.append(Difference(value=e.value - first.value, sigma=sigma, at_least=shared))
+        differences.append(Difference(value=e.value - first.value, sigma=sigma, at_least=shared or derived))
     unit = next(e.unit for e in estimates if e is not None)
-    return ComparedParameter(name=name, unit=unit, estimates=estimates, differences=tuple(differences))
+    return ComparedParameter(name=name, unit=unit, estimates=estimates, differences=tuple(differences), derived=derived)
 
 
 def _sigma_of_difference(

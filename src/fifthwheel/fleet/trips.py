@@ -26,7 +26,7 @@ from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.manifest import Trip
 from fifthwheel.identify import Identification, OneStage, Verdict, identify
-from fifthwheel.identify.knowledge.information import EARLIEST_DATE, LogKnowledge, SharedInformation
+from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.readers.limits import DEFAULTS
@@ -233,9 +233,7 @@ def _signal_map(path: str, text: str) -> SignalMap | None:
 
 def _date(record: Record, log: str) -> datetime.datetime:
     """The date of the first sample, if the log has one, else that of the file."""
-    first = float(record.time[0])
-    seconds = first if first >= EARLIEST_DATE else storage.modified(log)
-    return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
+    return record.started or datetime.datetime.fromtimestamp(storage.modified(log), datetime.UTC)
 
 
 def trip_content(identification: Identification, record: Record) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
-from fifthwheel.record.record import Record
+from fifthwheel.record.record import EARLIEST_DATE, Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
 from fifthwheel.units import factor, quantity
@@ -88,8 +88,9 @@ def assemble(
         samples[key], note = _samples(key[1], channel, log, of_channel, rows)
         notes += [note] if note else []
     time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
+    origin = log.start
     if time[0] > _MIN_EPOCH:
-        start = float(np.floor(time[0]))
+        origin = start = float(np.floor(time[0]))
         notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
         time = time - start
     record = Record(
@@ -100,6 +101,7 @@ def assemble(
         notes=tuple(dict.fromkeys(map(printable, notes))),
         time_bases=_time_bases(log, channels),
         sensors=_sensors(log, signal_map.signals),
+        date=None if origin is None or origin < EARLIEST_DATE else datetime.fromtimestamp(origin, UTC),
     )
     start, stop = signal_map.span
     return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)

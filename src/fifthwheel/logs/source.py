@@ -126,6 +126,8 @@ class LogSource(ABC):
         """Requested columns without numbers, with the reason; all NaN. Complete after all chunks are read."""
         self.time: str | None = None
         """The column with the time of a table's rows, where it does not have the name of a time; see `row_time`."""
+        self.start: float | None = None
+        """Date and time of instant 0, s since 1970, where the file has one and its timestamps count from there."""
         self.sampled = False
         """Whether only a sample of the file is read; see `sample`."""
 

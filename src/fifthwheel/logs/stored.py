@@ -57,6 +57,7 @@ def store_log(log: LogSource, folder: Path, progress: ReadProgress = no_progress
         "columns": [asdict(column) for column in log.columns.values()],
         "clocks": {clock: {"rows": rows[clock], "timed": clock in timed} for clock in clocks},
         "time": log.time,
+        "start": log.start,
         "notes": log.notes,
         "unusable": log.unusable,
     }
@@ -78,6 +79,7 @@ class StoredLog(LogSource):
         self._numbers = {name: k for k, name in enumerate(self.columns)}
         self._clock_numbers = {clock: k for k, clock in enumerate(self._clocks)}
         self.notes, self.unusable, self.time = index["notes"], index["unusable"], index.get("time")
+        self.start = index.get("start")
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""

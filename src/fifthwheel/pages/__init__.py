@@ -222,6 +222,8 @@ class Document:
     subtitle: str = ""
     appendix: Sequence[Folded] = ()
     """What a page has folded away at its end; a terminal leaves it out."""
+    name: str = ""
+    """Of the result, which a page shows behind the title."""
 
     def __str__(self) -> str:
         """Title, tables and lists as text."""

@@ -68,7 +68,9 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
         sections.append(("appendix", "Appendix"))
     links = "".join(f'<a href="#{key}">{html.text(title)}</a>' for key, title in sections)
     subtitle = "".join(f'<p class="subtitle">{html.text(line)}</p>\n' for line in document.subtitle.splitlines())
-    body = f"""{_head(document.title)}<main><h1>{html.text(document.title)}</h1>
+    name = f'<span class="result">, {html.text(document.name)}</span>' if document.name else ""
+    full_title = f"{document.title}, {document.name}" if document.name else document.title
+    body = f"""{_head(full_title)}<main><h1>{html.text(document.title)}{name}</h1>
 {subtitle}<nav>{links}</nav>
 {html.blocks(document.blocks, place)}</main>
 {_appendix(document.appendix, place)}

@@ -20,6 +20,12 @@ BAND_POINTS = 800
 VALUE_DIGITS = 4
 """Of the range of an axis: less than one pixel, even after zooming in by a factor of 20."""
 TIME_DIGITS = 5
+DATES = [
+    {"dtickrange": [None, 86_400_000], "value": "%H:%M\n%Y-%m-%d"},
+    {"dtickrange": [86_400_000, "M1"], "value": "%Y-%m-%d"},
+    {"dtickrange": ["M1", None], "value": "%Y-%m"},
+]
+"""Form of a date by the distance of the ticks, ms or months."""
 SPACE, HEAD = 0.05, 0.03
 """Between two rows, and above a row with titles, as a fraction of the height."""
 SYMBOLS = {"circle": "circle", "cross": "x", "diamond": "diamond", "square": "square"}
@@ -142,6 +148,7 @@ def _layout(plot: PanelGrid) -> Figure:
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x" if plot.shared_x else "closest",
+        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": "#999999", "font": {"color": DARK}},
         "separators": ".\u202f",
         "legend": {"orientation": "h", "y": -0.12, "yanchor": "top"},
         "modebar": {"orientation": "v"},
@@ -221,7 +228,7 @@ def axis_style(axis: Axis) -> Figure:
     if axis.log:
         style["type"] = "log"
     elif axis.date:
-        style |= {"type": "date", "nticks": 5}
+        style |= {"type": "date", "nticks": 5, "tickformatstops": DATES}
     if axis.range is not None:
         style["range"] = np.log10(axis.range).tolist() if axis.log else list(axis.range)
     elif axis.from_zero:

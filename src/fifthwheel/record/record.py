@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -24,6 +25,9 @@ if TYPE_CHECKING:
     import pandas as pd
 
 V = TypeVar("V")
+
+EARLIEST_DATE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
+"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 
 SHOWN_NAMES = 8
 """The largest number of signals that the text of a record names."""
@@ -52,7 +56,7 @@ class Record:
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
     quantity.unit[.axle]. Two records are equal if time, signals and reference are equal; name,
-    notes, time bases and sensors are not compared. In a notebook a record shows a table of its channels.
+    notes, time bases, sensors and date are not compared. In a notebook a record shows a table of its channels.
 
     Example:
         >>> import fifthwheel as fw
@@ -81,6 +85,8 @@ class Record:
     sensors: Mapping[str, SensorPrior] = field(default_factory=dict)
     """What is stated of the sensor of a signal; an identification takes the priors of its errors from it. Entries of
     other names are left out."""
+    date: datetime | None = None
+    """UTC date and time at which `time` is 0, where the log has one."""
 
     def __post_init__(self) -> None:
         time = require_increasing(_frozen("time", self.time))
@@ -214,6 +220,14 @@ class Record:
         first, last = self.span
         return f"{len(self)} samples, {first:g} to {last:g} s at {self.rate:.3g} Hz"
 
+    @property
+    def started(self) -> datetime | None:
+        """UTC date and time of the first sample; None where the log has none."""
+        first = float(self.time[0])
+        if self.date is not None:
+            return self.date + timedelta(seconds=first)
+        return datetime.fromtimestamp(first, UTC) if first >= EARLIEST_DATE else None
+
     def __repr__(self) -> str:
         names, more = list(self.signals)[:SHOWN_NAMES], len(self.signals) - SHOWN_NAMES
         listed = ", ".join(names) + (f" and {more} more" if more > 0 else "")
@@ -237,7 +251,7 @@ class Record:
     def __reduce__(self) -> tuple[Any, ...]:
         fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}
         fields |= {"name": self.name, "notes": self.notes, "time_bases": dict(self.time_bases)}
-        fields |= {"sensors": dict(self.sensors)}
+        fields |= {"sensors": dict(self.sensors), "date": self.date}
         return partial(Record, time=self.time, **fields), ()
 
     def _rows(self, rows: NDArray[Any], name: str) -> "Record":

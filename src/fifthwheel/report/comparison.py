@@ -12,7 +12,8 @@ from fifthwheel.spoken_names import spoken
 EXPLANATION = (
     "Difference: from the first run, with its own sigma. A single difference of equal trucks is beyond 2 sigma with a "
     "probability of 5 %; the headline takes the number of differences into account. Errors of vehicle file and model "
-    "that both runs share cancel."
+    "that both runs share cancel. CoG height and rollover threshold follow from the parameters; their sigma has these "
+    "errors too, so that their differences are at least so many sigma."
 )
 
 

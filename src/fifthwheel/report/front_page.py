@@ -6,6 +6,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.assess import Assessment
+from fifthwheel.assess.measures import ROLLOVER
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import enumerated, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
@@ -29,7 +30,6 @@ WIDTH, HEIGHT, MARGIN = 260, 18, 6
 """Of the picture of an estimate, pixels."""
 LEAST_RANGE = 0.3
 """Half of the smallest range of a picture, as a fraction of the estimate, so that an accurate estimate looks it."""
-ROLLOVER = "rollover_threshold"
 LOGS = (DARK, ORANGE, SKY, VERMILLION)
 """Colours of the runs of the first logs; others are not drawn."""
 LEAST_SPEED_RANGE = 5.0

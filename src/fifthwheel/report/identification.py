@@ -45,6 +45,7 @@ def write_report(
     states: Sequence[States] = (),
     *,
     title: str,
+    name: str = "",
     conclusion: Conclusion | None = None,
     outlook: InformationAssessment | None = None,
     performance: Assessment | None = None,
@@ -58,6 +59,7 @@ def write_report(
         records: the logs, including those that were only predicted; states and fits belong to them by name.
         states: of any of the records.
         title: usually the name of the vehicle.
+        name: of the result, behind the title.
         conclusion: by default it is drawn from the other arguments.
         outlook: information at the identified vehicle, for predicted improvements.
         performance: what the identified truck does.
@@ -113,7 +115,7 @@ def write_report(
     subtitle = f"Identification: {method}, fifthwheel {identification.version}"
     if provenance is not None:
         subtitle = "\n".join(filter(None, (provenance.note, ". ".join(filter(None, (provenance.time, subtitle))))))
-    return page.write(Path(path), pages.Document(title, blocks, subtitle, appendix), images=figures)
+    return page.write(Path(path), pages.Document(title, blocks, subtitle, appendix, name), images=figures)
 
 
 def _first_logs(identification: Identification) -> set[str]:

@@ -20,6 +20,9 @@ from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import unit_of
 
+LEAST_SPAN = 600e3
+"""Of the axis of dates, ms, so that its ticks are whole minutes."""
+
 
 def knowledge_document(estimates: Sequence[SharedEstimate], logs: int, *, everything: bool = False) -> pages.Document:
     """Estimates of parameters from all logs; with `everything` uncertain numbers and sensor errors too."""
@@ -90,9 +93,10 @@ def _plot(each: EstimateHistory) -> pages.CaptionedPlot:
     items.append(Points(dates, value, y_sigma=sigma, name="at a log, ± sigma", colour=BLUE, size=6))
     items += [Guide(x=float(1000 * at), colour="#bbbbbb", width=1, dash="solid") for at in each.changes]
     title = f"{spoken(each.last.name)} ({each.last.belongs_to})"
-    plot = Plot(
-        title=title, panels=[Panel(items=items, x=Axis(label="date of the log", date=True), y=Axis(unit=unit.name))]
-    )
+    margin = max(0.05 * np.ptp(dates), (LEAST_SPAN - np.ptp(dates)) / 2)
+    visible = (float(dates.min() - margin), float(dates.max() + margin))
+    axis = Axis(label="date of the log", date=True, range=visible)
+    plot = Plot(title=title, panels=[Panel(items=items, x=axis, y=Axis(unit=unit.name))])
     return pages.CaptionedPlot(spoken(each.last.name), plot, "knowledge", ("", "history", title))
 
 

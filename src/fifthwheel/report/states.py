@@ -60,6 +60,7 @@ def write_states_report(
     records: Sequence[Record],
     *,
     title: str,
+    name: str = "",
     conclusion: Conclusion | None = None,
     conditions: StateConditions | None = None,
     provenance: Provenance | None = None,
@@ -76,7 +77,7 @@ def write_states_report(
         *pages.folded(logs_and_origin(records, summarise_records(records), provenance)),
     ]
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
-    document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix)
+    document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix, name)
     return page.write(Path(path), document, images=figures)
 
 

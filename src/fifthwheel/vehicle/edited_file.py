@@ -45,7 +45,9 @@ def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
                 break
             table = table[toml_format.FILE_KEYS.get(key, key) if isinstance(key, str) else key]
         _replace(table, name, toml_format.text(values[path], unit_of(path), stated.get(path)))
-        if path in document.get("assumed", {}):
+        if path in vehicle.assumed:
+            document.setdefault("assumed", tomlkit.table())[path] = vehicle.assumed[path]
+        elif path in document.get("assumed", {}):
             del document["assumed"][path]
     return tomlkit.dumps(document)
 

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
@@ -83,6 +84,7 @@ def write_results(
     provenance: Provenance | None = None,
     figures: str | None = None,
     vehicle_text: str | None = None,
+    name: str = "",
 ) -> dict[str, Path]:
     """Write states.parquet and report.html; of an identification also identification.json, vehicle.toml and
     knowledge.json.
@@ -93,6 +95,7 @@ def write_results(
         provenance: command, input files and versions, for the report.
         figures: "svg", "png" or "pdf" to write every figure of the report into the folder figures.
         vehicle_text: the vehicle file of the identification, whose comments vehicle.toml then has.
+        name: of the result, which the report shows behind the name of the vehicle.
 
     Returns:
         The path of each file or folder by its name.
@@ -109,6 +112,7 @@ def write_results(
             run.states,
             run.records,
             title=run.vehicle.name,
+            name=name,
             conclusion=run.conclusion,
             conditions=StateConditions(smoothed=run.smoothed, uncertain=run.uncertain),
             provenance=provenance,
@@ -118,7 +122,7 @@ def write_results(
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
         with atomic_write(folder / "identification.json") as temporary:
             temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
-        vehicle, covariance = _with_class_sigmas(run.identification), run.identification.covariance
+        vehicle, covariance = _with_assumed(run.identification), run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
             temporary.write_text(text, encoding="utf-8")
@@ -130,6 +134,7 @@ def write_results(
             run.records,
             run.states,
             title=vehicle.name,
+            name=name,
             conclusion=run.conclusion,
             outlook=run.assessment,
             performance=run.performance,
@@ -142,13 +147,14 @@ def write_results(
     return {name: folder / name for name in (*written, *(["figures"] if drawn else []))}
 
 
-def _with_class_sigmas(identification: Identification) -> Vehicle:
-    """The identified vehicle, in which a number that was assumed keeps the standard deviation of its class. Without it
-    the smaller default would hold, that of a number which is known."""
+def _with_assumed(identification: Identification) -> Vehicle:
+    """The identified vehicle, in which a number that was assumed remains assumed, with the standard deviation of its
+    class, unless it is an estimated parameter."""
     before, vehicle = identification.initial_vehicle, identification.vehicle
-    estimated = {e.name for e in identification.parameters}
-    kept = before.assumed.keys() & before.stated.keys() - vehicle.stated.keys() - estimated
-    return vehicle.with_stated({path: before.stated[path] for path in vehicle.parameters() if path in kept})
+    kept = before.assumed.keys() & vehicle.parameters().keys() - {e.name for e in identification.parameters}
+    stated = {path: before.stated[path] for path in kept & before.stated.keys() - vehicle.stated.keys()}
+    assumed = {path: before.assumed[path] for path in before.assumed if path in kept}
+    return Vehicle(**vehicle.with_stated(stated).model_dump() | {"assumed": assumed})
 
 
 def write_loads(
@@ -159,13 +165,15 @@ def write_loads(
     provenance: Provenance | None = None,
     figures: str | None = None,
     vehicle_text: str | None = None,
+    name: str = "",
 ) -> dict[str, Path]:
     """Write the results of the last load as `write_results` to an existing folder, those of others to folders in it."""
-    written = write_results(runs[-1], folder, provenance=provenance, figures=figures, vehicle_text=vehicle_text)
+    common: dict[str, Any] = {"provenance": provenance, "figures": figures}
+    written = write_results(runs[-1], folder, vehicle_text=vehicle_text, name=name, **common)
     for start, run in zip(starts[:-1], runs, strict=False):
         part = folder / start.folder
         part.mkdir()
-        of_load = write_results(run, part, provenance=provenance, figures=figures)
+        of_load = write_results(run, part, name=f"{name} {start.folder}".lstrip(), **common)
         written |= {f"{start.folder}/{name}": path for name, path in of_load.items()}
     return written
 

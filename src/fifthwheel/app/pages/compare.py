@@ -1,5 +1,7 @@
 """Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
+from dataclasses import replace
+
 from nicegui import ui
 
 from fifthwheel.app import documents, inputs, jobs, layout, result_files, runs
@@ -75,19 +77,36 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
     if not used:
         return
     layout.heading("Measured and predicted, with linear tyres")
-    choose = ui.select(used, value=used[0], label="Log").classes("fw-field")
+    drawn: Plot | None = None
+    part = ""
+
+    def find(text: str) -> None:
+        nonlocal part
+        part = text
+        if drawn is not None:
+            show(drawn)
+
+    with ui.row().classes("items-end"):
+        choose = ui.select(used, value=used[0], label="Log").classes("fw-field")
+        layout.search("Find a signal", find)
     place = ui.column().classes("w-full")
+
+    def show(plot: Plot) -> None:
+        nonlocal drawn
+        drawn = plot
+        panels = [panel for panel in plot.panels if layout.contains(panel.title, part)]
+        place.clear()
+        with place:
+            if panels:
+                documents.show_plot(replace(plot, panels=panels), height=170 * len(panels) + 100, log=str(choose.value))
+            else:
+                ui.label(layout.NO_SIGNAL).props("role=status")
 
     async def draw() -> None:
         place.clear()
         with place:
             ui.spinner(size="2em").props('role=status aria-label="Predicting"')
-        log = str(choose.value)
-
-        def show(plot: Plot) -> None:
-            documents.show_plot(plot, height=170 * len(plot.panels) + 100, log=log)
-
-        await layout.fill(place, jobs.compute(runs.overlay, workspace.folder, chosen, log), show)
+        await layout.fill(place, jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value)), show)
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)

@@ -12,6 +12,7 @@ from nicegui import events, ui
 
 from fifthwheel import pages, plot
 from fifthwheel.app import documents, inputs, jobs, layout, runs
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose import LogPrediction
@@ -61,6 +62,8 @@ class _Page:
         self._moved: float | None = None
         self._busy = False
         self._pending = False
+        self._found = ""
+        self._fit_plot: ui.plotly | None = None
 
     def build(self) -> None:
         ui.timer(REST, self._keep_what_rests)
@@ -184,14 +187,28 @@ class _Page:
                 layout.failure(str(error))
             return
         self._place.clear()
-        height = 150 * len(self._given) + 90
         with self._place:
-            plot = fit_plot(self._given, self._given)
-            self._fit_plot = documents.show_plot(
-                plot, height=height, label="Measured and predicted signals", log=self.log
-            )
-            self._fit_rows = ui.column().classes("w-full")
+            layout.search("Find a signal", self._find)
+            self._fit_place = ui.column().classes("w-full")
+        await self._find("")
+
+    async def _find(self, text: str) -> None:
+        """Show the signals whose name contains a text."""
+        self._found, self._fit_plot = text, None
+        given = self._shown(self._given)
+        self._fit_place.clear()
+        with self._fit_place:
+            if given:
+                plot, height = fit_plot(given, given), 150 * len(given) + 90
+                label = "Measured and predicted signals"
+                self._fit_plot = documents.show_plot(plot, height=height, label=label, log=self.log)
+                self._fit_rows = ui.column().classes("w-full")
+            else:
+                ui.label(layout.NO_SIGNAL).props("role=status")
         await self._update()
+
+    def _shown(self, fits: list[Fit]) -> list[Fit]:
+        return [fit for fit in fits if layout.contains(fit.signal, self._found)]
 
     # Responses
 
@@ -217,7 +234,7 @@ class _Page:
             changed = self.truck.replace(self.values)
             drawn = model_plot(self.kind, self.truck, changed, self.speed / 3.6, self.record)
         except FifthwheelError as error:
-            self._model_error.text = str(error)
+            self._model_error.text = in_workbench(str(error))
             return
         self._model_error.text = ""
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110
@@ -247,13 +264,14 @@ class _Page:
             except FifthwheelError as error:
                 layout.say(str(error))
                 return
-            height = 150 * len(fits) + 90
-            figure = documents.drawn(fit_plot(self._given, fits), height=height, log=self.log)
-            figure["layout"]["uirevision"] = self.log
-            self._fit_plot.update_figure(figure)
-            self._fit_rows.clear()
-            with self._fit_rows:
-                documents.show(fit_table(self._given, fits))
+            if self._fit_plot is not None:
+                given, changed = self._shown(self._given), self._shown(fits)
+                figure = documents.drawn(fit_plot(given, changed), height=150 * len(given) + 90, log=self.log)
+                figure["layout"]["uirevision"] = self.log
+                self._fit_plot.update_figure(figure)
+                self._fit_rows.clear()
+                with self._fit_rows:
+                    documents.show(fit_table(given, changed))
         self._draw_model()
 
 

@@ -9,7 +9,7 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
-from fifthwheel.app import inputs, jobs, known, layout, result_files, runs
+from fifthwheel.app import inputs, jobs, known, layout, result_files, runs, words
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.settings import options_of
@@ -70,10 +70,10 @@ class _Settings:
             for text in known.changed_settings(choices):
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
 
-    def _statement(self) -> None:
+    def _statement(self, label: str) -> None:
         """The place where a user states a number."""
         with ui.element("div").classes("fw-question"):
-            ui.label("State a number")
+            ui.label(label)
             name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)
             value = ui.input("What you know", placeholder="33.4 t +- 0.5 %")
             for field in (name, value):
@@ -97,12 +97,12 @@ class _Settings:
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
-            kind, label = get_type_hints(IdentifyOptions)[key], option.label or key.replace("_", " ").capitalize()
-            help = option.help.removesuffix(".") + "."
+            kind, label = get_type_hints(IdentifyOptions)[key], words.label(key, option)
+            help = words.in_workbench(option.help.removesuffix(".") + ".")
             if option.replaced_by and not self._value(key, None):
                 continue
             if key == known.STATEMENTS:
-                self._statement()
+                self._statement(label)
             elif key in runs.KNOWN:
                 results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
                 self._choice(key, label, results, _KNOWLEDGE)
@@ -116,7 +116,7 @@ class _Settings:
                 self._text(key, label, help)
             else:
                 self._number(key, label, int in get_args(kind), help)
-        self._list("validate", "Only predict", list(used), "Logs for validation; the others are identified on.")
+        self._list("validate", words.ONLY_PREDICT, list(used), "Logs for validation; the others are identified on.")
 
     def _keep(self, key: str, default: Any, value: Any) -> None:
         """Keep a setting that the options accept; a default is not written."""
@@ -137,11 +137,11 @@ class _Settings:
     def _value(self, key: str, default: Any) -> Any:
         return self.workspace.choices().identify.get(key, default)
 
-    def _choice(self, key: str, label: str, words: Mapping[str, str], help: str) -> None:
-        first = next(iter(words))
+    def _choice(self, key: str, label: str, choices: Mapping[str, str], help: str) -> None:
+        first = next(iter(choices))
         value = self._value(key, first)
         with self._place(label, help) as named:
-            self._bind(ui.select(dict(words), value=value if value in words else first), key, first, named)
+            self._bind(ui.select(dict(choices), value=value if value in choices else first), key, first, named)
 
     def _list(self, key: str, label: str, names: list[str], help: str) -> None:
         value = [text for text in self._value(key, []) if isinstance(text, str)]
@@ -212,7 +212,7 @@ def _run(workspace: Workspace) -> None:
         with ui.row().classes("items-end"):
             unfinished = job is not None and job.state in ("failed", "cancelled")
             made = job.product if job is not None and unfinished else runs.next_name(workspace)
-            name = ui.input("Name of the result", value=made).classes("fw-field")
+            name = ui.input(words.NAME_OF_RESULT, value=made).classes("fw-field")
             ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
     for left in runs.interrupted(workspace) if not running else ():
         with ui.row().classes("items-center"):

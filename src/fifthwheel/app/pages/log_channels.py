@@ -225,9 +225,9 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
             layout.say(f"At most {MOST} channels are drawn.")
         await draw(list(ticked)[:MOST])  # type: ignore[misc]
 
-    def search(event: events.ValueChangeEventArguments[Any]) -> None:
+    def search(part: str) -> None:
         nonlocal text, first
-        text, first = (event.value or "").lower(), 0
+        text, first = part.lower(), 0
         rows.refresh()
 
     def turn(step: int) -> None:
@@ -237,7 +237,7 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
 
     layout.heading("Channels")
     if len(survey.contents) > SEARCHED:
-        ui.input("Find a channel", on_change=search).props("dense clearable debounce=300")
+        layout.search("Find a channel", search)
 
     @ui.refreshable
     def rows() -> None:

@@ -6,6 +6,7 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.app import documents, inputs, jobs, layout
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import SIGNALS, Workspace
 from fifthwheel.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.checks import Finding
@@ -72,8 +73,7 @@ class _Page:
             ui.button("Save as file", on_click=self._save).props("outline dense no-caps")
             self._busy = ui.spinner(size="1.5em").props('role=status aria-label="Computing"')
         self._findings()
-        find = ui.input("Find a signal", on_change=lambda event: self._find(event.value or ""))
-        find.props("dense clearable debounce=300")
+        layout.search("Find a signal", self._find)
         self._rows()
         self._adding()
         first = self.propose if self.workspace.read(SIGNALS) is None else self.compare
@@ -81,9 +81,9 @@ class _Page:
 
     def _find(self, text: str) -> None:
         """Show the signals whose name contains a text."""
-        self._found = text.lower()
+        self._found = text
         for signal, section in self._sections.items():
-            section.visible = self._found in signal.lower()
+            section.visible = layout.contains(signal, text)
 
     async def propose(self) -> None:
         self._busy.visible = True
@@ -209,7 +209,7 @@ class _Page:
     def _row(self, signal: str, channel: SignalSource) -> None:
         with ui.element("section").classes("w-full") as section:
             section.props["aria-label"] = signal
-            section.visible = self._found in signal.lower()
+            section.visible = layout.contains(signal, self._found)
             self._sections[signal] = section
             layout.heading(signal)
             with ui.row().classes("items-end w-full"):
@@ -277,7 +277,7 @@ class _Page:
         try:
             await self.change(signal, **{key: value})
         except SignalError as error:
-            refusal.text = str(error)
+            refusal.text = in_workbench(str(error))
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])

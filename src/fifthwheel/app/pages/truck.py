@@ -1,23 +1,28 @@
 """The truck: its vehicle file, and the questions whose answers describe it, with a drawing to scale."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
 from nicegui import events, ui
 
 from fifthwheel.app import documents, jobs, layout
+from fifthwheel.app.words import in_workbench
 from fifthwheel.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.diagnose.assumptions import assumed_numbers
 from fifthwheel.dynamics.summary import summarize
 from fifthwheel.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.report.vehicle import NOTHING_ASSUMED, assumed_blocks
+from fifthwheel.spoken_names import named_unit
 from fifthwheel.vehicle import Vehicle, catalogue
 from fifthwheel.vehicle.masses import unusual_masses
 from fifthwheel.workflow.new_vehicle import new_vehicle
 from fifthwheel.workflow.vehicle_questions import QUESTIONS, Question, describe
 
+DESCRIBED = "described"
+"""Of the element with the drawing, to which the questions refer."""
 UNKNOWN = ""
 """The answer of a question that is left open."""
 
@@ -36,14 +41,15 @@ def build(workspace: Workspace) -> None:
                     layout.failure(warning)
                 _numbers(current)
                 _assumed(current)
-        with ui.element("section").classes("fw-form").props('aria-label="Questions"'):
+        with ui.element("section").classes("fw-form").props(f'aria-label="Questions" aria-details={DESCRIBED}'):
             layout.heading("Describe a tractor and its semitrailer")
             ui.label(
                 "Answer what you know, with a unit and how well you know it, such as 7.7 m +- 2 cm. Leave the rest "
                 "open: published vehicles give the missing numbers, with their uncertainty. * needed"
             )
+            state(workspace)
             _questions(workspace)
-        with ui.element("section").classes("fw-preview").props('aria-label="Described truck"'):
+        with ui.element("section").classes("fw-preview").props(f'aria-label="Described truck" id={DESCRIBED}'):
             layout.heading("Described truck")
             preview(workspace)
 
@@ -128,6 +134,7 @@ def _questions(workspace: Workspace) -> None:
         answers = {**answers, question.key: text} if text else {k: a for k, a in answers.items() if k != question.key}
         choices = workspace.choices().model_copy(update={"truck": answers})
         workspace.write_choices(choices, f"answer {question.key.replace('_', ' ')}")
+        state.refresh()
         preview.refresh()
         show_needed(answers)
 
@@ -141,26 +148,50 @@ def _questions(workspace: Workspace) -> None:
     show_needed(answers)
 
 
+def _open_questions(given: Mapping[str, str]) -> tuple[list[str], list[str]]:
+    """The questions whose answers are refused, and those that still need an answer."""
+    shown = [question for question in QUESTIONS if _applies(question, given) and question.key in given]
+    refused = [question.text for question in shown if not _known(question.key, given[question.key])]
+    return refused, [question.text for question in QUESTIONS if question.required and question.key not in given]
+
+
+def _described(given: Mapping[str, str]) -> str:
+    """The vehicle file that complete answers describe; a VehicleError if there is no such truck."""
+    return new_vehicle(describe({key: text for key, text in given.items() if _applies(_BY_KEY[key], given)}))
+
+
 @ui.refreshable
-def preview(workspace: Workspace) -> None:
-    """The drawing of the truck that the answers describe, and the button that takes it unless an answer is refused."""
+def state(workspace: Workspace) -> None:
+    """What the answers describe, or what is missing: in front of the questions, for screen readers too."""
     given = _valid(workspace.choices().truck)
-    answers = {key: text for key, text in given.items() if _known(key, text)}
-    shown = [question for question in QUESTIONS if _applies(question, given)]
-    refused = [question.text for question in shown if question.key in given.keys() - answers.keys()]
-    missing = [question.text for question in QUESTIONS if question.required and question.key not in given]
+    refused, missing = _open_questions(given)
     if refused:
         layout.failure(f"Correct or remove the answer to: {'; '.join(refused)}.")
     if missing:
         ui.label(f"Still needed: {'; '.join(missing)}.").props("role=status")
     if refused or missing:
-        ui.button("Use this truck", icon="check").props("no-caps").disable()
         return
     try:
-        text = new_vehicle(describe({key: answers[key] for key in answers if _applies(_BY_KEY[key], answers)}))
-        described = Vehicle.loads(text)
+        truck = Vehicle.loads(_described(given))
     except VehicleError as error:
         layout.failure(str(error))
+        return
+    masses = " and ".join(f"{named_unit(unit.name)} {unit.mass / 1e3:.1f} t" for unit in truck.units)
+    ui.label(f"Described and drawn: {masses}.").props("role=status")
+
+
+@ui.refreshable
+def preview(workspace: Workspace) -> None:
+    """The drawing of the truck that the answers describe, and the button that takes it, if they are complete."""
+    given = _valid(workspace.choices().truck)
+    text, described = "", None
+    if not any(_open_questions(given)):
+        with suppress(VehicleError):  # `state` shows it
+            text = _described(given)
+            described = Vehicle.loads(text)
+    if described is None:
+        ui.label("The answers do not describe a truck yet.")
+        ui.button("Use this truck", icon="check").props("no-caps").disable()
         return
 
     def take() -> None:
@@ -205,7 +236,7 @@ def _error(question: Question, text: str) -> str | None:
         if answer := _answer(question, text):
             question.parse(answer)
     except VehicleError as error:
-        return str(error)
+        return in_workbench(str(error))
     return None
 
 

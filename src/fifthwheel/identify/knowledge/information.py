@@ -14,12 +14,11 @@ from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
-EARLIEST_DATE = 315_532_800.0
-"""Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 OF_LOAD = ("mass", "cog", "yaw_inertia")
 """Quantities of a unit behind the first that depend on its load, besides those of its payload."""
 OF_AXLE_LOADS = ("static_load", "braking_load", "braked_mass")
@@ -49,7 +48,8 @@ class Occasion:
 
     def date_of(self, records: Sequence[Record]) -> datetime.datetime:
         """The date of the first sample, if the logs have one; else its own, or today."""
-        return self.date_at(min(float(record.time[0]) for record in records))
+        started = min((record.started for record in records if record.started), default=None)
+        return started or self.date or datetime.datetime.now(datetime.UTC)
 
     def date_at(self, time: float) -> datetime.datetime:
         """The date of a sample at a time, s, if it has one; else its own, or today."""

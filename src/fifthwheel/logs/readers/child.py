@@ -113,7 +113,8 @@ def _read_log(request: Mapping[str, Any], incoming: "queue.SimpleQueue[Any]", re
     if request["sample"]:
         log.sample()
     described, omitted = _described(log)
-    _reply(replies, {"columns": described, "notes": [*log.notes, *omitted], "sampled": log.sampled})
+    head = {"columns": described, "notes": [*log.notes, *omitted], "sampled": log.sampled, "start": log.start}
+    _reply(replies, head)
     while "close" not in (asked := incoming.get()):
         head, chunks = {"number": asked["number"]}, log.chunks(asked["chunks"])
         _arm(seconds)

@@ -79,7 +79,7 @@ def open_isolated(
         raise
     child.busy = False
     log = IsolatedLog(path.name, child, [Column(**column) for column in head["columns"]], head["notes"])
-    log.sampled = head["sampled"]
+    log.sampled, log.start = head["sampled"], head["start"]
     return log
 
 

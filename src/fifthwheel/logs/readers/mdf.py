@@ -61,6 +61,8 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
     log = MdfLog(path.name, mdf, columns, places, can, decoded)
     log.notes += notes
+    with damage(lambda _: None):  # a damaged date is none
+        log.start = mdf.header.start_time.timestamp()
     return log
 
 
