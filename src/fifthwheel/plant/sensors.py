@@ -208,7 +208,7 @@ def _sensor(name: str, table: Any) -> Sensor:
     units = {"bias": si, "noise": si, "quantisation": si, "misalignment": "rad", "latency": "s", "dropout_length": "s"}
     units["rate"] = "Hz"
     keys = [field.name for field in fields(Sensor)] + ["noise"]
-    values: dict[str, float] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in keys:
             raise SignalError(f"{name}.{key}: no such key; {suggestion(key, keys)}")
