@@ -85,6 +85,12 @@ def test_values_on_change_at_random_are_not_held():
     assert held_samples(np.arange(values.size) / 100, values) is None
 
 
+def test_damaged_values_are_no_error():
+    rng = np.random.default_rng(0)
+    values = rng.choice([-1.7e308, 1.0, 1.7e308], size=TIME.size) * rng.uniform(size=TIME.size)
+    assert held_samples(TIME, values) is None
+
+
 def test_a_channel_with_blanks_between_its_samples_is_not_held():
     values = np.where(np.arange(TIME.size) % 5 == 2, weave(TIME), np.nan)
     assert held_samples(TIME, values) is None

@@ -62,10 +62,13 @@ class Renewals:
         self._last = (-1, np.nan, np.nan)
         self._runs: list[Array] = []
 
+    @np.errstate(over="ignore")  # damaged values may overflow
     def push(self, time: Array, values: Array) -> None:
         """Add the next rows: time (n,) s and values (n,); rows without a time or a value belong to no run."""
+        if not self._is_possible:
+            return
         rows = np.flatnonzero(np.isfinite(time) & np.isfinite(values))
-        if self._is_possible and rows.size:
+        if rows.size:
             row, instant, value = self._last
             before = np.concatenate([[row - self._rows], rows[:-1]])
             earlier = np.concatenate([[instant], time[rows[:-1]]])
@@ -106,6 +109,7 @@ class Renewals:
         return HeldSamples(time=time, values=np.repeat(values, counts), rate=rate, repetitions=repetitions)
 
 
+@np.errstate(over="ignore", invalid="ignore")  # as in push; the quantum is then no number
 def _lengths_in_motion(lengths: Array, values: Array) -> NDArray[np.float64]:
     """Lengths of the runs that begin with a step of a signal in motion; lengths (n,) of all but the last of n + 1."""
     levels = np.unique(values)
