@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.record.held import Renewals, held_samples
@@ -43,6 +43,7 @@ def test_the_samples_are_the_rows_in_which_messages_appear(rate, jitter):
     np.testing.assert_allclose(held.time, TIME[rows], atol=1e-9)
 
 
+@settings(deadline=None)
 @given(phase=st.floats(0, 0.99), rate=st.sampled_from([10, 20, 50]), step=st.sampled_from([0.0, 1e-4]))
 def test_the_phase_of_the_messages_does_not_count(phase, rate, step):
     held = held_samples(TIME, logged(rate, phase=phase, step=step)[1])
@@ -96,6 +97,7 @@ def test_a_channel_with_blanks_between_its_samples_is_not_held():
     assert held_samples(TIME, values) is None
 
 
+@settings(deadline=None)
 @given(st.lists(st.integers(0, 3000), max_size=20))
 def test_pieces_make_no_difference(cuts):
     values = logged(20, step=1e-4)[1]
