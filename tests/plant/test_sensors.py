@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.errors import SignalError
 from fifthwheel.plant.sensors import Sensor, article_sensors, measure, read_sensors
+from fifthwheel.record.held import held_samples
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import get
 
@@ -85,6 +86,17 @@ def test_a_rate_that_divides_the_sampling_rate(rate):
     assert np.flatnonzero(~np.isnan(measured(YAW, rate=rate))).tolist() == list(range(0, len(TIME), interval))
 
 
+@pytest.mark.parametrize("name", [YAW, "speed"])
+def test_a_held_sensor_repeats_its_samples(name):
+    samples = measured(name, rate=20.0, variance=1e-6)
+    held = measured(name, rate=20.0, variance=1e-6, held=True)
+    np.testing.assert_array_equal(held, np.repeat(samples[::5], 5)[: len(TIME)])
+    found = held_samples(TIME, measured(YAW, rate=20.0, variance=1e-6, held=True))
+    assert found is not None
+    assert found.rate == pytest.approx(20)
+    assert np.isnan(measured(name, rate=20.0, held=True, dropout=0.1)).any()
+
+
 @pytest.mark.parametrize("name", ["speed", "steer.tractor.front"])
 def test_an_input_has_values_at_both_ends(name):
     assert np.flatnonzero(~np.isnan(measured(name, rate=7.0)))[[0, -1]].tolist() == [0, len(TIME) - 1]
@@ -158,13 +170,14 @@ def test_read_sensors(tmp_path):
         [yaw_rate.semitrailer]
         variance = 1.1e-5
         rate = 50
+        held = true
         [articulation.semitrailer]
     """)
     degree = math.pi / 180
     sensors = read_sensors(file)
     assert list(sensors) == ["speed", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer"]
     assert (sensors["speed"].variance, sensors["speed"].rate) == pytest.approx((0.01, 10))
-    assert sensors["yaw_rate.semitrailer"] == Sensor(variance=1.1e-5, rate=50)
+    assert sensors["yaw_rate.semitrailer"] == Sensor(variance=1.1e-5, rate=50, held=True)
     assert sensors["articulation.semitrailer"] == Sensor()
     assert vars(sensors["yaw_rate.tractor"]) == pytest.approx(
         {
@@ -175,6 +188,7 @@ def test_read_sensors(tmp_path):
             "variance": (0.2 * degree) ** 2,
             "quantisation": 0.01 * degree,
             "rate": None,
+            "held": False,
             "dropout": 0.02,
             "dropout_length": 0.5,
         }
@@ -193,6 +207,7 @@ def test_read_sensors(tmp_path):
         ),
         ("[yaw_rate.tractor]\nbias = 'soon'", r"yaw_rate\.tractor\.bias: expected a number with a unit"),
         ("[yaw_rate.tractor]\nbias = true", r"yaw_rate\.tractor\.bias: expected a number, or a text .* got True"),
+        ("[yaw_rate.tractor]\nheld = 'yes'", r"yaw_rate\.tractor\.held: expected true or false, got 'yes'"),
         ("[yaw_rate.tractor]\nnoise = 1\nvariance = 1", "yaw_rate.tractor: expected noise or variance, got both"),
         ("[yaw_rate.tractor]\nnoise = '-1 deg/s'", r"yaw_rate\.tractor\.noise: expected a standard deviation of 0"),
         ("[yaw_rate.tractor]\nrate = '10 ms'", r"yaw_rate\.tractor\.rate"),
@@ -225,6 +240,7 @@ def test_a_missing_file_is_refused(tmp_path):
         ({"rate": math.inf}, "rate: got inf"),
         ({"latency": -0.1}, "latency: got -0.1"),
         ({"quantisation": -1.0}, "quantisation: got -1"),
+        ({"held": True}, "held: got True, expected a rate too"),
         ({"dropout": 1.0}, "dropout: got 1"),
         ({"dropout_length": 0.0}, "dropout_length: got 0"),
     ],

@@ -36,16 +36,16 @@ def signals(
     save: Annotated[
         Path | None, typer.Option("--save", help="With --signals: file for the record, .csv or .parquet.")
     ] = None,
-    whole: Annotated[bool, typer.Option("--whole", help="Read all of a large text table, not a sample.")] = False,
+    whole: Annotated[bool, typer.Option("--whole", help="Read all of a large file, not a sample.")] = False,
     force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """List the contents of a log and propose a signals.toml.
 
     Lists every column with unit, sampling rate, range and missing samples. Proposes which column is which signal, from
-    names, units and the kinematics of a turning vehicle (signs, degrees, steering ratio). Of a text table above
-    100 MB, a sample is read, unless --whole is given. Edit the proposal, then use it with --signals: here to see the
-    resulting record, and in the other commands.
+    names, units and the kinematics of a turning vehicle (signs, degrees, steering ratio). Of a text table, MDF or
+    Parquet file above 100 MB, a sample is read, unless --whole is given. Edit the proposal, then use it with --signals:
+    here to see the resulting record, and in the other commands.
     """
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.workflow import read_vehicle, survey_file

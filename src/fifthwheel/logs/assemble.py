@@ -14,6 +14,7 @@ from fifthwheel.checks.samples import impossible_samples
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.record.held import HeldSamples, Renewals
 from fifthwheel.record.record import EARLIEST_DATE, Record
 from fifthwheel.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.record.timestamps import implausible_timestamps, typical_step
@@ -40,7 +41,7 @@ class Samples:
     values: Array
     """(n,) in SI."""
     own_time: bool
-    """Whether its instants differ from those of the rows: it has a time base or a delay of its own."""
+    """Whether its instants differ from those of the rows: it has a time base or a delay of its own, or is held."""
 
 
 _Key = tuple[str, str]
@@ -85,8 +86,8 @@ def assemble(
     samples = {}
     for key, channel in channels.items():
         of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[key]]
-        samples[key], note = _samples(key[1], channel, log, of_channel, rows)
-        notes += [note] if note else []
+        samples[key], of_samples = _samples(key[1], channel, log, of_channel, rows)
+        notes += of_samples
     time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
     origin = log.start
     if time[0] > _MIN_EPOCH:
@@ -180,12 +181,15 @@ class _TimeBase:
         """(N,) s; complete after finish()."""
         self.values: dict[str, Array] = {}
         """(N,) values of every column; complete after finish()."""
+        self.held: dict[str, HeldSamples] = {}
+        """The columns that are held, which have no values between their renewals; complete after finish()."""
         self._timestamps, self._columns, self._rate = timestamps, columns, signal_map.rate
         self._label = f"{log.name}: {timestamps.column or timestamps.clock}"
         mapped_unit = signal_map.time.unit if signal_map.time and timestamps.of_rows else None
         unit = mapped_unit or (log.columns[timestamps.column].unit if timestamps.column else None)
         self._seconds = factor(unit or "s", "s")
         self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
+        self._renewals = {name: Renewals() for name in columns}
         self._last_time = np.nan
 
     def push(self, chunk: Chunk) -> None:
@@ -205,6 +209,8 @@ class _TimeBase:
             self._last_time = float(new_time[-1]) if new_time.size else self._last_time
             time, values = time[new], {name: values[name][new] for name in self._columns}
         self._stream.push(time, values)
+        for name, renewals in self._renewals.items():
+            renewals.push(time, values[name])
 
     def finish(self) -> list[str]:
         """Join the samples; notes on rows left out and on decimation."""
@@ -220,7 +226,20 @@ class _TimeBase:
         if self._stream.decimated_from is not None:
             label = self._timestamps.column or self._timestamps.clock
             notes.append(f"{label}: {self._stream.decimated_from:.4g} samples/s decimated to {self._rate:g}")
+        for name, renewals in self._renewals.items():
+            held = renewals.finish()
+            if held is not None and held.rate <= DECIMATION_RATIO * self._rate:
+                self.held[name], self.values[name] = held, self._renewed(held)
         return notes
+
+    def _renewed(self, held: HeldSamples) -> Array:
+        """A held column (N,): its renewals at the nearest rows, NaN elsewhere."""
+        time, values = held.time, held.values
+        if self._stream.decimated_from is not None:
+            time, values = snap_to_grid(time, values, self._rate)
+        result = np.full(self.time.size, np.nan)
+        result[np.searchsorted((self.time[1:] + self.time[:-1]) / 2, time)] = values
+        return result
 
 
 def _sources(
@@ -259,29 +278,34 @@ def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
 
 def _samples(
     signal: str, channel: SignalSource, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], rows: _TimeBase | None
-) -> tuple[Samples, str | None]:
-    """A channel in SI at its instants, and a note on samples left out."""
+) -> tuple[Samples, list[str]]:
+    """A channel in SI at its instants, and notes on samples left out and on one that is held."""
     si = si_unit(signal) or "1"
-    first = sources[0][0]
+    first, column = sources[0]
     delay = quantity(channel.delay, "s")
     with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
         values = channel.converted(_on_first_time_base(log, sources), si)
     impossible = impossible_samples(signal, values)
-    note = None
+    notes = []
     if impossible.any():
         largest = f"{np.abs(values[impossible]).max():.1g} {si}"
         count = int(impossible.sum())
-        note = f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}"
+        notes.append(f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}")
         values = np.where(impossible, np.nan, values)
-    return Samples(time=first.time - delay, values=values, own_time=first is not rows or delay != 0), note
+    time, held = first.time - delay, first.held.get(column)
+    if held is not None:
+        table = f"a table of {held.rate * held.repetitions:.4g} Hz"
+        notes.append(f"{signal}: held, {held.rate:.3g} Hz in {table}; only renewed values count as samples")
+        time, values = time[np.isfinite(values)], values[np.isfinite(values)]
+    return Samples(time=time, values=values, own_time=first is not rows or delay != 0 or held is not None), notes
 
 
 def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]) -> Iterator[tuple[Array, str | None]]:
     """Values of a channel's columns on the time base of the first one, and their units."""
     first = sources[0][0]
-    for time_base, column in sources:
+    for number, (time_base, column) in enumerate(sources):
         values = time_base.values[column]
-        if time_base is not first:
+        if time_base is not first or (number and column in time_base.held):
             present = np.isfinite(values)
             values = (
                 interpolated(first.time, time_base.time[present], values[present])

@@ -3,6 +3,7 @@
 [speed]
 noise = "0.1 km/h"                  # standard deviation; or variance, a number in SI squared
 rate = "10 Hz"                      # no value between the samples of the sensor
+held = true                         # but the last one again, as loggers of a bus write it
 latency = "120 ms"
 
 ["yaw_rate.tractor"]
@@ -59,6 +60,8 @@ class Sensor:
     """Step between two measured values; 0: none."""
     rate: float | None = None
     """Sampling rate of the sensor, Hz; None: a value at every sample of the record. Samples between are NaN."""
+    held: bool = False
+    """Whether the last value is repeated until the next sample of `rate`, as in the table of a logger on a bus."""
     dropout: float = 0.0
     """Mean fraction of the time without a value, 0 to below 1."""
     dropout_length: float = 0.2
@@ -74,6 +77,7 @@ class Sensor:
             "variance": (self.variance >= 0, "0 or more; give 0 for no noise"),
             "quantisation": (self.quantisation >= 0, "0 or more; give 0 for no quantisation"),
             "rate": (self.rate is None or self.rate > 0, "above 0 Hz; leave it out for every sample"),
+            "held": (not self.held or self.rate is not None, "a rate too; give the rate of the messages"),
             "dropout": (0 <= self.dropout < 1, "0 to below 1; leave out a sensor without any value"),
             "dropout_length": (self.dropout_length > 0, "above 0 s; give dropout = 0 for no dropouts"),
         }
@@ -137,6 +141,9 @@ def _measured(name: str, sensor: Sensor, time: Array, truth: Mapping[str, Array]
     if sensor.rate is not None:
         ticks = np.floor((time - time[0]) * sensor.rate + 1e-6)  # a value at the first sample after each tick
         missing[1:] = np.diff(ticks) == 0
+        if sensor.held:
+            value = value[np.maximum.accumulate(np.where(missing, 0, np.arange(len(time))))]
+            missing[:] = False
         missing[-1] &= not is_input(name)  # a model needs its inputs at both ends
     if sensor.dropout:
         missing |= _dropouts(sensor, time, np.random.default_rng([seed, stream, 1]))
@@ -201,10 +208,15 @@ def _sensor(name: str, table: Any) -> Sensor:
     units = {"bias": si, "noise": si, "quantisation": si, "misalignment": "rad", "latency": "s", "dropout_length": "s"}
     units["rate"] = "Hz"
     keys = [field.name for field in fields(Sensor)] + ["noise"]
-    values: dict[str, float] = {}
+    values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in keys:
             raise SignalError(f"{name}.{key}: no such key; {suggestion(key, keys)}")
+        if key == "held":
+            if not isinstance(value, bool):
+                raise SignalError(f"{name}.held: expected true or false, got {value!r}")
+            values[key] = value
+            continue
         if isinstance(value, bool) or not isinstance(value, (int, float, str)):
             raise SignalError(f"{name}.{key}: expected a number, or a text with a number and a unit, got {value!r}")
         try:

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import ROLL_RATE, YAW_RATE
+from fifthwheel.record.held import held_samples
 
 NOISE_BAND = (3.0, 10.0)
 """Hz. Below this band a truck yaws and rolls; above it many sensors filter."""
@@ -37,8 +37,9 @@ def estimate_noise_variance(time: Array, values: Array) -> float | None:
     """
     present = np.isfinite(values)
     time, values = time[present], values[present]
-    first, repetitions = _distinct_samples(values)
-    time, values = time[first], values[first]
+    held = held_samples(time, values)
+    repetitions = held.repetitions if held else 1.0
+    time, values = (held.time, held.values) if held else (time, values)
     if time.size < 8:
         return None
     steps = np.diff(time)
@@ -62,13 +63,3 @@ def estimate_noise_variance(time: Array, values: Array) -> float | None:
         return None
     # ordinates of a periodogram are exponentially distributed: their median is ln 2 times their mean
     return repetitions * float(np.median(np.concatenate(densities)) / np.log(2))
-
-
-def _distinct_samples(values: Array) -> tuple[NDArray[np.int64], int]:
-    """Indices (n,) of new samples, and how often each is repeated; all and 1 where the repetition is not regular."""
-    begins = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
-    lengths = np.diff(begins, append=values.size)
-    typical = int(np.median(lengths)) if lengths.size else 1
-    if typical > 1 and lengths.size > 8 and np.mean(np.abs(lengths - typical) <= 1) > 0.8:
-        return begins, typical
-    return np.arange(values.size), 1

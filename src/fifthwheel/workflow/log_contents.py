@@ -57,7 +57,7 @@ def survey_file(
     whole: bool = False,
     progress: Progress = lambda *_: None,
 ) -> LogContents:
-    """Survey a log and propose a map; of a large text table from a sample of it, which a note says.
+    """Survey a log and propose a map; of a large file from a sample of it, which a note says.
 
     Args:
         vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.

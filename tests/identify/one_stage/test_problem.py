@@ -184,6 +184,32 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     assert factors[1] > 5
 
 
+def test_the_noise_of_a_slow_channel_is_fitted_at_its_own_rate(truck: Vehicle) -> None:
+    """Not at that of the rows: a discrepancy of 0.4 s in a channel of 20 Hz in a record of 100 Hz."""
+    record, name = simulate(truck, count=5, seed=4), "yaw_rate.semitrailer"
+    rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.4)
+    slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
+    models = []
+    for step in (1, 5):
+        values = np.where(np.arange(len(record)) % step == 0, record.signals[name] + 0.01 * slow, np.nan)
+        p = problem(truck, [record.with_signals({name: values})], OneStage(initial_payload_height=None))
+        p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
+        models.append(p.logs[0].noise_models[name])
+    assert [model.time_constant for model in models] == pytest.approx([0.4, 0.4], rel=0.3)
+    assert models[1].discrepancy == pytest.approx(models[0].discrepancy, rel=0.15)
+
+
+def test_a_slow_channel_has_the_least_discrepancy_of_its_motion(truck: Vehicle) -> None:
+    """A hundredth of the amplitude, also where no two successive rows have a value."""
+    record, name = simulate(truck, count=5, seed=4), "yaw_rate.tractor"
+    values = np.where(np.arange(len(record)) % 2 == 0, record.signals[name], np.nan)
+    settings = OneStage(initial_payload_height=None, consider={**OneStage().consider, "discrepancy": 0.3})
+    p = problem(truck, [record.with_signals({name: values})], settings)
+    p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
+    motion = np.nanvar(values) - 0.000016
+    assert p.logs[0].noise_models[name].discrepancy == pytest.approx(0.09 * motion, rel=0.1)
+
+
 def test_a_problem_does_not_change(truck: Vehicle) -> None:
     settings = OneStage(initial_payload_height=None)
     first = problem(truck, [simulate(truck, count=1, seed=4)], settings)

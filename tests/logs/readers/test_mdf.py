@@ -14,7 +14,7 @@ from tests.logs.readers.reading import read
 pytest.importorskip("asammdf")
 from asammdf import MDF, Signal, Source
 
-from fifthwheel.logs.readers import mdf
+from fifthwheel.logs.readers import mdf, sample
 from fifthwheel.logs.readers.mdf import open_log
 
 T = np.arange(400) / 100
@@ -260,3 +260,41 @@ def test_an_unsorted_file_beside_asammdf_alone(data: Path) -> None:
                 signal = alone.get(name, raw=True)
             np.testing.assert_array_equal(time, signal.timestamps)
             np.testing.assert_array_equal(values, signal.samples.astype(float))
+
+
+@pytest.mark.parametrize(
+    ("version", "compression", "layout"),
+    [("3.30", 0, {}), ("4.10", 0, {}), ("4.10", 2, {}), ("4.20", 1, {"column_storage": True})],
+)
+def test_a_sample_of_a_large_file_is_spread_over_each_group(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, version: str, compression: int, layout: Any
+) -> None:
+    fast, slow = np.arange(20_000) / 1000, np.arange(2000) / 100
+    signals = [Signal(np.arange(20_000) * 0.5, fast, name="r"), Signal(np.arange(20_000, dtype="i4"), fast, name="n")]
+    path = save(
+        tmp_path / "run.mf4", (signals, "imu"), ([Signal(3 * slow, slow, name="v")], "abs"),
+        version=version, compression=compression, **layout,
+    )  # fmt: skip
+    monkeypatch.setattr(sample, "_LARGE", 1e3)
+    monkeypatch.setattr(sample, "_PART", 10.0)
+    monkeypatch.setattr(mdf, "_FRAGMENT", 1000)
+    with open_log(path) as log:
+        whole = {name: values for name, (_, values) in read(log).items()}
+        log.sample()
+        assert log.sampled
+        found = read(log)
+        assert [note[:42] for note in log.notes] == ["a sample of 0 of 0 MB was read, in 8 parts"]
+    for name, rate in (("r", 1000), ("n", 1000), ("v", 100)):
+        time, values = found[name]
+        numbers = np.rint(time * rate).astype(int)
+        np.testing.assert_array_equal(values, whole[name][numbers])
+        assert (numbers[0], numbers[-1]) == (0, whole[name].size - 1)
+        assert (np.diff(numbers) > 1).sum() == 7
+        assert numbers.size == pytest.approx(0.08 * whole[name].size, rel=0.05)
+
+
+def test_a_small_file_is_read_as_a_whole(tmp_path: Path) -> None:
+    path = save(tmp_path / "run.mf4", ([Signal(T, T, name="v")], "g"))
+    with open_isolated_log(path, sample=True) as log:
+        assert not log.sampled
+        assert read(log)["v"][1].size == T.size

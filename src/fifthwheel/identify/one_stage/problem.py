@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
+from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
@@ -224,9 +225,11 @@ class Problem:
         tails = np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
         return Prior(self.names, tails, self._earlier)
 
-    def sample_interval(self, log: int) -> float:
-        """Typical time between two samples of a log, s."""
-        return float(np.median(np.concatenate([np.diff(segment.time) for segment in self.logs[log].segments])))
+    def sample_interval(self, log: int, channel: str) -> float:
+        """Typical time between two samples of a channel of a log, s; NaN for fewer than two."""
+        present = [present_samples(s, channel)[0] for s in self.logs[log].segments if channel in s.signals]
+        steps = np.concatenate([np.empty(0), *map(np.diff, present)])
+        return float(np.median(steps)) if steps.size else math.nan
 
     def cost(self, z: Array) -> float:
         """J(z); infinite where a free-running vehicle is unstable: its residuals would grow without limit."""
@@ -329,7 +332,7 @@ class Problem:
         return problem
 
     def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
-        log, limit, dt = self.logs[i], self.settings.outlier, self.sample_interval(i)
+        log, limit = self.logs[i], self.settings.outlier
         least = self.settings.consider.get("discrepancy", 0.0) ** 2
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
         segments = [list(self.blocks(z, i, j, differentiated=False, whitened=False)) for j in range(len(log.segments))]
@@ -342,7 +345,7 @@ class Problem:
             size = np.concatenate(sizes)
             if len(size) < FEWEST_RESIDUALS:
                 continue
-            variance = log.effective_variance(name)
+            dt, variance = self.sample_interval(i, name), log.effective_variance(name)
             noise[name] = variance * float(np.clip(np.mean(size**2), 1e-3, 1e3))
             models.pop(name, None)
             if autocorrelated and self.output_error:
@@ -354,7 +357,7 @@ class Problem:
 
     def _signal_variance(self, i: int, name: str) -> float:
         """Variance of a channel of log i, without that of its noise, SI squared."""
-        values = np.concatenate([s.signals[name] for s in self.logs[i].segments if name in s.signals])
+        values = np.concatenate([present_samples(s, name)[1] for s in self.logs[i].segments if name in s.signals])
         steps = np.diff(values)
         return max(float(np.nanvar(values) - np.nanvar(steps) / 2), 0.0)
 

@@ -17,6 +17,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.logs.can.database import load
 from fifthwheel.logs.can.log import CanLog, Frames, open_can_log
 from fifthwheel.logs.readers.mdf_formulas import replace_evaluation
+from fifthwheel.logs.readers.sample import is_large, parts_of, sample_note
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
 
 _FRAGMENT = 4 << 20
@@ -59,7 +60,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         unused = unused_name(name, columns)
         decoded[unused] = name
         columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
-    log = MdfLog(path.name, mdf, columns, places, can, decoded)
+    log = MdfLog(path, mdf, columns, places, can, decoded)
     log.notes += notes
     with damage(lambda _: None):  # a damaged date is none
         log.start = mdf.header.start_time.timestamp()
@@ -71,15 +72,22 @@ class MdfLog(LogSource):
 
     def __init__(
         self,
-        name: str,
+        path: Path,
         mdf: Any,
         columns: Mapping[str, Column],
         places: Mapping[str, Place],
         can: CanLog | None,
         decoded: Mapping[str, str],
     ) -> None:
-        super().__init__(name, columns)
+        super().__init__(path.name, columns)
         self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
+        self._size = path.stat().st_size
+
+    def sample(self) -> None:
+        """Read parts of each group of a large file; one with CAN frames is read as a whole."""
+        self.sampled = is_large(self._size) and self._can is None
+        if self.sampled:
+            self.note(sample_note(self._size))
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
@@ -98,12 +106,15 @@ class MdfLog(LogSource):
         """The samples of one group; where it is damaged, those before and a note."""
         group = self._places[names[0]][0]
         total, count, last = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0
+        parts: list[tuple[int, int | None]] = [*parts_of(total, self._size)] if self.sampled else [(0, None)]
         troubles: list[str] = []
         with damage(troubles.append):
-            for first, time, fragment in _fragments(self._mdf, group):
-                values = {n: _values(self._mdf, self._places[n], first, time.size, fragment) for n in names}
-                yield Chunk(values=values, time=time, clock=clock, done=min(1.0, (first + time.size) / max(total, 1)))
-                count, last = first + time.size, float(time[-1]) if time.size else last
+            for begin, end in parts:
+                for first, time, fragment in _fragments(self._mdf, group, begin, end):
+                    values = {n: _values(self._mdf, self._places[n], first, time.size, fragment) for n in names}
+                    done = min(1.0, (first + time.size) / max(total, 1))
+                    yield Chunk(values=values, time=time, clock=clock, done=done)
+                    count, last = first + time.size, float(time[-1]) if time.size else last
         if troubles or count < total:
             at = f", at {last:.1f} s" if count else ""
             troubles.append(f"{total} samples are announced")
@@ -113,13 +124,14 @@ class MdfLog(LogSource):
         self._mdf.close()
 
 
-def _fragments(mdf: Any, group: int) -> Iterator[tuple[int, Array, Any]]:
+def _fragments(mdf: Any, group: int, begin: int = 0, end: int | None = None) -> Iterator[tuple[int, Array, Any]]:
     """Number of the first record, time (n,) s, and what `get` takes as data, of consecutive records of a group.
 
-    The records come from the method on which MDF.iter_get is built; iter_get itself gives one channel only.
+    The records are those from `begin` to before `end`; default: all. They come from the method on which MDF.iter_get is
+    built; iter_get itself gives one channel only.
     """
-    first = 0
-    for fragment in mdf._mdf._load_data(mdf.groups[group]):
+    first, count = begin, None if end is None else end - begin
+    for fragment in mdf._mdf._load_data(mdf.groups[group], record_offset=begin, record_count=count):
         time = np.asarray(mdf.get_master(group, data=fragment), np.float64)
         yield first, time, fragment
         first += time.size

@@ -13,6 +13,7 @@ import pyarrow.csv as pacsv
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.readers.cells import Cells
 from fifthwheel.logs.readers.layout import TextLayout, find_layout
+from fifthwheel.logs.readers.sample import PARTS, is_large, part_size, sample_note
 from fifthwheel.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
@@ -23,13 +24,6 @@ _BLOCK = 1 << 20
 _LONGEST_LINE = 1 << 22
 _MOST_CONTROL = 0.01
 """Fraction of control characters above which a file is no text; fewer are damage."""
-_LARGE = 100e6
-"""Bytes of a file from which on it is sampled, if the caller wants a sample."""
-_PARTS = 8
-_PART = 3e6
-"""Bytes of a part, at least."""
-_SAMPLED = 0.08
-"""Fraction of a file that its parts hold, at least; checks of a record with less refuse it as mostly gaps."""
 _NO_UNIT = ("", "-", "--", "n/a", "none")
 
 
@@ -65,11 +59,9 @@ class TextLog(LogSource):
         """Read parts of a large file that are spread evenly over it; UTF-16 is read as a whole."""
         size = self._path.stat().st_size
         with _Lines(self._path) as lines:
-            self.sampled = size > _LARGE and not lines.wide
+            self.sampled = is_large(size) and not lines.wide
         if self.sampled:
-            read = _PARTS * _part(size)
-            note = f"a sample of {read / 1e6:.0f} of {size / 1e6:.0f} MB was read, in {_PARTS} parts of the file"
-            self._notes.append(f"{note}: ranges, missing samples and findings are those of the sample")
+            self._notes.append(sample_note(size))
             self.notes[:] = self._notes
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
@@ -137,19 +129,14 @@ def _utf8(text: str) -> str:
         return text
 
 
-def _part(size: int) -> int:
-    """Bytes of each part of a sample of a file."""
-    return int(max(_PART, _SAMPLED * size / _PARTS))
-
-
 class _Parts(io.RawIOBase):
     """Whole lines from the place of a file and from evenly spread places behind it, the last lines included."""
 
     def __init__(self, file: BinaryIO, size: int) -> None:
         super().__init__()
         self._file = file
-        start, part = file.tell(), _part(size)
-        places = [start + k * (size - part - start) // (_PARTS - 1) for k in range(_PARTS)]
+        start, part = file.tell(), part_size(size)
+        places = [start + k * (size - part - start) // (PARTS - 1) for k in range(PARTS)]
         ends = [self._next_line(place + part) for place in places[:-1]] + [size]
         starts = [start] + [self._next_line(place) for place in places[1:]]
         self._ranges = list(zip(starts, ends, strict=True))[::-1]
