@@ -174,12 +174,7 @@ def run_all(
         yield from run_here(function, shared, tasks)
         return
     _require_picklable(function, shared)
-    pool = ProcessPoolExecutor(
-        min(jobs, len(tasks)),
-        mp_context=multiprocessing.get_context("spawn"),
-        initializer=_start_worker,
-        initargs=(shared,),
-    )
+    pool = process_pool(min(jobs, len(tasks)), shared)
     try:
         futures = {pool.submit(_run, function, task): task for task in tasks}
         for future in as_completed(futures):
@@ -191,6 +186,12 @@ def run_all(
         ) from error
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def process_pool(jobs: int, shared: object = None) -> ProcessPoolExecutor:
+    """A pool of so many processes, which end with this process; `shared` is sent to each once."""
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker, initargs=(shared,))
 
 
 def _require_picklable(*objects: object) -> None:

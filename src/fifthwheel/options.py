@@ -318,6 +318,17 @@ class LiveOptions(Settings):
         TyreLaw,
         Option(help="Of --learn: linear, or saturating at the friction of the road, which is estimated too."),
     ] = "linear"
+    coach: Annotated[
+        bool, Option(help="With --learn: say what to drive next, until the parameters reach their targets.")
+    ] = False
+    target: Annotated[
+        Names,
+        Option(
+            help="Of --coach: NAME=FRACTION, the required sigma of a parameter as a fraction of its value, such as "
+            "semitrailer.yaw_inertia=5%. Default: as `fifthwheel design`."
+        ),
+    ] = ()
+    max_speed: Annotated[str, Option(help="Of --coach: highest speed of a manoeuvre.")] = "88km/h"
     send: Annotated[
         str | None,
         Option(help="Send states as CAN frames from this id on, such as 0x500 or, with 29 bits, 0x18FF0080."),

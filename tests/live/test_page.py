@@ -4,10 +4,12 @@ import http.client
 import json
 import re
 import threading
+from dataclasses import replace
 
 import pytest
 
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.live import coach as coaching
 from fifthwheel.live.checkpoint import make_learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.live.page.server import Page
@@ -135,6 +137,27 @@ def test_a_browser_shows_states_and_drawings(page, tmp_path, width):
         assert not shown.messages
         threading.Thread(target=page.snapshots.close).start()
         shown.wait_for("document.getElementById('status').textContent === 'ended'")
+
+
+@pytest.mark.slow
+def test_a_browser_shows_what_to_drive_next(tmp_path, monkeypatch):
+    few = replace(coaching.DRIVEN, speeds=(88 / 3.6,), frequencies=(0.4,), accelerations=(1.0,))
+    monkeypatch.setattr(coaching, "DRIVEN", few)
+    learning = make_learning(TRUCK, SIGNALS)
+    node = make_node(completed_map(write_files(tmp_path)), learning)
+    session = Session(node=node, writer=BackgroundWriter(), learning=learning, coach=coaching.Coach(learning))
+    session.views = [page := Page("0", TRUCK, session)]
+    for frame in list(frames(driven()))[:600]:
+        for output in node.receive(frame):
+            session.handle(output)
+    with browser(tmp_path / "profile") as shown:
+        shown.open(page.address, 1400)
+        assert shown.wait_for("document.getElementById('headline').textContent").startswith("88 km/h: ")
+        assert shown.evaluate("document.querySelectorAll('#targets meter').length") == 4
+        size = shown.evaluate("parseFloat(getComputedStyle(document.getElementById('headline')).fontSize)")
+        assert size > 60  # px
+        assert not shown.messages
+    session.close()
 
 
 @pytest.mark.slow

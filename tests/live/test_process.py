@@ -83,7 +83,7 @@ def test_the_journal_says_what_happened(folder):
 def test_the_journal_counts_what_was_refused(tmp_path):
     """A gyro that freezes in the middle of a run is at fault at each output from 3 s later on."""
     writer = BackgroundWriter()
-    journal = Journal(tmp_path / "events.jsonl", SimpleNamespace(writer=writer, learning=None), {})
+    journal = Journal(tmp_path / "events.jsonl", SimpleNamespace(writer=writer, learning=None, coach=None), {})
     problems = {"yaw_rate.tractor": LiveFault.FROZEN}
     for k in range(10):
         journal.show(

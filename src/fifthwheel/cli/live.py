@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from fifthwheel.cli import options
-from fifthwheel.cli.app import Only, command
+from fifthwheel.cli.app import Only, command, quantity_option
 from fifthwheel.options import LiveOptions, ObserverOptions
 
 if TYPE_CHECKING:
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 @command(
     "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --page 8080",
     "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --learn --state truck.json --trailer 'depot 1'",
+    "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --learn --coach --page 8080",
+    "fifthwheel live --replay run.blf -s map.toml -v truck.toml --learn --coach --target semitrailer.yaw_inertia=5%",
     "fifthwheel live --bus virtual:truck -s signals.toml -v truck.toml -i fifthwheel-out --send 0x500 --dbc states.dbc",
     "fifthwheel live --replay log.blf --rate 0 -s signals.toml -v truck.toml --record states.parquet",
 )
@@ -57,6 +59,7 @@ def live(
             signals,
             chosen,
             observer,
+            max_speed=quantity_option("--max-speed", chosen.max_speed, "m/s", "km/h"),
             allow_outside=allow_outside,
             force=force,
             stop=stop,
@@ -97,7 +100,7 @@ class _StatusLine:
     def __init__(self, session: "Session") -> None:
         self._session = session
         self._terminal = sys.stderr.isatty()
-        self._next, self._last, self._change = -1.0, "", ""
+        self._next, self._last, self._change, self._advice = -1.0, "", "", ""
 
     def show(self, output: "Output") -> None:
         """Show an output, if it is time."""
@@ -108,6 +111,10 @@ class _StatusLine:
         if learning is not None and learning.change != self._change:
             self._change = learning.change
             self._print(self._change)
+        coach = self._session.coach
+        if coach is not None and coach.advice.text != self._advice:
+            self._advice = coach.advice.text
+            self._print(f"{output.time:.1f} s  {self._advice}")
         status = self._session.status_text(output)
         if self._terminal:
             print(

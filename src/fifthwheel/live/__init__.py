@@ -5,6 +5,7 @@ time_base   the node's time from the timestamps of all buses
 sampler     samples at 100 Hz from readings that arrive in any order
 status      the numbers of status and faults, faults of the signals
 learning    parameters for each trailer, and changes of load or trailer; checkpoint: their file
+coach       what to drive next
 sources     live buses and traces
 outputs     frames with their DBC, and files
 session     what happens with an output

@@ -6,12 +6,13 @@ from typing import Protocol
 
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.live.checkpoint import Checkpoint
+from fifthwheel.live.coach import Coach
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
 from fifthwheel.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.live.sources.bus import LiveBus
-from fifthwheel.live.status import LiveFault
+from fifthwheel.live.status import LiveFault, in_words
 
 PARAMETER_PERIOD = 0.1
 """Time between two frames with a parameter, s."""
@@ -34,6 +35,7 @@ class Session:
     node: Node
     writer: BackgroundWriter
     learning: Learning | None = None
+    coach: Coach | None = None  # of the learning
     checkpoint: Checkpoint | None = None
     recorder: Recorder | None = None
     encoder: FrameEncoder | None = None
@@ -50,6 +52,8 @@ class Session:
         """Process an output."""
         if self.learning is not None:
             self._learn(self.learning)
+        if self.coach is not None:
+            self.coach.update(output)
         if self.encoder is not None and self.bus is not None:
             self._send(self.encoder, self.bus, output)
         if self.recorder is not None:
@@ -120,8 +124,3 @@ class Session:
             self._next = (self._next + 1) % len(parameters)
             frames.append(encoder.encode_parameter(parameters[self._next], output.bus_time))
         self.node.set_fault(LiveFault.NOT_SENT, bool(frames and bus.send(frames)))
-
-
-def in_words(name: str) -> str:
-    """The name of a status or of a fault."""
-    return name.replace("_", " ").lower()

@@ -11,10 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel._atomic import reserved
+from fifthwheel.cluster import process_pool
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.live.checkpoint import Checkpoint, make_learning
+from fifthwheel.live.coach import Coach
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.node import LiveEstimator, Node, Output
 from fifthwheel.live.outputs.frames_out import FrameEncoder
@@ -32,6 +34,7 @@ from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle, vehicle_and_identification
+from fifthwheel.workflow.settings import fractions
 
 
 @contextmanager
@@ -41,6 +44,7 @@ def opened(
     chosen: LiveOptions,
     observer: ObserverOptions,
     *,
+    max_speed: float = 88 / 3.6,
     allow_outside: bool = False,
     force: bool = False,
     stop: threading.Event,
@@ -48,6 +52,7 @@ def opened(
 ) -> Iterator[tuple[Session, Iterator[Output]]]:
     """A session and the outputs for it, until `stop` is set or the trace ends; then everything is closed.
 
+    `max_speed` is that of the manoeuvres of a coach, m/s.
     `say` receives sentences for the user. A FifthwheelError if options contradict each other, an input cannot be
     used, or an output cannot be written.
     """
@@ -65,6 +70,10 @@ def opened(
     recorded = Path(datetime.now().strftime(str(chosen.record))) if chosen.record else None
     with reserved(recorded, force=force), reserved(chosen.state, force=True), ExitStack() as stack:
         session = _session(chosen, observer, truck, signal_map, recorded, say)
+        if chosen.coach and session.learning is not None:
+            pool = None if chosen.replay else stack.enter_context(process_pool(1))
+            targets = fractions("--target", chosen.target)
+            session.coach = Coach(session.learning, targets, max_speed=max_speed, pool=pool)
         stack.callback(_report, session, say)
         stack.callback(session.close)
         if recorded:
@@ -108,6 +117,10 @@ def _require_consistent(chosen: LiveOptions, observer: ObserverOptions) -> None:
     if not chosen.learn and (any(of_learning) or chosen.tyres != "linear"):
         names = "--state, --trailer, --knowledge, --trailer-signal, --lock and --tyres"
         raise FifthwheelError(f"{names} are for --learn; add it")
+    if chosen.coach and not chosen.learn:
+        raise FifthwheelError("--coach: is for --learn; add it")
+    if chosen.target and not chosen.coach:
+        raise FifthwheelError("--target: is for --coach; add it")
     if chosen.learn and chosen.identification:
         raise FifthwheelError("--identification: is for runs without --learn; give its vehicle.toml as --vehicle")
     if chosen.learn and observer != ObserverOptions(min_speed=observer.min_speed):

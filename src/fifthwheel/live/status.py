@@ -73,6 +73,11 @@ HARMLESS = LiveFault.NOT_RECORDED | LiveFault.NOT_SENT | LiveFault.WHEEL_LIFT
 _FAULTS = {Quality.NOT_AVAILABLE: LiveFault.NOT_AVAILABLE, Quality.WRONG_LENGTH: LiveFault.WRONG_LENGTH}
 
 
+def in_words(name: str) -> str:
+    """The name of a status or of a fault."""
+    return name.replace("_", " ").lower()
+
+
 class Health:
     """Faults of the columns of a signal map, given by their names."""
 

@@ -10,8 +10,9 @@ from fifthwheel.identify.online import LearnedValue
 from fifthwheel.identify.result import Estimate
 from fifthwheel.identify.result.display import estimates_table
 from fifthwheel.live.node import Output
-from fifthwheel.live.session import Session, in_words
-from fifthwheel.live.status import NodeStatus
+from fifthwheel.live.session import Session
+from fifthwheel.live.status import NodeStatus, in_words
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import unit_of
 
 
@@ -47,6 +48,12 @@ class Summary:
         learning = self._session.learning
         if learning is None:
             return
+        if (coach := self._session.coach) is not None:
+            advice = coach.advice
+            yield pages.Paragraph(f"Coach: {advice.text}.")
+            yield pages.Items(
+                [f"{spoken(p.name)}: {p.text}" for p in advice.progress if not p.reached], "Missed targets"
+            )
         yield estimates_table(map(_estimate, learning.learner.parameters))
         if self._session.checkpoint is None and self._session.recorder is None:
             yield pages.Paragraph("The estimates are not kept. Add --state FILE to keep them for the next run.")

@@ -2,14 +2,24 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.formatting import approximate, fixed
 from fifthwheel.manoeuvres.accelerations import bend, swept_sine, trapezoid
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import DECAY_TIME, inverse_steer
 from fifthwheel.vehicle import Vehicle
+
+KINDS = {
+    "lane_change": "lane change",
+    "sweep": "sweep, sine from 0.2 to 1.2 Hz within 16 s",
+    "random": "random steer, 0.1 to 1 Hz, for 16 s",
+    "bend": "bend, entry within 1 s, 6 s constant, exit within 1 s",
+}
+"""Kind of a manoeuvre in words; a lane change also has a frequency."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,6 +36,21 @@ class CandidateManoeuvre:
     """Time from the start of a repetition to the start of the next, s."""
     acceleration: Callable[[Array], Array]
     """Lateral acceleration (N,), m/s^2, at the time (N,), s; zero from `period` on."""
+
+    def offset(self, size: float) -> float | None:
+        """Lateral offset of a lane change of a size in m/s^2, m; None for other manoeuvres."""
+        return None if self.frequency is None else size / (2 * np.pi * self.frequency**2)
+
+    def instruction(self, size: float, *, left: bool) -> str:
+        """What a driver does at a size in m/s^2: "88 km/h: lane change to the left, 1.5 m within 2.5 s"."""
+        name, side = KINDS[self.kind].partition(",")[0], "left" if left else "right"
+        if self.frequency is not None:
+            text = f"{name} to the {side}, {self.offset(size):.1f} m within {1 / self.frequency:.1f} s"
+        elif self.kind == "bend":
+            text = f"{name} to the {side}, radius {fixed(self.speed**2 / size, -1)} m, 8 s"
+        else:
+            text = f"{KINDS[self.kind]}, first to the {side}, up to {approximate(size, 'm/s^2')}"
+        return f"{3.6 * self.speed:.0f} km/h: {text}"
 
     def steer(self, vehicle: Vehicle, rate: float) -> Array:
         """Steer angle (N,), rad, of the first steered axle for one repetition and its decay; sampling rate in Hz."""
@@ -66,7 +91,7 @@ def _lane_change(speed: float, frequency: float) -> CandidateManoeuvre:
         frequency=frequency,
         speed=speed,
         period=lane_change.period(speed),
-        acceleration=lambda time: lane_change.acceleration(time, speed, 1),
+        acceleration=partial(lane_change.acceleration, speed=speed, count=1),
     )
 
 

@@ -9,16 +9,9 @@ from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.formatting import approximate, fixed, percent
 from fifthwheel.identify import Verdict
 from fifthwheel.identify.design import ExperimentDesign, ProposedRun, UnmetTarget
+from fifthwheel.manoeuvres.candidates import KINDS
 from fifthwheel.report.information import PREDICTION_NOTE, explain_known
 from fifthwheel.report.words import spoken_verdict
-
-KINDS = {
-    "lane_change": "lane change",
-    "sweep": "sweep, sine from 0.2 to 1.2 Hz within 16 s",
-    "random": "random steer, 0.1 to 1 Hz, for 16 s",
-    "bend": "bend, entry within 1 s, 6 s constant, exit within 1 s",
-}
-"""Kind of a manoeuvre in words; a lane change also has a frequency."""
 
 ROAD_NOTE = "It includes the noise of an uneven road."
 """Follows the note on the prediction."""

@@ -218,14 +218,14 @@ def design_run(
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 
-    settings, usual = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings()
-    allowed = tuple(v for v in usual.speeds if v < max_speed + 0.01) or (max_speed,)
+    settings, planning = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings().up_to(max_speed)
+    planning = replace(planning, speeds=(speed,) if speed else planning.speeds, max_acceleration=max_acceleration)
     return design_experiment(
         vehicle if settings.uniform_payload else vehicle.lumped(),
         targets,
         settings,
         channels=channels,
         earlier=earlier,
-        planning=replace(usual, speeds=(speed,) if speed else allowed, max_acceleration=max_acceleration),
+        planning=planning,
         progress=progress,
     )

@@ -161,7 +161,7 @@ def design_experiment(
     """
     settings, planning = settings or OneStage(), planning or DesignSettings()
     channels = _usable_channels(vehicle, channels)
-    targets = dict(targets) if targets else _default_targets(vehicle, settings)
+    targets = dict(targets) if targets else default_targets(vehicle, settings)
     settings = _with_targets_estimated(vehicle, targets, settings)
     truck = _prepared_vehicle(vehicle, channels, settings)
     speeds = [speed for speed in planning.speeds if dynamics.is_stable(truck, speed)]
@@ -222,7 +222,8 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
     return tuple(name for name in possible if name in channels)
 
 
-def _default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
+def default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
+    """`DEFAULT_TARGET` by parameter; a VehicleError if each of these parameters is fixed."""
     estimated = parameters.estimated_parameters(vehicle, settings)
     names = [name for name in parameters.stage_1_names(vehicle) if name in estimated]
     if not names:

@@ -1,7 +1,7 @@
 """The candidate runs of an experiment design, each with the sigmas that a fit would give."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated
 
 import numpy as np
@@ -17,6 +17,7 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import lateral_acceleration
 from fifthwheel.settings import Count, NonNegative, Positive, Settings
+from fifthwheel.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -54,6 +55,10 @@ class DesignSettings(Settings):
             given = ", ".join(f"{3.6 * speed:.0f}" for speed in self.speeds)
             raise SignalError(f"speed: expected 18 to 144 km/h, got {given} km/h; the linear model needs road speeds")
 
+    def up_to(self, speed: float) -> "DesignSettings":
+        """These settings with the candidate speeds up to a highest one, m/s, or with that one if all are higher."""
+        return replace(self, speeds=tuple(v for v in self.speeds if v < speed + 0.01) or (speed,))
+
     @property
     def sizes(self) -> tuple[float, ...]:
         """Candidate accelerations, m/s^2: those below the limit, and the limit."""
@@ -88,7 +93,7 @@ class CandidateRun:
     @property
     def offset(self) -> float | None:
         """Lateral offset of a lane change, m; None for other manoeuvres."""
-        return _lateral_offset(self.manoeuvre, self.size)
+        return self.manoeuvre.offset(self.size)
 
 
 def search_candidates(
@@ -123,12 +128,7 @@ def _candidates_of(
     settings: DesignSettings,
 ) -> Iterator[CandidateRun]:
     """One manoeuvre at every size and with every number of repetitions."""
-    steer = manoeuvre.steer(predictor.setup.vehicle, settings.rate)
-    accelerations = lateral_acceleration(predictor.setup.vehicle, manoeuvre.speed, steer, settings.rate)
-    unit_acceleration = float(np.abs(accelerations).max())
-    unit_steer_rate = float(np.abs(np.diff(steer)).max() * settings.rate)
-    sizes = sorted({min(a / unit_acceleration, settings.max_steer_rate / unit_steer_rate) for a in settings.sizes})
-    sizes = [size for size in sizes if (_lateral_offset(manoeuvre, size) or np.inf) >= settings.min_offset]
+    steer, unit_acceleration, sizes = sizes_within_limits(predictor.setup.vehicle, manoeuvre, settings)
     if not sizes:
         return
     information = response.information(manoeuvre, steer, max(settings.repetitions))
@@ -150,7 +150,15 @@ def _candidates_of(
             )
 
 
-def _lateral_offset(manoeuvre: CandidateManoeuvre, size: float) -> float | None:
-    """Lateral offset of a lane change of a size in m/s^2, m; None for other manoeuvres."""
-    frequency = manoeuvre.frequency
-    return None if frequency is None else size / (2 * np.pi * frequency**2)
+def sizes_within_limits(
+    vehicle: Vehicle, manoeuvre: CandidateManoeuvre, settings: DesignSettings
+) -> tuple[Array, float, list[float]]:
+    """Steer angle (N,) of one repetition of unit size, rad; its largest lateral acceleration of any unit's CoG, m/s^2;
+    and the sizes within the limits of the settings."""
+    steer = manoeuvre.steer(vehicle, settings.rate)
+    accelerations = lateral_acceleration(vehicle, manoeuvre.speed, steer, settings.rate)
+    unit_acceleration = float(np.abs(accelerations).max())
+    unit_steer_rate = float(np.abs(np.diff(steer)).max() * settings.rate)
+    sizes = sorted({min(a / unit_acceleration, settings.max_steer_rate / unit_steer_rate) for a in settings.sizes})
+    sizes = [size for size in sizes if (manoeuvre.offset(size) or np.inf) >= settings.min_offset]
+    return steer, unit_acceleration, sizes

@@ -147,6 +147,11 @@ class LiveFilter:
         self.learning = self._has_settled() and self._in_segment
         return self._steering.update(stream.gap, stream.last, stream.inputs, self._play())
 
+    @property
+    def is_beyond_model(self) -> bool:
+        """Whether the driver steers more than the model describes, so that nothing is learned."""
+        return self._excitation.is_beyond_limit
+
     def step(self) -> None:
         """Process a row between two samples."""
         self.filter.advance(self._in_segment, False)

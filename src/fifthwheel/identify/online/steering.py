@@ -78,8 +78,13 @@ class Excitation:
             self.power[i] += fast * ((acceleration - mean) ** 2 - self.power[i])
             self.level[i] += fast * (acceleration - self.level[i])
         limit = settings.stop_excitation if self.on else settings.start_excitation
-        self.on = max(self.power) > limit * limit and max(map(abs, self.level)) <= self.largest
+        self.on = max(self.power) > limit * limit and not self.is_beyond_limit
         return self.on
+
+    @property
+    def is_beyond_limit(self) -> bool:
+        """Whether the averaged acceleration of a steer angle exceeds the limit."""
+        return max(map(abs, self.level)) > self.largest
 
 
 def _understeer_gradient(vehicle: Vehicle) -> float:

@@ -26,9 +26,10 @@ LEARNED = 60.0
 class Journal:
     """A view that writes the events of a session to a file, to which it appends.
 
-    Each line has "at" (UTC), "bus_time" in s and "event": start, status, learned, changed, not recorded, end. The lines
-    learned and end count what came since the last of them: "outputs" by status, and "refused", the outputs at which a
-    signal had a fault, such as "yaw_rate.tractor: frozen". A process that is killed may leave a part of the last line.
+    Each line has "at" (UTC), "bus_time" in s and "event": start, status, learned, changed, advice, not recorded, end.
+    The lines learned and end count what came since the last of them: "outputs" by status, and "refused", the outputs at
+    which a signal had a fault, such as "yaw_rate.tractor: frozen". A process that is killed may leave a part of the
+    last line.
     """
 
     def __init__(self, path: Path, session: Session, about: Mapping[str, Any]) -> None:
@@ -36,7 +37,7 @@ class Journal:
         self._writer: BackgroundWriter = session.writer
         self._shown: tuple[NodeStatus, LiveFault] | None = None
         self._status_time = self._learned_time = -1e9
-        self._learned, self._change = 0, ""
+        self._learned, self._change, self._advice = 0, "", ""
         self._errors: dict[str, str] = {}
         self._outputs, self._refused = Counter[str](), Counter[str]()  # since the last counts
         self._lines: list[str] = []  # that are not yet written
@@ -54,6 +55,10 @@ class Journal:
         if errors != self._errors:
             self._errors = errors
             self._write("not recorded", output, reasons=sorted(errors.values()))
+        coach = self._session.coach
+        if coach is not None and coach.advice.text != self._advice:
+            self._advice = coach.advice.text
+            self._write("advice", output, advice=self._advice)
         learning = self._session.learning
         if learning is None:
             return

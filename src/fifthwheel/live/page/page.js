@@ -78,7 +78,25 @@ function show() {
       points: snapshots.map((s) => [s.time, scaled(s.states[name], factor), scaled(s.states[`${name}.sigma`], factor)]),
     })), [Math.min(snapshots[0].time, now.time - 10), now.time]);
   }
+  if (now.coach) showAdvice(now.coach);
   showEstimates(now);
+}
+
+const LARGEST_RATIO = 6;  // of sigma to target at the full length of a bar
+
+function showAdvice({ headline, text: hint, obstacle, targets }) {
+  element("coach").hidden = false;
+  element("headline").textContent = headline;
+  element("headline").className = obstacle ? "obstacle" : "";
+  element("coached").textContent = hint;
+  element("targets").replaceChildren(...targets.map(({ name, text: label, ratio, reached }) => {
+    const row = text("div", "", reached ? "reached" : "");
+    const bar = document.createElement("meter");
+    [bar.max, bar.high, bar.value] = [LARGEST_RATIO, 1, Math.min(ratio, LARGEST_RATIO)];
+    bar.title = "sigma in units of its target";
+    row.append(text("span", name), bar, text("span", `${reached ? "✓ " : ""}${label}`));
+    return row;
+  }));
 }
 
 const scaled = (value, factor) => (value === null || value === undefined ? null : value * factor);

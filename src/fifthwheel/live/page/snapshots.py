@@ -8,6 +8,7 @@ from collections.abc import Mapping
 
 from fifthwheel.formatting import shown, with_sigma
 from fifthwheel.identify.online import LearnedValue
+from fifthwheel.live.coach import Advice
 from fifthwheel.live.node import Output
 from fifthwheel.live.session import Session
 from fifthwheel.report.words import spoken_verdict
@@ -73,7 +74,21 @@ class Snapshots:
             "trailer": learning.learner.trailer if learning else "",
             "change": learning.change if learning else "",
             "parameters": [_parameter(e) for e in estimates],
+            "coach": _advice(self._session.coach.advice) if self._session.coach else None,
         }
+
+
+def _advice(advice: Advice) -> Mapping[str, object]:
+    """An advice; of each target its text, and sigma in units of the target."""
+    return {
+        "headline": advice.headline,
+        "text": advice.text.removeprefix(advice.headline).strip(" ()"),
+        "obstacle": bool(advice.obstacle),
+        "targets": [
+            {"name": spoken(p.name), "text": p.text, "ratio": _rounded(p.sigma / p.target), "reached": p.reached}
+            for p in advice.progress
+        ],
+    }
 
 
 def _parameter(estimate: LearnedValue) -> Mapping[str, object]:
