@@ -31,6 +31,7 @@ from fifthwheel.observe import ObserverSettings, Status
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.component import SI_UNITS
+from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
 
@@ -87,6 +88,7 @@ PREFIXES: dict[type[BaseModel], str] = {
     AxleGroup: "<group>",
     Axle: "<unit>.<axle>",
     Coupling: "<coupling>",
+    Driveline: "driveline",
 }
 PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind.model_fields if w in SI_UNITS]
 

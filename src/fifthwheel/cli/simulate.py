@@ -20,14 +20,18 @@ from fifthwheel.cli.terminal import print_json, progress_bar
     "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track --film strip.png",
     "fifthwheel simulate run.parquet --model nonlinear --manoeuvre everyday --sensors sensors.toml --all-truth",
     "fifthwheel simulate wet.csv --model nonlinear --with friction=0.6 --with 'bank=2 deg'",
+    "fifthwheel simulate drive.csv --model longitudinal --duration 600",
     "fifthwheel simulate brake.csv --model nonlinear --manoeuvre single_sine --braking 3",
 )
 def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
     vehicle: VehicleOption = "cheng_cebon_2011",
     model: Annotated[
-        Literal["linear", "nonlinear"],
-        typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver."),
+        Literal["linear", "nonlinear", "longitudinal"],
+        typer.Option(
+            help="The linear yaw-roll model, the nonlinear multibody vehicle with a driver, or the longitudinal "
+            "motion of a vehicle of this mass in traffic on hills, with engine and gears."
+        ),
     ] = "linear",
     manoeuvre: Annotated[
         str,
@@ -76,6 +80,8 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
+    import numpy as np
+
     from fifthwheel.errors import SignalError
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
@@ -96,6 +102,12 @@ def simulate(
             record = run_linear(
                 truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
             )
+        elif model == "longitudinal":
+            from fifthwheel.plant.driving import DrivenTruck, drive
+
+            gross = sum(unit.mass for unit in truck.units)
+            driven = DrivenTruck.drawn(gross, np.random.default_rng(seed), wheels=sum(truck.tyres().values()))
+            record = drive(driven, duration=duration or 600.0, rate=min(rate, 100.0), seed=seed, name=log.stem)
         else:
             if yaw_only:
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")

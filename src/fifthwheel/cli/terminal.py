@@ -34,14 +34,16 @@ def load_records(
 
 
 def warn_of_masses(vehicle: "Vehicle", records: "Sequence[Record]" = ()) -> None:
-    """Print unusual masses in the vehicle file, and axle loads in the logs that are not those of the file."""
+    """Print unusual masses in the vehicle file, and axle loads or a gross mass in the logs that differ from it."""
     from fifthwheel.vehicle.masses import unusual_masses
-    from fifthwheel.workflow import axle_load_differences
+    from fifthwheel.workflow import axle_load_differences, mass_difference
 
     for warning in unusual_masses(vehicle):
         typer.secho(f"warning: {warning}", fg="yellow", err=True)
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
+    if difference_of_mass := mass_difference(vehicle, records):
+        typer.secho(f"warning: {difference_of_mass}", fg="yellow", err=True)
 
 
 def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:
