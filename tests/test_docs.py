@@ -274,7 +274,7 @@ def agree(shown: str, printed: str) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["start", "howto/messy-csv", "howto/weigh", "howto/design", "knowledge"])
+@pytest.mark.parametrize("name", ["start", "howto/messy-csv", "howto/weigh", "howto/mass", "howto/design", "knowledge"])
 def test_shown_output_is_that_of_the_commands(name: str, tmp_path: Path) -> None:
     """Each block of text after commands consists of lines that they print, in this order."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")

@@ -91,12 +91,12 @@ def simulate(
     truck, files = read_vehicle(vehicle), [str(log)]
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
+    nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
+    nonlinear_only |= {"--braking": braking is not None}
     with reserved(log, film, force=force):
         if model == "linear":
             from fifthwheel.simulate import simulate as run_linear
 
-            nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
-            nonlinear_only |= {"--braking": braking is not None}
             if refused := [option for option, value in nonlinear_only.items() if value]:
                 raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
             record = run_linear(
@@ -105,6 +105,10 @@ def simulate(
         elif model == "longitudinal":
             from fifthwheel.plant.driving import DrivenTruck, drive
 
+            lateral = nonlinear_only | {"--count": count, "--speed": speed, "--yaw-only": yaw_only}
+            lateral |= {"--manoeuvre": manoeuvre != "lane_changes"}
+            if refused := [option for option, value in lateral.items() if value]:
+                raise SignalError(f"{', '.join(refused)}: not available in the longitudinal model; remove it")
             gross = sum(unit.mass for unit in truck.units)
             driven = DrivenTruck.drawn(gross, np.random.default_rng(seed), wheels=sum(truck.tyres().values()))
             record = drive(driven, duration=duration or 600.0, rate=min(rate, 100.0), seed=seed, name=log.stem)

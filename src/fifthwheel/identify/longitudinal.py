@@ -189,8 +189,8 @@ def _rows(
     has_force = "drive_force" in record.signals
     if missing := _missing(record):
         raise SignalError(
-            f"{missing[0]}: not in {record.name}; the mass follows from speed, a flag of the brakes such as"
-            " braking.tractor, and either drive_force or engine_speed and engine_torque; map a column to it in signals.toml"
+            f"{missing[0]}: not in {record.name}; the mass follows from speed, a signal of the brakes,"
+            " and either drive_force or engine_speed and engine_torque; map a column to it in signals.toml"
         )
     value, sigma = ({key: pair[i] for key, pair in numbers.items()} for i in (0, 1))
     hold = round(LONGEST_HOLD / STEP)
