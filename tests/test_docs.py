@@ -31,6 +31,7 @@ from fifthwheel.observe import ObserverSettings, Status
 from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.component import SI_UNITS
+from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
 
@@ -87,6 +88,7 @@ PREFIXES: dict[type[BaseModel], str] = {
     AxleGroup: "<group>",
     Axle: "<unit>.<axle>",
     Coupling: "<coupling>",
+    Driveline: "driveline",
 }
 PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind.model_fields if w in SI_UNITS]
 
@@ -272,7 +274,7 @@ def agree(shown: str, printed: str) -> bool:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["start", "howto/messy-csv", "howto/weigh", "howto/design", "knowledge"])
+@pytest.mark.parametrize("name", ["start", "howto/messy-csv", "howto/weigh", "howto/mass", "howto/design", "knowledge"])
 def test_shown_output_is_that_of_the_commands(name: str, tmp_path: Path) -> None:
     """Each block of text after commands consists of lines that they print, in this order."""
     shutil.copytree(ROOT / "examples", tmp_path / "examples")

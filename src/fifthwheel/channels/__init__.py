@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
+from fifthwheel.channels.driving import BRAKING, DRIVING
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
@@ -39,7 +40,7 @@ _ALL = (
     *(AXLE_LOAD, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
     *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
     *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
-    *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *COMPUTED),
+    *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
 )
 """In the order in which their patterns are compared with the name of a column: special ones first."""
 CHANNELS: Mapping[str, Channel] = {channel.quantity: channel for channel in _ALL}
@@ -218,6 +219,7 @@ __all__ = [
     "ARTICULATION",
     "AXLE_LOAD",
     "BANK",
+    "BRAKING",
     "CHANNELS",
     "GYROS",
     "IDENTIFIED",

@@ -91,7 +91,7 @@ def identify(
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         used = dict(zip(logs, records, strict=False))
         for start in starts:
-            terminal.print_axle_load_differences(start.vehicle, [used[path] for path in start.logs])
+            terminal.print_load_differences(start.vehicle, [used[path] for path in start.logs])
         with terminal.progress_bar(quiet=as_json) as progress:
             runs = run_loads(starts, used, validate=records[len(logs) :], progress=progress)
         provenance = provenance_of_run(inputs, file, signals, *results, command=sys.argv[1:])

@@ -10,7 +10,7 @@ from fifthwheel.cli import options
 from fifthwheel.cli.app import Only, command, quantity_option
 from fifthwheel.cli.terminal import (
     load_records,
-    print_axle_load_differences,
+    print_load_differences,
     print_files,
     progress_bar,
     warn_of_masses,
@@ -67,7 +67,7 @@ def check(
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_masses(truck)
-        print_axle_load_differences(truck, records)
+        print_load_differences(truck, records)
         require_signals(settings, *records)
         if plot is not None:
             from fifthwheel.report.time_offsets import write_time_offsets

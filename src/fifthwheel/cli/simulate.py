@@ -20,14 +20,18 @@ from fifthwheel.cli.terminal import print_json, progress_bar
     "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track --film strip.png",
     "fifthwheel simulate run.parquet --model nonlinear --manoeuvre everyday --sensors sensors.toml --all-truth",
     "fifthwheel simulate wet.csv --model nonlinear --with friction=0.6 --with 'bank=2 deg'",
+    "fifthwheel simulate drive.csv --model longitudinal --duration 600",
     "fifthwheel simulate brake.csv --model nonlinear --manoeuvre single_sine --braking 3",
 )
 def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
     vehicle: VehicleOption = "cheng_cebon_2011",
     model: Annotated[
-        Literal["linear", "nonlinear"],
-        typer.Option(help="The linear yaw-roll model, or the nonlinear multibody vehicle with a driver."),
+        Literal["linear", "nonlinear", "longitudinal"],
+        typer.Option(
+            help="The linear yaw-roll model, the nonlinear multibody vehicle with a driver, or the longitudinal "
+            "motion of a vehicle of this mass in traffic on hills, with engine and gears."
+        ),
     ] = "linear",
     manoeuvre: Annotated[
         str,
@@ -76,6 +80,8 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
+    import numpy as np
+
     from fifthwheel.errors import SignalError
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
@@ -85,17 +91,27 @@ def simulate(
     truck, files = read_vehicle(vehicle), [str(log)]
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
+    nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
+    nonlinear_only |= {"--braking": braking is not None}
     with reserved(log, film, force=force):
         if model == "linear":
             from fifthwheel.simulate import simulate as run_linear
 
-            nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
-            nonlinear_only |= {"--braking": braking is not None}
             if refused := [option for option, value in nonlinear_only.items() if value]:
                 raise SignalError(f"{', '.join(refused)}: not available in the linear model; add --model nonlinear")
             record = run_linear(
                 truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
             )
+        elif model == "longitudinal":
+            from fifthwheel.plant.driving import DrivenTruck, drive
+
+            lateral = nonlinear_only | {"--count": count, "--speed": speed, "--yaw-only": yaw_only}
+            lateral |= {"--manoeuvre": manoeuvre != "lane_changes"}
+            if refused := [option for option, value in lateral.items() if value]:
+                raise SignalError(f"{', '.join(refused)}: not available in the longitudinal model; remove it")
+            gross = sum(unit.mass for unit in truck.units)
+            driven = DrivenTruck.drawn(gross, np.random.default_rng(seed), wheels=sum(truck.tyres().values()))
+            record = drive(driven, duration=duration or 600.0, rate=min(rate, 100.0), seed=seed, name=log.stem)
         else:
             if yaw_only:
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")

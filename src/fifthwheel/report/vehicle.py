@@ -7,6 +7,7 @@ from fifthwheel.checks.axle_loads import StaticLoad
 from fifthwheel.diagnose.assumptions import AssumedNumber
 from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
+from fifthwheel.identify.longitudinal import GrossMass
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
@@ -65,6 +66,34 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
     heads = ("Axle group", "Measured, kN>", "Scatter>", "File, kN>", "New, kN>")
     of_units = ("Unit", "New mass, kg>", "File>", "New CoG, m>", "File>")
     return pages.Document(after.name, [pages.Table(heads, rows), pages.Table(of_units, units)])
+
+
+def mass_document(result: GrossMass, before: tuple[float, float], deviation: float) -> pages.Document:
+    """The gross mass in ordinary driving with its parts of sigma, and that of the vehicle file."""
+    rows = [
+        (
+            "ordinary driving",
+            with_sigma(result.mass, result.sigma, "kg"),
+            f"{result.verdict.value}, {result.used:.0f} s with known force",
+        ),
+        ("vehicle file", with_sigma(*before, "kg"), f"differs by {deviation:.1f} joint sigma"),
+    ]
+    parts = [(PARTS_OF_MASS[key], with_sigma(sigma, None, "kg")) for key, sigma in result.parts.items()]
+    return pages.Document(
+        "Gross mass",
+        [
+            pages.Table(("Gross mass by", "Mass>", ""), rows),
+            pages.Table(("Sigma comes from", "Part>"), parts, label="Parts of sigma"),
+        ],
+    )
+
+
+PARTS_OF_MASS = {
+    "driving": "the log: grade, wind, noise",
+    "torque_scale": "scale of the torque or force",
+    "efficiency": "efficiency of the driveline",
+    "speed_scale": "scale of the speed",
+}
 
 
 def roll_test_document(before: Vehicle, after: Vehicle) -> pages.Document:

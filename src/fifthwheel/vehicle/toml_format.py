@@ -11,6 +11,7 @@ from fifthwheel.errors import FifthwheelError, UnitError, VehicleError, suggesti
 from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
+from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 
@@ -55,6 +56,8 @@ def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
         _fields(coupling, _name(coupling, Coupling.model_fields["name"].default), Coupling, stated)
         for coupling in _tables(fields, "couplings", "")
     ]
+    if "driveline" in fields:
+        fields["driveline"] = _fields(_table(fields["driveline"], "driveline"), "driveline", Driveline, stated)
     for path, sigma in stated.items() if exact else ():
         if sigma:
             raise VehicleError(

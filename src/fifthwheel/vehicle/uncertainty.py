@@ -75,7 +75,7 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     stated; the self-steering and the command steering of axles where it is not 0; and the path of every other parameter
     with a stated standard deviation above 0. A change that alters no parameter is left out. Roll stiffness, heights,
     yaw inertia and relaxation lengths have a change of their own only if their standard deviation is stated. The place
-    of an accelerometer has none: it does not change the motion.
+    of an accelerometer and the driveline have none: they do not change the lateral motion.
     """
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
@@ -95,7 +95,11 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
                     slopes[path] = {path: stated.get(path, DEFAULT_SIGMAS[key].sigma)}
     altered = {path for by_path in slopes.values() for path in by_path}
     components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in altered}
-    others = [path for path, component in components.items() if component not in ACCELEROMETERS]
+    others = [
+        path
+        for path, component in components.items()
+        if component not in ACCELEROMETERS and not path.startswith("driveline.")
+    ]
     slopes |= {path: {path: stated[path]} for path in others}
     nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
     return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)

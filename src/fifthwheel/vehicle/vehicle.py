@@ -14,6 +14,7 @@ from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
+from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
@@ -49,6 +50,7 @@ class Vehicle(Component):
     source: str = Field(default="", description="Origin of the numbers.")
     units: tuple[Unit, ...] = Field(min_length=1, max_length=MAX_UNITS)
     couplings: tuple[Coupling, ...] = ()
+    driveline: Driveline | None = None
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
@@ -127,7 +129,14 @@ class Vehicle(Component):
                 f"couplings: expected {len(self.units) - 1} between {len(self.units)} units,"
                 f" got {len(self.couplings)}; give one for each pair of neighbours"
             )
-        require_unique("names of units and couplings", [u.name for u in self.units] + [c.name for c in self.couplings])
+        require_unique(
+            "names of units and couplings",
+            [
+                *(u.name for u in self.units),
+                *(c.name for c in self.couplings),
+                *(["driveline"] if self.driveline else []),
+            ],
+        )
         for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
             x, supports = coupling.leading_position, self._supports(front)
             _require_within(
@@ -209,6 +218,8 @@ class Vehicle(Component):
                     add(f"{unit.name}.{axle.name}", type(axle), (*of_unit, "axle_groups", j, "axles", k))
         for i, coupling in enumerate(self.couplings):
             add(coupling.name, Coupling, ("couplings", i))
+        if self.driveline is not None:
+            add("driveline", Driveline, ("driveline",))
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:

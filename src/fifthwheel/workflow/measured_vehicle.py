@@ -1,5 +1,6 @@
-"""A vehicle file with what was measured: axle loads of a log, weighbridge slips, a static roll test."""
+"""A vehicle file with what was measured: axle loads of a log, weighbridge slips, a roll test, ordinary driving."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from statistics import fmean
@@ -7,11 +8,14 @@ from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.identify.knowledge.load import with_payload
+from fifthwheel.identify.longitudinal import GrossMass, gross_mass, has_driving
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
+from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import DEFAULT_SIGMAS, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
+from fifthwheel.vehicle import DEFAULT_SIGMAS, Change, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.vehicle.edited_file import edited, with_numbers
 from fifthwheel.vehicle.weighing import Lengths, Number, Slip, weigh
 
@@ -148,6 +152,100 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
     loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
     return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrivenVehicle:
+    """A vehicle with the payload that follows from its gross mass in ordinary driving."""
+
+    vehicle: Vehicle
+    result: GrossMass
+    before: tuple[float, float]
+    """Gross mass and its standard deviation by the vehicle file, kg."""
+    text: str | None = None
+    """The vehicle file with the new numbers, and its comments; None without a file."""
+
+    @property
+    def deviation(self) -> float:
+        """Of the gross mass from that of the vehicle file, in joint standard deviations."""
+        return self.result.deviation(*self.before)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Masses and standard deviations, for JSON."""
+        file = {"mass": self.before[0], "sigma": self.before[1], "deviation": self.deviation}
+        return {"gross_mass": asdict(self.result), "vehicle_file": file}
+
+
+def gross_mass_of_file(vehicle: Vehicle) -> tuple[float, float]:
+    """Mass of the whole vehicle by its file, kg, and its standard deviation."""
+    totals = [f"{unit.name}.mass" for unit in vehicle.units]
+    sigmas = [sum(change.slopes.get(path, 0.0) for path in totals) for change in changes(vehicle)]
+    return sum(unit.mass for unit in vehicle.units), math.hypot(*sigmas)
+
+
+def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | None = None) -> DrivenVehicle:
+    """The vehicle with the payload that follows from its gross mass in ordinary driving; see `identify.longitudinal`.
+
+    The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
+    deviation of the gross mass and the other units; its body keeps its own.
+
+    Args:
+        text: the vehicle file, for the text of the result.
+
+    Raises:
+        SignalError: the logs do not determine the mass.
+        VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
+    """
+    result, before = gross_mass(records, vehicle), gross_mass_of_file(vehicle)
+    if result.verdict is not Verdict.CONVERGED:
+        raise SignalError(
+            f"{records[0].name}: the gross mass is {result.mass / 1e3:.1f} t ± {result.sigma / 1e3:.1f} t, which is not"
+            " better than a guess; log a drive with gear changes and accelerations"
+        )
+    payload = sum(unit.payload.mass for unit in vehicle.units if unit.payload) + result.mass - before[0]
+    if payload <= 0:
+        raise VehicleError(
+            f"{vehicle.name}: the gross mass is {result.mass:.0f} kg, less than the {result.mass - payload:.0f} kg"
+            " without payload in the vehicle file; correct its unladen masses, or remove the payload"
+        )
+    loaded = with_payload(vehicle, payload)
+    (unit,) = [unit for unit in loaded.units if unit.payload]
+    others = [s for change in changes(vehicle) if (s := _mass_of_others(change, unit.name, vehicle))]
+    body, stated = f"{unit.name}.sprung.mass", {f"{unit.name}.mass": math.hypot(result.sigma, *others)}
+    if body not in loaded.stated:
+        stated[body] = DEFAULT_SIGMAS["mass"].sigma * unit.sprung.mass
+    source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
+    loaded = loaded.with_stated(stated).model_copy(update={"source": source})
+    return DrivenVehicle(
+        vehicle=loaded, result=result, before=before, text=None if text is None else edited(text, loaded)
+    )
+
+
+def _mass_of_others(change: Change, laden: str, vehicle: Vehicle) -> float:
+    """Mass that a change alters on all units but one, kg."""
+    return sum(change.slopes.get(f"{unit.name}.mass", 0.0) for unit in vehicle.units if unit.name != laden)
+
+
+def mass_difference(vehicle: Vehicle, records: Sequence[Record]) -> str:
+    """That the gross mass of logs is not that of the vehicle file, by more than 3 joint sigma; "" if it is, or if the
+    logs do not determine it."""
+    driven = [record for record in records if has_driving(record)]
+    try:
+        result = gross_mass(driven, vehicle) if driven else None
+    except SignalError:
+        return ""
+    mass, sigma = gross_mass_of_file(vehicle)
+    if result is None or result.verdict is not Verdict.CONVERGED or result.deviation(mass, sigma) <= CONTRADICTION:
+        return ""
+    return (
+        f"{', '.join(record.name for record in driven)}: the gross mass is {result.mass / 1e3:.1f} ±"
+        f" {result.sigma / 1e3:.1f} t by the forces, and {mass / 1e3:.1f} ± {sigma / 1e3:.1f} t by the vehicle file;"
+        " stiffnesses scale with it; `fifthwheel mass` takes the payload from the log"
+    )
+
+
+CONTRADICTION = 3.0
+"""Largest usual difference of two gross masses, in joint standard deviations."""
 
 
 def weigh_vehicle(

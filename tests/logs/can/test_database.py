@@ -162,6 +162,7 @@ def test_kcd_and_sym_files_are_read_too(tmp_path):
 def test_the_j1939_that_comes_along():
     j1939 = load([])
     groups = {
+        "ERC1": 61440, "ETC1": 61442, "EEC1": 61444, "EEC3": 65247,
         "EBC1": 61441, "VDC2": 61449, "SSI": 61459, "SSI2": 61481, "ARI": 61482, "ACCS": 61485, "VDC1": 65103,
         "TCO1": 65132, "HRW": 65134, "CVW": 65136, "EBC2": 65215, "EBS22": 65220, "VDS": 65256, "VW": 65258,
         "CCVS": 65265, "EBS21": 768,

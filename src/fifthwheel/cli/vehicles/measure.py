@@ -1,4 +1,4 @@
-"""fifthwheel weigh and roll-test"""
+"""fifthwheel weigh, mass and roll-test"""
 
 from functools import partial
 from pathlib import Path
@@ -9,7 +9,15 @@ import typer
 from fifthwheel._atomic import atomic_write, reserved
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import AllowOutsideOption, ForceFileOption, JsonOption, SignalsOption, VehicleOption
+from fifthwheel.cli.options import (
+    AllowOutsideOption,
+    ExcludeOption,
+    ForceFileOption,
+    JsonOption,
+    Logs,
+    SignalsOption,
+    VehicleOption,
+)
 
 if TYPE_CHECKING:
     from fifthwheel.vehicle import Measured
@@ -70,6 +78,41 @@ def weigh(
             temporary.write_text(weighed.text or weighed.vehicle.to_toml(), encoding="utf-8")
     document = partial(weighed_document, weighed.loads, truck, weighed.vehicle)
     terminal.print_result(weighed.as_dict(), document, {"vehicle": out}, as_json=as_json)
+
+
+@command(
+    "fifthwheel mass drive.csv --vehicle truck.toml --out driven.toml",
+    "fifthwheel mass morning.mf4 noon.mf4 -v truck.toml -s signals.toml -o driven.toml",
+)
+def mass(
+    logs: Logs,
+    vehicle: VehicleOption,
+    signals: SignalsOption = None,
+    allow_outside: AllowOutsideOption = False,
+    exclude: ExcludeOption = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Vehicle file to write.")] = Path("driven.toml"),
+    force: ForceFileOption = False,
+    as_json: JsonOption = False,
+) -> None:
+    """Set the payload of a vehicle file from the gross mass in logs of ordinary driving with one load.
+
+    The mass follows from the force of the engine and the acceleration, on roads of unknown grade. The logs have speed,
+    braking.<unit>, engine_speed and engine_torque, or drive_force in place of the engine; and if possible
+    driveline_engaged, friction_torque and grade. `[driveline]` of the vehicle file states losses, scales and rotating
+    masses. The new file states how well the mass is known. Unladen masses stay; yaw inertia and tyre stiffness follow
+    the load.
+    """
+    from fifthwheel.report.vehicle import mass_document
+    from fifthwheel.workflow import drive_vehicle, read_vehicle, vehicle_text
+
+    truck, text = read_vehicle(vehicle), vehicle_text(vehicle)
+    with reserved(out, force=force):
+        records = terminal.load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
+        driven = drive_vehicle(records, truck, text=text)
+        with atomic_write(out) as temporary:
+            temporary.write_text(driven.text or driven.vehicle.to_toml(), encoding="utf-8")
+    document = partial(mass_document, driven.result, driven.before, driven.deviation)
+    terminal.print_result(driven.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
 
 @command(

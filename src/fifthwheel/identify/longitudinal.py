@@ -1,0 +1,376 @@
+"""The gross mass of a vehicle from ordinary driving, by the balance of its longitudinal forces.
+
+    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + sin(grade))
+
+With 1/m the balance is linear in 1/m and in the unknown grade, a random process over the travelled distance. Vahidi,
+Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by recursive least squares with forgetting, and
+McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on Vehicular Technology 58) in two stages. Here a
+Kalman filter for grade and noise whitens the speed and its regressors, and 1/m follows by generalised least squares (de
+Jong 1991, The diffuse Kalman filter). Changes of the force, at gear changes and when the driver lifts the throttle,
+separate mass and grade.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from scipy.optimize import minimize
+
+from fifthwheel._types import Array
+from fifthwheel.channels import BRAKING, names_of
+from fifthwheel.errors import SignalError
+from fifthwheel.filters.kalman import joseph
+from fifthwheel.filters.model import pack, partitioned, unpack
+from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.native import Scan, compiled
+from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle.driveline import driveline_numbers
+from fifthwheel.vehicle.vehicle import Vehicle, require_vehicle
+
+STEP = 0.2
+"""Of the filter, s; samples within it are averaged."""
+LONGEST_HOLD = 1.0
+"""Time for which an engine signal or a flag may be missing, s."""
+LOWEST_SPEED = 1.5
+"""m/s; below it the clutch slips, and power over speed does not give the force."""
+SETTLING = 2
+"""Steps before and after braking, gear changes and missing signals whose force counts as unknown."""
+RATIO_RATE = 0.03
+"""1/s; where engine speed over speed changes faster, the clutch is open or slips."""
+AIR_DENSITY = 1.2
+"""kg/m^3; 5 % of weather and altitude are within the standard deviation of the drag area."""
+TORQUE_OFFSET = 0.01
+"""Standard deviation of a bias of the engine torque, as a fraction of its largest magnitude in the log."""
+DELAY = 0.1
+"""Standard deviation of the delay between force and speed, s."""
+ANTICIPATION = 0.5
+"""Standard deviation of the fraction of the force that drivers give for the hill they see: it is not independent of the
+grade. Only changes of the force within less than a vertical curve then inform the mass."""
+HEAVIEST = 500e3
+"""Largest mass, kg."""
+SHORTEST = 20.0
+"""Least time with known force, s."""
+TOLERANCE = {"xatol": 0.02, "fatol": 0.02}
+"""Of the logarithms of the noise, and of -2 ln of its density."""
+ITERATIONS = 4
+"""Relinearisations about the mass and the delay."""
+MEAN_GRADE = 0.01
+"""Standard deviation of the mean grade of a log without a grade."""
+UNKNOWN = 10.0
+"""Standard deviation of the speed after a step with unknown force, m/s: nothing is known."""
+PRIOR = 0.5
+"""Standard deviation of ln(mass) without a log, for the verdict: an unladen vehicle has 40 % of the laden mass."""
+NOISE_PRIOR = {
+    "speed": (0.01, 1.0),  # m/s, white noise of a sample
+    "acceleration": (0.01, 1.5),  # m/s^2 sqrt(s), white: gusts, driveline torsion
+    "slope": (0.2, 0.7),  # m/s^2, of the slope: a grade of 2 %
+    "known slope": (0.03, 0.7),  # m/s^2, of the error of a logged grade
+    "hill": (400.0, 0.7),  # m, over which the grade is correlated
+    "vertical curve": (50.0, 0.7),  # m, over which its change is correlated
+}
+"""Median, and standard deviation of the logarithm, of the standard deviations and length that the noise has."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class GrossMass:
+    """Result of `gross_mass`.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> result = fw.GrossMass(mass=40e3, sigma=1e3, verdict=fw.Verdict.CONVERGED, parts={}, used=300.0)
+        >>> result.deviation(36e3, 360.0) > 3
+        True
+    """
+
+    mass: float
+    """Of the whole vehicle, kg."""
+    sigma: float
+    """Standard deviation, kg."""
+    verdict: Verdict
+    """CONVERGED, or NOT_EXCITED where the logs leave more than `CommonSettings.excited` of the prior sigma."""
+    parts: Mapping[str, float]
+    """Contributions to sigma, kg: "driving" is that of the logs, and those of the scales of the force."""
+    used: float
+    """Time with known force, s."""
+
+    def deviation(self, mass: float, sigma: float) -> float:
+        """Difference from another mass, in joint standard deviations."""
+        return abs(self.mass - mass) / math.hypot(self.sigma, sigma)
+
+
+def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
+    """Gross mass of a vehicle from logs of ordinary driving with one load.
+
+    The logs need "speed", "braking.<unit>", and either "drive_force" or "engine_speed" and "engine_torque" (with
+    "friction_torque" where the torque includes it). "driveline_engaged" makes gear changes informative, "grade"
+    replaces the unknown grade. Of the vehicle only the number of tyres and the driveline count; its mass is a start.
+
+    Samples count where the force is known: not while braking, below 1.5 m/s, near gear changes, or in gaps.
+
+    Args:
+        records: of one load.
+        vehicle: with its `[driveline]` if there is one; see `vehicle.driveline`.
+
+    Raises:
+        SignalError: a signal is missing, or the force is known for less than 20 s.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> from fifthwheel.plant.driving import DrivenTruck, drive
+        >>> result = fw.gross_mass([drive(DrivenTruck(mass=30e3), seed=2)], fw.vehicle("cheng_cebon_2011"))
+        >>> result.deviation(30e3, 0.0) < 3
+        True
+    """
+    require_vehicle(vehicle)
+    if isinstance(records, Record) or not records:
+        raise SignalError("records: expected a list of records; write [record]")
+    numbers, start = driveline_numbers(vehicle.driveline, vehicle.stated), sum(unit.mass for unit in vehicle.units)
+    wheels, names = sum(vehicle.tyres().values()), ", ".join(record.name for record in records)
+    prior, mass, delay = _noise_prior(has_grade="grade" in records[0].signals), start, 0.0
+    noise = prior[0]
+    for _ in range(ITERATIONS):
+        rows = np.vstack([_rows(record, numbers, wheels, start, mass, delay) for record in records])
+        used = STEP * float((rows[:, 0] > 0).sum())
+        if used < SHORTEST:
+            raise SignalError(
+                f"{names}: the force is known for {used:.0f} s, at least {SHORTEST:g} s expected above"
+                f" {LOWEST_SPEED:g} m/s without braking; log a longer drive, or check braking and driveline_engaged"
+            )
+        noise = minimize(_objective, noise, (rows, prior, delay / DELAY), "Nelder-Mead", options=TOLERANCE).x
+        _, coefficients, sigma = _least_squares(rows, noise, delay / DELAY)
+        beta, delay = float(coefficients[0]), delay + DELAY * float(coefficients[1])
+        if not beta > start / HEAVIEST:
+            cure = (
+                "check the units and signs of the force or torque, and of speed"
+                if beta < -3 * sigma
+                else "log a drive with gear changes and accelerations"
+            )
+            raise SignalError(f"{names}: the acceleration does not follow the force; {cure}")
+        mass = start / beta
+    has_force = "drive_force" in records[0].signals
+    powers = (
+        {"torque_scale": 1, "speed_scale": 1} if has_force else {"torque_scale": 1, "efficiency": 1, "speed_scale": 2}
+    )
+    relative = {"driving": sigma / beta}
+    relative |= {key: power * numbers[key][1] / numbers[key][0] for key, power in powers.items()}
+    total = math.hypot(*relative.values())
+    excited = total < CommonSettings.excited * PRIOR
+    return GrossMass(
+        mass=mass,
+        sigma=total * mass,
+        verdict=Verdict.CONVERGED if excited else Verdict.NOT_EXCITED,
+        parts={key: fraction * mass for key, fraction in relative.items()},
+        used=used,
+    )
+
+
+def has_driving(record: Record) -> bool:
+    """Whether a record has the signals that `gross_mass` needs."""
+    return not _missing(record)
+
+
+def _missing(record: Record) -> list[str]:
+    force = ("drive_force",) if "drive_force" in record.signals else ("engine_speed", "engine_torque")
+    missing = [name for name in ("speed", *force) if name not in record.signals]
+    return missing if names_of(BRAKING, record.signals) else [*missing, "braking.tractor"]
+
+
+def _rows(
+    record: Record, numbers: Mapping[str, tuple[float, float]], wheels: int, start: float, mass: float, delay: float
+) -> Array:
+    """Samples of `_whitening_step` from a record, without its noise: [moved, distance, y, weight, inputs].
+
+    They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass.
+    """
+    has_force = "drive_force" in record.signals
+    if missing := _missing(record):
+        raise SignalError(
+            f"{missing[0]}: not in {record.name}; the mass follows from speed, a signal of the brakes,"
+            " and either drive_force or engine_speed and engine_torque; map a column to it in signals.toml"
+        )
+    value, sigma = ({key: pair[i] for key, pair in numbers.items()} for i in (0, 1))
+    hold = round(LONGEST_HOLD / STEP)
+    means = _Means(record)
+    speed = means.of("speed", delay) / value["speed_scale"]
+    v = _filled(speed, hold)
+    moving = v > LOWEST_SPEED
+    v = np.where(moving, v, LOWEST_SPEED)
+    acceleration = np.gradient(np.convolve(np.pad(v, 2, mode="edge"), np.full(5, 0.2), "valid"), STEP)
+    brakes = [_held(means.of(name), hold) for name in names_of(BRAKING, record.signals)]
+    interrupted = np.any([brake != 0 for brake in brakes], axis=0)
+    engine, ratio, offset = np.zeros((3, v.size))
+    if has_force:
+        force = _filled(means.of("drive_force"), hold) / value["torque_scale"]
+    else:
+        revolutions, torque = (_filled(means.of(name), hold) for name in ("engine_speed", "engine_torque"))
+        if "friction_torque" in record.signals:
+            torque = torque - _filled(means.of("friction_torque"), hold)
+        ratio = revolutions / v
+        efficiency = np.where(torque > 0, value["efficiency"], 1 / value["efficiency"])
+        force = efficiency * torque * ratio / value["torque_scale"]
+        offset = TORQUE_OFFSET * np.nanmax(np.abs(torque), initial=0.0) * efficiency * ratio
+        if "driveline_engaged" in record.signals:
+            engaged = _held(means.of("driveline_engaged"), hold)
+            interrupted = interrupted | ~np.isin(engaged, (0, 1)) | (np.diff(engaged, append=engaged[-1]) != 0)
+            force, ratio, offset = (np.where(engaged > 0, x, 0.0) for x in (force, ratio, offset))
+        else:
+            rate = (np.roll(ratio, -3) - np.roll(ratio, 3)) / (6 * STEP * np.maximum(ratio, 1e-3))
+            interrupted = interrupted | ~(np.abs(rate) < RATIO_RATE)
+        engine = ratio**2
+    has_grade = "grade" in record.signals
+    slope, mean_grade = (_filled(means.of("grade"), hold), 0.0) if has_grade else (np.zeros(v.size), MEAN_GRADE)
+    slope = slope / np.hypot(1.0, slope)
+    rotating = wheels * value["rotating_mass"] + value["engine_inertia"] * engine
+    net = force - AIR_DENSITY / 2 * value["drag_area"] * v**2
+    moved = mass / (mass + rotating)
+    driven = moved * net / mass  # acceleration by the force; unlike the measured one, it has no noise of the speed
+    inertia = rotating * acceleration  # counts for the change of the mass since the last linearisation only
+    inputs = np.column_stack(
+        [
+            inertia / mass - STANDARD_GRAVITY * (slope + value["rolling_resistance"]),
+            (net - inertia) / start,
+            -DELAY / mass * (np.gradient(force, STEP) + np.where(ratio > 0, force * driven / v, 0.0)),
+            offset / mass,
+            -AIR_DENSITY / 2 / mass * sigma["drag_area"] * v**2,
+            -wheels / mass * sigma["rotating_mass"] * driven,
+            -sigma["engine_inertia"] / mass * engine * driven,
+            -ANTICIPATION / mass * _smoothed(force, v * STEP / NOISE_PRIOR["vertical curve"][0]),
+            np.full(v.size, STANDARD_GRAVITY * math.hypot(sigma["rolling_resistance"], mean_grade)),
+        ]
+    )
+    known = np.logical_not(
+        _widened(interrupted | ~moving | np.isnan(speed) | ~np.isfinite(inputs).all(axis=1), SETTLING)
+    )
+    inputs = np.where(known[:, None], moved[:, None] * inputs, 0.0)
+    both = np.append(False, np.logical_and(known[1:], known[:-1]))  # ends of the step before a sample
+    averaged = np.vstack([inputs[:1], (inputs[1:] + inputs[:-1]) / 2])
+    present = np.isfinite(speed)
+    distance = np.maximum(np.nan_to_num(_filled(speed, speed.size)), 0.0) * STEP
+    sample = [np.where(both, moved, 0.0), distance, np.where(present, speed, 0.0), present]
+    return np.column_stack([*sample, np.where(both[:, None], averaged, 0.0)])
+
+
+class _Means:
+    """Means of signals over the steps of the filter, NaN where a step has no sample."""
+
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self.index = np.floor((record.time - record.time[0]) / STEP + 1e-6).astype(int)
+        self.size = int(self.index[-1]) + 1
+
+    def of(self, name: str, delay: float = 0.0) -> Array:
+        values, time = self.record.signals[name], self.record.time
+        present = np.isfinite(values)
+        if delay and present.any():
+            values = np.interp(time, time[present] - delay, values[present])
+        counts = np.bincount(self.index[present], minlength=self.size)
+        sums = np.bincount(self.index[present], values[present], self.size)
+        return np.asarray(np.divide(sums, counts, out=np.full(self.size, np.nan), where=counts > 0))
+
+
+def _filled(values: Array, longest: int) -> Array:
+    """Values (N,) with gaps of at most `longest` steps interpolated; others are NaN."""
+    present = np.flatnonzero(np.isfinite(values))
+    if not present.size:
+        return values
+    rows = np.arange(values.size)
+    after = np.clip(np.searchsorted(present, rows), 0, present.size - 1)
+    before = np.clip(np.searchsorted(present, rows, side="right") - 1, 0, present.size - 1)
+    near = np.maximum(np.abs(rows - present[before]), np.abs(present[after] - rows)) <= longest
+    return np.where(near, np.interp(rows, present, values[present]), np.nan)
+
+
+def _held(values: Array, longest: int) -> Array:
+    """A flag (N,) with its last value in gaps of at most `longest` steps."""
+    last = np.maximum.accumulate(np.where(np.isfinite(values), np.arange(values.size), -1))
+    recent = (last >= 0) & (np.arange(values.size) - last <= longest)
+    return np.where(recent, values[np.maximum(last, 0)], np.nan)
+
+
+def _smoothed(values: Array, ratios: Array) -> Array:
+    """Values (N,), 0 where missing, after a first-order lag; ratios (N,) of the step to its length."""
+    state, result = 0.0, np.empty(values.size)
+    for k, (value, ratio) in enumerate(zip(np.nan_to_num(values).tolist(), ratios.tolist(), strict=True)):
+        state += ratio / (1 + ratio) * (value - state)
+        result[k] = state
+    return result
+
+
+def _widened(mask: Array, steps: int) -> Array:
+    """A mask (N,) that also has so many steps before and after each of its own."""
+    return np.asarray(np.convolve(mask, np.ones(2 * steps + 1), "same") > 0)
+
+
+def _noise_prior(*, has_grade: bool) -> tuple[Array, Array]:
+    """Means and standard deviations of the logarithms of the noise: speed, acceleration, slope, and its two lengths."""
+    keys = ("speed", "acceleration", "known slope" if has_grade else "slope", "hill", "vertical curve")
+    medians, sigmas = np.array([NOISE_PRIOR[key] for key in keys]).T
+    return np.log(medians), sigmas
+
+
+def _objective(noise: Array, rows: Array, prior: tuple[Array, Array], delay: float) -> float:
+    """-2 ln of the posterior density of the noise, but for a constant."""
+    return _least_squares(rows, noise, delay)[0] + float(np.sum(((noise - prior[0]) / prior[1]) ** 2))
+
+
+def _least_squares(rows: Array, noise: Array, delay: float) -> tuple[float, Array, float]:
+    """-2 ln likelihood, and the coefficients (k,), with the standard deviation of the first one, that of the force.
+
+    The other coefficients have the prior N(0, 1); `delay` is what the speed has been corrected for, in units of its
+    prior.
+    """
+    speed, acceleration, slope, hill, curve = np.exp(noise)
+    moved, distance, *_ = rows.T
+    k = rows.shape[1] - 5
+    decays = np.exp(-distance[:, None] / [hill, curve])
+    bend = slope**2 * (hill + curve) / (hill**2 * curve)  # variance of the change of the slope over the distance
+    sample = np.column_stack(
+        [
+            moved,
+            distance,
+            decays,
+            np.where(moved > 0, acceleration**2 * STEP, UNKNOWN**2),
+            bend * (1 - decays[:, 1] ** 2),
+            rows[:, 2:],
+        ]
+    )
+    carry = np.zeros(6 + 3 * (k + 1))
+    carry[:6] = UNKNOWN**2, 0.0, 0.0, slope**2, bend * hill * curve / (hill + curve), bend
+    _, output = _whitening_step(k)(carry, sample, np.array([speed**2]))
+    present = rows[:, 3] > 0
+    variance, innovations = output[present, 0], output[present, 1:] / np.sqrt(output[present, :1])
+    y, X = innovations[:, 0], -innovations[:, 1:]
+    prior = np.zeros(k)
+    prior[1] = -delay
+    stacked, target = np.vstack([X, np.eye(k)[1:]]), np.concatenate([y, prior[1:]])
+    Q, R = np.linalg.qr(stacked)
+    beta = np.linalg.solve(R, Q.T @ target)
+    residuals = target - stacked @ beta
+    sigma = float(np.linalg.norm(np.linalg.inv(R)[0]))
+    return float(np.sum(np.log(variance)) + residuals @ residuals), beta, sigma
+
+
+@compiled(Scan)
+def _whitening_step(k: int) -> ca.Function:
+    """Kalman filter of the speed v, the slope s and its change c over the distance, for v (column 0) and k regressors.
+
+    carry = [P packed, x (3, 1 + k)]; sample = [moved, distance, decays of s and c, variances of v and c, y, weight,
+    inputs (1 + k)]; constant = [variance of y]; output = [innovation variance, innovations (1 + k)].
+    """
+    carry, P, flat = partitioned("carry", 6, 3 * (k + 1))
+    sample, moved, distance, decays, q, y, weight, inputs = partitioned("sample", 1, 1, 2, 2, 1, 1, k + 1)
+    r = ca.SX.sym("r")
+    F = ca.vertcat(ca.horzcat(1, -STEP * moved, 0), ca.horzcat(0, decays[0], distance), ca.horzcat(0, 0, decays[1]))
+    covariance = F @ unpack(P, 3) @ F.T + ca.diag(ca.vertcat(q[0], 0, q[1]))
+    x = F @ ca.reshape(flat, 3, k + 1) + ca.vertcat(STEP * inputs.T, ca.SX.zeros(2, k + 1))
+    row = ca.SX([[1, 0, 0]])
+    variance, cross = covariance[0, 0] + r, covariance[:, 0]
+    gain = weight * cross / variance
+    innovations = ca.horzcat(y, ca.SX.zeros(1, k)) - x[0, :]
+    carried = ca.vertcat(pack(joseph(covariance, cross, gain, row, r)), ca.reshape(x + gain @ innovations, -1, 1))
+    output = ca.vertcat(variance, innovations.T)
+    return ca.Function("gross_mass", [carry, sample, r], [ca.densify(carried), ca.densify(output)], {"cse": True})

@@ -1,0 +1,65 @@
+"""What the longitudinal balance of a vehicle needs: losses, rotating masses and resistances, each with its sigma."""
+
+from collections.abc import Mapping
+
+from fifthwheel.vehicle.classes.table import Figure
+from fifthwheel.vehicle.component import Component, NonNegative, Positive, number
+from fifthwheel.vehicle.parameters import DRAG_AREA, ROLLING_RESISTANCE, TYRE_PARAMETERS
+
+
+class Driveline(Component):
+    """The table `[driveline]` of a vehicle file; `DRIVELINE` has the numbers that it omits."""
+
+    efficiency: Positive | None = number(
+        "1", "Power at the wheels over power of the engine.", default=None, plausible=(0.7, 1.0)
+    )
+    torque_scale: Positive | None = number(
+        "1", "Engine torque in the log over the true one.", default=None, plausible=(0.7, 1.3)
+    )
+    speed_scale: Positive | None = number(
+        "1", "Speed in the log over the true one.", default=None, plausible=(0.9, 1.1)
+    )
+    engine_inertia: NonNegative | None = number(
+        "kg m^2", "Engine with flywheel, clutch and gearbox input.", default=None, plausible=(0.1, 20.0)
+    )
+    rotating_mass: NonNegative | None = number(
+        "kg", "Of a wheel with its tyre: inertia over rolling radius squared.", default=None, plausible=(1.0, 300.0)
+    )
+    drag_area: NonNegative | None = number(
+        "m^2", "Drag coefficient times frontal area.", default=None, plausible=(0.5, 20.0)
+    )
+    rolling_resistance: NonNegative | None = number(
+        "1", "Rolling resistance over load.", default=None, plausible=(0.002, 0.05)
+    )
+
+
+DRIVELINE: Mapping[str, Figure] = {
+    "efficiency": Figure(0.945, 0.01, "gearbox 0.97 to 0.99 and drive axle 0.96 to 0.97 under load"),
+    "torque_scale": Figure(1.0, 0.02, "torque that engine control units broadcast is within 5 % of a dynamometer"),
+    "speed_scale": Figure(1.0, 0.007, "tyre wear changes the rolling radius by up to 3 % between two calibrations"),
+    "engine_inertia": Figure(3.5, 1.0, "engines of 11 to 13 litres with flywheel: 2.5 to 5 kg m^2"),
+    "rotating_mass": Figure(55.0, 11.0, "wheel, tyre and brake disc: 13 to 15 kg m^2 at 0.5 m"),
+    "drag_area": Figure(TYRE_PARAMETERS[DRAG_AREA].default, 0.9, "drag coefficient 0.5 to 0.8 times 8 to 10 m^2"),
+    "rolling_resistance": Figure(
+        TYRE_PARAMETERS[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"
+    ),
+}
+"""Numbers of heavy trucks with their standard deviations."""
+
+
+def driveline_numbers(driveline: Driveline | None, stated: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Value and standard deviation, SI, of each number of `Driveline` by its key: of the vehicle, else of `DRIVELINE`.
+
+    A value in the vehicle file without a standard deviation has the relative one of `DRIVELINE`. The arguments are the
+    fields of the vehicle.
+
+    Example:
+        >>> driveline_numbers(None, {})["efficiency"]
+        (0.945, 0.01)
+    """
+    given = {} if driveline is None else driveline.model_dump(exclude_none=True)
+    numbers = {}
+    for key, figure in DRIVELINE.items():
+        value = given.get(key, figure.value)
+        numbers[key] = value, stated.get(f"driveline.{key}", figure.relative * value)
+    return numbers
