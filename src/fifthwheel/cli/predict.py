@@ -10,8 +10,8 @@ from fifthwheel.cli import options
 from fifthwheel.cli.app import Only, command, quantity_option
 from fifthwheel.cli.terminal import (
     load_records,
-    print_load_differences,
     print_files,
+    print_load_differences,
     progress_bar,
     warn_of_masses,
     warn_of_replaced_options,
