@@ -148,9 +148,9 @@ def _layout(plot: PanelGrid) -> Figure:
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x" if plot.shared_x else "closest",
-        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": "#999999", "font": {"color": DARK}},
+        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": "#999999", "font": {"color": DARK}, "namelength": -1},
         "separators": ".\u202f",
-        "legend": {"orientation": "h", "y": -0.12, "yanchor": "top"},
+        "legend": {"orientation": "h", "y": -0.3 if any(p.x.date for p in plot.panels) else -0.12, "yanchor": "top"},
         "modebar": {"orientation": "v"},
         "shapes": [],
         "annotations": [],
@@ -228,7 +228,7 @@ def axis_style(axis: Axis) -> Figure:
     if axis.log:
         style["type"] = "log"
     elif axis.date:
-        style |= {"type": "date", "nticks": 5, "tickformatstops": DATES}
+        style |= {"type": "date", "nticks": 5, "tickformatstops": DATES, "hoverformat": "%Y-%m-%d %H:%M"}
     if axis.range is not None:
         style["range"] = np.log10(axis.range).tolist() if axis.log else list(axis.range)
     elif axis.from_zero:
