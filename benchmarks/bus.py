@@ -27,11 +27,11 @@ from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.record import Record
 from fifthwheel.studies.scenarios import initial_guess
 from sharpness import CAREFUL, careful_truck, estimate_samples, true_signals
+from trust_coverage import GYROS as VARIANCES
 from trust_coverage import Sample, drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import table
 
 SPEEDS = (60 / 3.6, 80 / 3.6)
-GYROS = ("yaw_rate", "roll_rate")
 VDC2 = {"speed": 1 / 256 / 3.6, "steer": 1 / 1024 / 20, "yaw_rate": 1 / 8192, "roll_rate": 1 / 8192}
 """Resolution of CCVS and VDC2 in SI; that of the steering wheel with a ratio of 20."""
 NAMES = ("tractor.front.cornering_stiffness", "tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness")
@@ -64,16 +64,16 @@ class Bus:
         if quantity in self.rates:
             sent = time[0] + (np.arange(1 + (time[-1] - time[0]) / period) + phase - 1) * period
             sent = np.sort(sent + self.jitter * noise[: sent.size])
-            continuous = quantity not in GYROS  # the noise of a gyro must not be averaged
-            latest = np.searchsorted(time, sent, side="right") - 1
-            message = np.interp(sent, time, values) if continuous else values[np.maximum(latest, 0)]
+            part = np.interp(sent, time, np.arange(time.size)) % 1.0
+            lost = VARIANCES.get(name, 0.0) * 2 * part * (1 - part)  # an interpolation averages the noise
+            message = np.interp(sent, time, values) + np.sqrt(lost) * noise[-sent.size :]
             values = message[np.maximum(np.searchsorted(sent, time, side="right") - 1, 0)]
         step = VDC2[quantity] if self.quantised else 0.0
         return np.rint(values / step) * step if step else values
 
 
 SLOW_INPUTS = {"steer": 20.0, "speed": 10.0}
-SLOW = SLOW_INPUTS | dict.fromkeys(GYROS, 20.0)
+SLOW = SLOW_INPUTS | {"yaw_rate": 20.0, "roll_rate": 20.0}
 CASES = {
     "100 Hz": Bus(rates={}),
     "100 Hz, quantised": Bus(rates={}, quantised=True),
