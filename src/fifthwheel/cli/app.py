@@ -11,8 +11,8 @@ from typer.core import TyperGroup
 from fifthwheel.settings import Option, Settings, limits, options_of
 
 COMMANDS = (
-    *("vehicle", "weigh", "roll-test", "signals", "check", "design", "identify", "states", "compare", "assess"),
-    *("knowledge", "live", "app", "fleet", "export", "simulate", "reproduce", "selfcheck"),
+    *("vehicle", "weigh", "mass", "roll-test", "signals", "check", "design", "identify", "states", "compare"),
+    *("assess", "knowledge", "live", "app", "fleet", "export", "simulate", "reproduce", "selfcheck"),
 )
 """In the order of a user's way from a truck and a log to its states."""
 
