@@ -153,3 +153,9 @@ def test_any_braking_signal_leaves_samples_out(log, result):
     """Such as a retarder, whose torque is negative."""
     retarder = np.where((log.time > 50) & (log.time < 100), -20.0, 0.0)
     assert fw.gross_mass([changed(log, **{"braking.tractor.retarder": retarder})], TRUCK).used < result.used - 10
+
+
+def test_brakes_that_are_never_on_are_refused_where_the_vehicle_brakes(log):
+    """Their forces would count as unknown grade: errors of up to 20 %, with a verdict that says converged."""
+    with pytest.raises(fw.SignalError, match=r"braking\.tractor: never on .* the speed falls by up to"):
+        fw.gross_mass([changed(log, **{"braking.tractor": np.zeros(len(log))})], TRUCK)

@@ -39,6 +39,9 @@ LOWEST_SPEED = 1.5
 """m/s; below it the clutch slips, and power over speed does not give the force."""
 SETTLING = 2
 """Steps before and after braking, gear changes and missing signals whose force counts as unknown."""
+COASTING = 0.6
+"""m/s^2; a truck that coasts loses 0.1 to 0.3 m/s^2, engine and air included, and more on a climb only, where it is
+driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
 RATIO_RATE = 0.03
 """1/s; where engine speed over speed changes faster, the clutch is open or slips."""
 AIR_DENSITY = 1.2
@@ -116,7 +119,8 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
         vehicle: with its `[driveline]` if there is one; see `vehicle.driveline`.
 
     Raises:
-        SignalError: a signal is missing, or the force is known for less than 20 s.
+        SignalError: a signal is missing, the brakes are never on although the vehicle brakes, or the force is known
+            for less than 20 s.
 
     Example:
         >>> import fifthwheel as fw
@@ -201,6 +205,11 @@ def _rows(
     v = np.where(moving, v, LOWEST_SPEED)
     acceleration = np.gradient(np.convolve(np.pad(v, 2, mode="edge"), np.full(5, 0.2), "valid"), STEP)
     brakes = [_held(means.of(name), hold) for name in names_of(BRAKING, record.signals)]
+    if not any((brake > 0).any() for brake in brakes) and (lost := -acceleration[moving].min(initial=0.0)) > COASTING:
+        raise SignalError(
+            f"{', '.join(names_of(BRAKING, record.signals))}: never on in {record.name}, although the speed falls by up"
+            f" to {lost:.1f} m/s^2; map the signal of the brakes, or leave this part out"
+        )
     interrupted = np.any([brake != 0 for brake in brakes], axis=0)
     engine, ratio, offset = np.zeros((3, v.size))
     if has_force:

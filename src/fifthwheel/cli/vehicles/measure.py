@@ -108,6 +108,7 @@ def mass(
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)
     with reserved(out, force=force):
         records = terminal.load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
+        terminal.warn_of_masses(truck)
         driven = drive_vehicle(records, truck, text=text)
         with atomic_write(out) as temporary:
             temporary.write_text(driven.text or driven.vehicle.to_toml(), encoding="utf-8")
