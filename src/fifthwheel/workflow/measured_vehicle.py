@@ -148,7 +148,8 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
         for path, (_, sigma) in values.items()
         if sigma or (after[path] != before[path] and path not in vehicle.assumed)
     ]
-    new_text = with_numbers(text, weighed.model_copy(update={"source": source}), written)
+    assumed = {path: reason for path, reason in weighed.assumed.items() if path not in written}
+    new_text = with_numbers(text, weighed.model_copy(update={"source": source, "assumed": assumed}), written)
     newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
     loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
     return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
