@@ -84,6 +84,19 @@ def test_long_gaps_of_an_input_are_refused(start, stop, where):
         with_gap(start, stop).input("speed")
 
 
+def test_a_pause_of_all_signals_is_no_gap_of_an_input():
+    """Messages of a trace have timestamps of their own, so that the last row before a pause may lack the speed."""
+    time = np.concatenate([np.arange(0, 2, 0.01), np.arange(7, 9, 0.01)])
+    speed = np.full(400, 20.0)
+    speed[[199, 201]] = np.nan
+    record = Record(time=time, signals={"speed": speed, "yaw_rate.tractor": np.zeros(400)}, name="trace")
+    np.testing.assert_array_equal(record.input("speed"), 20.0)
+    assert [segment.span for segment in record.segments()] == [(0, 1.99), (7, pytest.approx(8.99))]
+    missing = np.where((time > 1) & (time < 1.8), np.nan, speed)
+    with pytest.raises(SignalError, match=r"the longest gap is 1\.00 to 1\.80 s"):
+        record.with_signals({"speed": missing}).input("speed")
+
+
 def test_an_absent_input_is_refused_with_similar_names():
     with pytest.raises(SignalError, match=r"did you mean 'yaw_rate\.tractor'"):
         record().input("yaw_rate.traktor")

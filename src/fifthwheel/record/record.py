@@ -29,6 +29,8 @@ V = TypeVar("V")
 EARLIEST_DATE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
 """Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 
+PAUSE = 1.0
+"""A longer time step, s, divides a record into segments."""
 SHOWN_NAMES = 8
 """The largest number of signals that the text of a record names."""
 
@@ -137,7 +139,7 @@ class Record:
             )
         return self._rows(inside, self.name)
 
-    def segments(self, max_gap: float = 1.0, shortest: float = 1.0) -> list["Record"]:
+    def segments(self, max_gap: float = PAUSE, shortest: float = 1.0) -> list["Record"]:
         """The segments between time steps above `max_gap` s that last at least `shortest` s.
 
         Raises:
@@ -157,7 +159,8 @@ class Record:
     def input(self, name: str, max_gap: float = 0.5) -> Array:
         """A signal (N,) without missing samples, as the inputs of a model must be.
 
-        Gaps up to `max_gap` s are filled: linearly between samples, with the nearest sample at either end.
+        Gaps up to `max_gap` s are filled: linearly between samples, with the nearest sample at either end. A pause of
+        all signals, a time step above `PAUSE`, does not count.
 
         Raises:
             SignalError: the signal does not exist, or a gap is longer.
@@ -173,8 +176,10 @@ class Record:
             return values
         rows = np.flatnonzero(present)
         edges = np.concatenate([[0], rows, [time.size - 1]])  # at either end only the missing part is a gap
-        gaps = np.where(np.diff(edges) > 1, np.diff(time[edges]), 0.0)
-        gaps[0], gaps[-1] = time[edges[1]] - time[0], time[-1] - time[edges[-2]]
+        steps = np.diff(time, prepend=time[0])
+        logged = np.cumsum(np.where(steps > PAUSE, 0.0, steps))  # a pause of all signals divides the record
+        gaps = np.where(np.diff(edges) > 1, np.diff(logged[edges]), 0.0)
+        gaps[0], gaps[-1] = logged[edges[1]] - logged[0], logged[-1] - logged[edges[-2]]
         longest = int(gaps.argmax())
         if not rows.size or gaps[longest] > max_gap + 1e-9:
             raise SignalError(
