@@ -203,12 +203,12 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
 
 
 def _derived(run: Identification) -> list[Estimate]:
-    """CoG heights, and the rollover threshold where the truck has one."""
-    heights = [e for e in run.derived if e.name.endswith(".cog_height")]
+    """CoG heights and wheelbases, and the rollover threshold where the truck has one."""
+    lengths = [e for e in run.derived if e.name.endswith((".cog_height", ".wheelbase"))]
     try:
-        return [*heights, rollover_threshold(run)]
+        return [*lengths, rollover_threshold(run)]
     except FifthwheelError:
-        return heights
+        return lengths
 
 
 def _compared(
