@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.identify.longitudinal import AIR_DENSITY
+from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.plant.driving import DrivenTruck, drive
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import driveline_numbers

@@ -80,8 +80,6 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
-    import numpy as np
-
     from fifthwheel.errors import SignalError
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
@@ -103,6 +101,8 @@ def simulate(
                 truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
             )
         elif model == "longitudinal":
+            import numpy as np
+
             from fifthwheel.plant.driving import DrivenTruck, drive
 
             lateral = nonlinear_only | {"--count": count, "--speed": speed, "--yaw-only": yaw_only}

@@ -19,6 +19,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, names_of
+from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.kalman import joseph
 from fifthwheel.filters.model import pack, partitioned, unpack
@@ -43,8 +44,6 @@ COASTING = 0.6
 driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
 RATIO_RATE = 0.03
 """1/s; where engine speed over speed changes faster, the clutch is open or slips."""
-AIR_DENSITY = 1.2
-"""kg/m^3; 5 % of weather and altitude are within the standard deviation of the drag area."""
 TORQUE_OFFSET = 0.01
 """Standard deviation of a bias of the engine torque, as a fraction of its largest magnitude in the log."""
 DELAY = 0.1
@@ -245,7 +244,7 @@ def _rows(
             (net - inertia) / start,
             -DELAY / mass * (np.gradient(force, STEP) + np.where(ratio > 0, force * driven / v, 0.0)),
             offset / mass,
-            -AIR_DENSITY / 2 / mass * sigma["drag_area"] * v**2,
+            -AIR_DENSITY / 2 / mass * sigma["drag_area"] * v**2,  # 5 % of weather and altitude are within it
             -wheels / mass * sigma["rotating_mass"] * driven,
             -sigma["engine_inertia"] / mass * engine * driven,
             -ANTICIPATION / mass * _smoothed(force, v * STEP / NOISE_PRIOR["vertical curve"][0]),

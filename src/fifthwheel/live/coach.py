@@ -62,7 +62,7 @@ class Progress:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Advice:
+class DrivingAdvice:
     """What the driver does next, and how far the learner is."""
 
     next: str
@@ -183,7 +183,7 @@ class Coach:
         """The manoeuvres that are worthwhile, and what they reach."""
         self._done = self._done or not self.plan.steps
 
-    def _advice(self, obstacle: str) -> Advice:
+    def _advice(self, obstacle: str) -> DrivingAdvice:
         progress = tuple(self._progress(e) for e in self._learning.parameters if e.name in self.targets)
         if self._done:
             reached = all(p.reached for p in progress)
@@ -191,7 +191,7 @@ class Coach:
         else:
             step = self.plan.steps[0]
             text = step.manoeuvre.instruction(step.size, left=self._manoeuvres % 2 == 0)
-        return Advice(
+        return DrivingAdvice(
             next=text,
             obstacle="" if self._done else obstacle,
             remaining=self.plan.duration,

@@ -117,8 +117,9 @@ def _sensors(outlook: InformationAssessment) -> Iterator[pages.Block]:
     signals = list(outlook.sensors)[:MOST_SENSORS]
     if not signals:
         return
+    heads = [spoken(signal).replace(", ", "\n") for signal in signals]
     yield pages.Table(
-        ("With one more sensor|name", "Now>", *[f"{spoken(signal).replace(', ', chr(10))}>" for signal in signals]),
+        ("With one more sensor|name", "Now>", *[f"{head}>" for head in heads]),
         [
             (
                 spoken(p.name),

@@ -21,6 +21,8 @@ from fifthwheel.vehicle.weighing import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
+CONTRADICTION = 3.0
+"""Largest usual difference of two gross masses, in joint standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -243,10 +245,6 @@ def mass_difference(vehicle: Vehicle, records: Sequence[Record]) -> str:
         f" {result.sigma / 1e3:.1f} t by the forces, and {mass / 1e3:.1f} ± {sigma / 1e3:.1f} t by the vehicle file;"
         " stiffnesses scale with it; `fifthwheel mass` takes the payload from the log"
     )
-
-
-CONTRADICTION = 3.0
-"""Largest usual difference of two gross masses, in joint standard deviations."""
 
 
 def weigh_vehicle(

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 from fifthwheel.formatting import shown, with_sigma
 from fifthwheel.identify.online import LearnedValue
-from fifthwheel.live.coach import Advice
+from fifthwheel.live.coach import DrivingAdvice
 from fifthwheel.live.node import Output
 from fifthwheel.live.session import Session
 from fifthwheel.report.words import spoken_verdict
@@ -78,7 +78,7 @@ class Snapshots:
         }
 
 
-def _advice(advice: Advice) -> Mapping[str, object]:
+def _advice(advice: DrivingAdvice) -> Mapping[str, object]:
     """An advice; of each target its text, and sigma in units of the target."""
     return {
         "headline": advice.headline,
