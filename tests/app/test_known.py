@@ -19,7 +19,7 @@ def workspace(tmp_path) -> Workspace:
 
 def test_truck_and_sensors_are_sentences(workspace):
     assert known.of_truck_and_sensors(workspace, TRUCK) == [
-        "Truck: cheng_cebon_2011; no number is assumed from a class.",
+        "Truck: cheng_cebon_2011; no number is assumed.",
         "Tractor, yaw rate: a sensor of the class mems.",
         "All other sensors: the usual errors and noise of their kind.",
     ]

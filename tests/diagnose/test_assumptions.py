@@ -59,7 +59,7 @@ def test_an_unstable_vehicle_has_no_effects():
 def test_the_assumed_numbers_are_shown(numbers):
     text = printed(show, vehicle_document(TRUCK, summarize(TRUCK, 20.0), list(numbers.values())))
     html = blocks([*assumed_section(TRUCK)]).replace("<wbr/>", "")
-    (note,) = [n for n in prepare_dataset([simulate(TRUCK, count=1)], TRUCK, OneStage()).notes if "assumed from" in n]
+    (note,) = [n for n in prepare_dataset([simulate(TRUCK, count=1)], TRUCK, OneStage()).notes if "are assumed" in n]
     for path in TRUCK.assumed:
         assert path in text
         assert path in html

@@ -222,3 +222,16 @@ def test_other_combinations(text: str) -> None:
     eyes = [coupling for coupling in vehicle.couplings if coupling.name == "to_dolly"]
     assert all(eye.roll_stiffness == 0 for eye in eyes)
     assert Vehicle.loads(vehicle.to_toml()) == vehicle
+
+
+def test_a_relaxation_length_needs_no_class() -> None:
+    """One that is omitted is assumed with its uncertainty; 0 is stated, and stays."""
+    text = catalogue.get("auburn_6x4").to_toml()
+    lines = [line for line in text.splitlines() if not line.startswith("relaxation_length")]
+    omitted = Vehicle.loads("\n".join(lines).replace("exact = true", ""))
+    groups = ("tractor.front", "tractor.drive", "semitrailer")
+    assert set(omitted.assumed) == {f"{group}.relaxation_length" for group in groups}
+    assert all(omitted.stated[path] == 0.1 and omitted.parameters()[path] == 0.45 for path in omitted.assumed)
+    lag_free = omitted.replace(dict.fromkeys(omitted.assumed, 0.0))
+    assert Vehicle.loads(lag_free.to_toml()) == lag_free
+    assert not lag_free.assumed

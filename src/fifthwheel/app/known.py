@@ -26,7 +26,7 @@ STATEMENTS = "statements"
 def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
     """What vehicle file and signal map state."""
     assumed = len(truck.assumed)
-    numbers = f"{assumed} numbers are assumed from its classes" if assumed else "no number is assumed from a class"
+    numbers = f"{assumed} numbers are not in its file and are assumed" if assumed else "no number is assumed"
     said = [f"Truck: {truck.name}; {numbers}."]
     signal_map = workspace.signal_map()
     sensors = signal_map.sensors if signal_map is not None else {}

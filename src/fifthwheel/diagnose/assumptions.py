@@ -1,4 +1,4 @@
-"""The numbers that a vehicle file leaves to vehicle classes, and how much they matter."""
+"""The numbers that a vehicle file does not have, and how much they matter."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -144,7 +144,7 @@ def prepare_dataset(
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
     if vehicle.assumed:
         notes.append(
-            f"{len(vehicle.assumed)} numbers of the vehicle file are assumed from vehicle classes. `fifthwheel vehicle "
+            f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
             "show` gives each with its uncertainty, source and effect."
         )
     records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))

@@ -220,13 +220,13 @@ def _sensor_errors(identification: Identification) -> pages.Table:
 
 
 def assumed_numbers(vehicle: Vehicle) -> Iterator[pages.Folded]:
-    """The numbers that a vehicle file leaves to vehicle classes, with their sources."""
+    """The numbers that a vehicle file does not have, with their sources."""
     if not vehicle.assumed:
         return
     values = vehicle.parameters()
     explanation = pages.Hint(
-        "The vehicle file does not have these numbers: they are those of the vehicle classes of its units. Measure "
-        "those with a large part in the variance, and write them into the vehicle file."
+        "The vehicle file does not have these numbers: they are typical, or those of the vehicle classes of its units. "
+        "Measure those with a large part in the variance, and write them into the vehicle file."
     )
     rows = [
         (pages.Code(path), with_sigma(values[path], vehicle.stated.get(path), unit_of(path)), source)

@@ -11,7 +11,7 @@ from fifthwheel.identify.longitudinal import GrossMass
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
-NOTHING_ASSUMED = "No number is assumed from a vehicle class."
+NOTHING_ASSUMED = "No number is assumed."
 
 
 def vehicle_document(vehicle: Vehicle, summary: VehicleSummary, assumed: Sequence[AssumedNumber]) -> pages.Document:

@@ -55,7 +55,7 @@ class Vehicle(Component):
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
     assumed: Texts = Field(
-        default={}, description="Source of each parameter that the class of its unit gives, by path; see `classes`."
+        default={}, description="Source of each parameter that the file leaves to `classes`, by path."
     )
 
     @classmethod

@@ -65,7 +65,7 @@ def show(
     force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Show axle loads, handling and oscillations of a vehicle, and the numbers that are assumed from vehicle classes.
+    """Show axle loads, handling and oscillations of a vehicle, and the numbers that are assumed.
 
     The effect of an assumed number is the largest change of a yaw rate or roll rate in a lane change, if the number
     changes by one standard deviation.

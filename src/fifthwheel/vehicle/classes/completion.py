@@ -30,14 +30,19 @@ def complete(fields: Mapping[str, Any]) -> Table:
     """Fields of a vehicle, as from `toml_format.parse`, with the missing numbers of each unit that has a class, and of
     the coupling in front of it; `stated` has the standard deviation of each filled number, and `assumed` its source.
 
+    A relaxation length needs no class: all truck tyres have nearly the same. A file for tyres without lag says 0.
+
     Raises:
         VehicleError: a class does not exist or has other axle groups, or a number is missing that no class can give.
     """
     completed = copy.deepcopy(dict(fields))
     units, couplings = completed["units"], completed["couplings"]
+    completion = _Completion(completed["stated"], completed.setdefault("assumed", {}))
+    for unit in units:
+        for group in unit["axle_groups"] if "name" in unit else ():
+            completion.figure(group, _group_path(unit, group), "relaxation_length", RELAXATION_LENGTH)
     if not any(_class_name(unit) for unit in units):
         return completed
-    completion = _Completion(completed["stated"], completed.setdefault("assumed", {}))
     for i, unit in enumerate(units):
         name = _class_name(unit)
         if name:
@@ -176,7 +181,6 @@ def _complete_groups(completion: _Completion, unit: Table, kind: VehicleClass, l
         completion.figure(group, path, "roll_stiffness", figures.roll_stiffness, count)
         completion.figure(group, path, "tyre_roll_stiffness", figures.tyre_roll_stiffness, count)
         completion.figure(group, path, "roll_damping", DAMPING_TIME, group["roll_stiffness"])
-        completion.figure(group, path, "relaxation_length", RELAXATION_LENGTH)
 
 
 def _axle_loads(units: list[Table], couplings: list[Table]) -> dict[str, float]:
