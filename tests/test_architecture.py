@@ -23,6 +23,7 @@ ROOMS = (
     "_types",
     "_addresses",
     "errors",
+    "_arguments",
     "settings",
     "options",
     "_extras",

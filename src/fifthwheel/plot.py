@@ -14,6 +14,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fifthwheel._arguments import expect
 from fifthwheel._types import Array
 from fifthwheel.dynamics import LinearSystem, critical_speed, linear_system, modes, steady_steer
 from fifthwheel.errors import SignalError, VehicleError
@@ -52,6 +53,7 @@ def bode(
     Raises:
         SignalError: the system does not have an output or the input, or the outputs have different units.
     """
+    expect("system", system, LinearSystem)
     names = _names(outputs if outputs is not None else system.outputs[:1])
     units = {system.units[name] for name in names if system.output_index(name) >= 0}
     if len(units) != 1:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel import dynamics
+from fifthwheel._arguments import expect, expect_number
 from fifthwheel._callable import make_callable
 from fifthwheel.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.dynamics.simulation import free_response
@@ -13,7 +14,6 @@ from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.vehicle import require_vehicle
 
 
 def simulate(
@@ -52,7 +52,15 @@ def simulate(
         >>> fw.simulate(fw.vehicle("cheng_cebon_2011"), count=2, seed=1).span
         (0.0, 15.99)
     """
-    require_vehicle(vehicle)
+    expect("vehicle", vehicle, Vehicle)
+    expect_number("count", count, ge=1, whole=True)
+    expect_number("speed", speed, unit="m/s")
+    expect_number("rate", rate, ge=5, le=1000, unit="Hz")
+    expect_number("seed", seed, ge=0, whole=True)
+    if duration is not None:
+        expect_number("duration", duration, ge=1, le=36000, unit="s")
+    for signal, variance in (sensors or {}).items():
+        expect_number(f"sensors, {signal}", variance, ge=0)
     if not 5 <= speed <= 40:
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")
     if not dynamics.is_stable(vehicle, speed, roll=roll):

@@ -228,7 +228,7 @@ def _number_and_unit(value: object, si: str, place: str = "") -> tuple[float, st
     """The parts of a quantity as written; the unit is empty if there is none. `place` begins the message."""
     match = _QUANTITY.fullmatch(value) if isinstance(value, str) and len(value) <= 2 * MAX_LENGTH else None
     if match is None:
-        raise UnitError(f"{place}expected a number with a unit such as '1 {si}', got {_shown(value)}")
+        raise UnitError(f"{place}expected a number with a unit such as '1 {si}', got {_shown(value)}; correct it")
     if re.match(r",\d", match[2]):
         raise UnitError(
             f"{place}expected a decimal point, and no separator of thousands, got {_shown(value)}; correct it"

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fifthwheel._arguments import expect, expect_known, expect_number
 from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_motion, yaw_damping
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
@@ -16,7 +17,6 @@ from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.formatting import percent
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.vehicle import require_vehicle
 
 FAMILIES: tuple[Family, ...] = (
     rollover.measure,
@@ -79,7 +79,7 @@ def assess(
         if truck.covariance is None:
             origin = "the sigmas of the two-stage method, taken as independent, and the vehicle file"
     else:
-        require_vehicle(truck)
+        expect("truck", truck, Vehicle, Identification)
         vehicle, uncertainty = truck, of_vehicle(truck)
         origin = "the vehicle file"
         if count := len(assumed(truck)):
@@ -87,6 +87,9 @@ def assess(
     given = dict(changes or {})
     size = body if isinstance(body, Body) else Body.of(body or {})
     subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
+    expect_known("sigmas", sigmas or {}, given)
+    for name, stated in (sigmas or {}).items():
+        expect_number(f"sigmas, {name}", stated, ge=0)
     uncertainty = complete(uncertainty, size, replaced=given, stated=sigmas or {})
     trucks = Neighbourhood(subject, uncertainty)
     results, notes = list[MeasureResult](), list[str]()

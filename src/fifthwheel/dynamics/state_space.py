@@ -13,6 +13,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from fifthwheel._arguments import expect
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import MODELLED, SignalName, si_unit
@@ -24,7 +25,6 @@ from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.vehicle import require_vehicle
 
 if TYPE_CHECKING:
     from scipy import signal
@@ -182,7 +182,7 @@ def linear_system(
         >>> fw.linear_system(truck, 25.0, ["lateral_force.tractor.drive"]).inputs[0]
         'steer.tractor.front'
     """
-    require_vehicle(vehicle)
+    expect("vehicle", vehicle, Vehicle)
     if not isinstance(speed, int | float | np.number) or not 0 < speed <= MAX_SPEED:
         raise VehicleError(
             f"speed: expected a number of m/s above 0, up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s"

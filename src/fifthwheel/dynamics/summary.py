@@ -6,6 +6,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from fifthwheel import pages
+from fifthwheel._arguments import expect
 from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
 from fifthwheel.dynamics.state_space import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
@@ -87,6 +88,7 @@ def summarize(vehicle: Vehicle, speed: float = 80 / 3.6) -> VehicleSummary:
         load, tractor.front                                   67.6 kN
         ...
     """
+    expect("vehicle", vehicle, Vehicle)
     limit = critical_speed(vehicle)
     oscillations = [mode for mode in modes(vehicle, speed) if mode.eigenvalue.imag > 1e-9]
     stable = limit is None or speed < limit

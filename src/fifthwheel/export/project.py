@@ -5,6 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 from fifthwheel import __version__
+from fifthwheel._arguments import expect
 from fifthwheel._atomic import atomic_write
 from fifthwheel.export import learner_model, observer_model
 from fifthwheel.identify.online import Learner
@@ -60,6 +61,7 @@ def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
         ...     [path.name for path in fw.export_c(observer, folder)][:5]
         ['README.md', 'CMakeLists.txt', 'fw_observer.h', 'fw_observer.c', 'fw_model.h']
     """
+    expect("estimator", estimator, Observer, Learner)
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     texts = learner_texts(estimator) if isinstance(estimator, Learner) else observer_texts(estimator)

@@ -6,6 +6,7 @@ from typing import Any
 
 from threadpoolctl import threadpool_limits
 
+from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
@@ -14,7 +15,6 @@ from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import CommonSettings, OneStage, Progress
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.vehicle import require_vehicle
 
 
 def identify(
@@ -56,9 +56,12 @@ def identify(
         >>> abs(front.value - 475e3) < 3 * front.sigma
         True
     """
-    if isinstance(records, Record):
-        raise SignalError(f"records: expected a list of records, got {records.name} alone; write [record]")
-    require_vehicle(vehicle)
+    expect_each("records", records, Record)
+    expect_each("validate", validate, Record)
+    expect("vehicle", vehicle, Vehicle)
+    expect_optional("settings", settings, CommonSettings)
+    expect_optional("knowledge", knowledge, Knowledge)
+    expect_optional("occasion", occasion, Occasion)
     settings = settings or OneStage()
     of_truck: dict[str, Any] = {"knowledge": knowledge, "occasion": occasion}
     of_truck = {name: value for name, value in of_truck.items() if value is not None}

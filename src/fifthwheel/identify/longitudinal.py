@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from fifthwheel._arguments import expect, expect_each
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, names_of
 from fifthwheel.dynamics.tyres import AIR_DENSITY
@@ -29,7 +30,7 @@ from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import driveline_numbers
-from fifthwheel.vehicle.vehicle import Vehicle, require_vehicle
+from fifthwheel.vehicle.vehicle import Vehicle
 
 STEP = 0.2
 """Of the filter, s; samples within it are averaged."""
@@ -129,9 +130,10 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
     """
     from scipy.optimize import minimize  # slow to import
 
-    require_vehicle(vehicle)
-    if isinstance(records, Record) or not records:
-        raise SignalError("records: expected a list of records; write [record]")
+    expect("vehicle", vehicle, Vehicle)
+    expect_each("records", records, Record)
+    if not records:
+        raise SignalError("records: expected at least one, got none; give a log")
     numbers, start = driveline_numbers(vehicle.driveline, vehicle.stated), sum(unit.mass for unit in vehicle.units)
     wheels, names = sum(vehicle.tyres().values()), ", ".join(record.name for record in records)
     prior, mass, delay = _noise_prior(has_grade="grade" in records[0].signals), start, 0.0

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.csv as pacsv
 import pyarrow.parquet as pq
 
+from fifthwheel._arguments import expect, expect_optional
 from fifthwheel._atomic import atomic_write
 from fifthwheel.channels import REFERENCE, header, split_header
 from fifthwheel.errors import SignalError, printable
@@ -50,6 +51,8 @@ def read_log(
         >>> fw.read_log("run.mf4", signal_map)  # doctest: +SKIP
         Record('run', 6000 samples, 0 to 59.99 s at 100 Hz: speed, steer.tractor.front, yaw_rate.tractor)
     """
+    expect("path", path, str, Path)
+    expect_optional("signals", signals, SignalMap)
     path = Path(path)
     with open_log(path, signals.databases if signals else (), progress) as log:
         return record_of(log, signals, name=name or path.stem, exclude=exclude, progress=progress)
@@ -93,6 +96,7 @@ def write_record(record: Record, path: str | Path) -> None:
         ...     fw.read_log(f"{folder}/run.parquet") == record
         True
     """
+    expect("record", record, Record)
     path = Path(path)
     columns = {"time": record.time, **record.signals, **{REFERENCE + n: v for n, v in record.reference.items()}}
     headers = [header(name) for name in columns]

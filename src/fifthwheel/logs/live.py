@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from fifthwheel._arguments import expect, expect_names
 from fifthwheel.channels import is_input, si_unit, split_header
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import SAME_INSTANT, interpolated
@@ -51,6 +52,8 @@ class LiveMap:
     """
 
     def __init__(self, signal_map: SignalMap, columns: Iterable[str]) -> None:
+        expect("signal_map", signal_map, SignalMap)
+        expect_names("columns", columns)
         self._keys = {split_header(key)[0]: key for key in columns}
         found = {name: Column(name=name, unit=split_header(key)[1]) for name, key in self._keys.items()}
         self._units = {name: column.unit for name, column in found.items()}

@@ -368,4 +368,5 @@ def _fault(error: dict[str, Any]) -> str:
         return f"{where}: unknown key; {suggestion(path[-1], list(model.model_fields))}"
     if error["type"] == "value_error":
         return f"{where}: {error['ctx']['error']}" if where else str(error["ctx"]["error"])
-    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}, got {error['input']!r}"
+    cure = f"write a table [{where}]" if error["type"] in ("dict_type", "model_type") else "correct it"
+    return f"{where}: {error['msg'][:1].lower()}{error['msg'][1:]}, got {error['input']!r}; {cure}"

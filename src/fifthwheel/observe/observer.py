@@ -12,6 +12,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from fifthwheel._arguments import expect, expect_names, expect_optional, expect_sample
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
@@ -62,6 +63,9 @@ class Observer:
     """
 
     def __init__(self, vehicle: Vehicle, signals: Iterable[str], settings: ObserverSettings | None = None) -> None:
+        expect("vehicle", vehicle, Vehicle)
+        expect_names("signals", signals)
+        expect_optional("settings", settings, ObserverSettings)
         self.settings = settings or ObserverSettings()
         available = set(signals)
         self.vehicle = vehicle.with_logged_steering(available, "the signals")
@@ -128,8 +132,14 @@ class Observer:
         Raises:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
-        get = sample.get
-        status = self.stream.process_sample(self._filter, get("time"), map(get, self.inputs), map(get, self.outputs))
+        try:
+            get = sample.get
+            status = self.stream.process_sample(
+                self._filter, get("time"), map(get, self.inputs), map(get, self.outputs)
+            )
+        except (AttributeError, TypeError):
+            expect_sample(sample)
+            raise
         answer: dict[str, float] = {"time": self.stream.time, "status": status}
         if status in VALID:
             out, n = self._filter.out.tolist(), len(self.reported)

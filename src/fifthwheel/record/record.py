@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel import pages
+from fifthwheel._arguments import expect, expect_number
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
@@ -91,6 +92,9 @@ class Record:
     """UTC date and time at which `time` is 0, where the log has one."""
 
     def __post_init__(self) -> None:
+        for part in ("signals", "reference", "time_bases", "sensors"):
+            expect(part, getattr(self, part), Mapping)
+        expect("name", self.name, str)
         time = require_increasing(_frozen("time", self.time))
         if time.size < 2:
             raise SignalError(
@@ -113,6 +117,8 @@ class Record:
         object.__setattr__(self, "notes", tuple(self.notes))
         known = {name: base for name, base in self.time_bases.items() if name in self.signals or name in self.reference}
         object.__setattr__(self, "time_bases", ReadOnlyDict(known))
+        for name, sensor in self.sensors.items():
+            expect(f"sensors, {checked_name(name)}", sensor, SensorPrior)
         sensors = {name: s for name, s in self.sensors.items() if name in self.signals and s != SensorPrior()}
         for name, sensor in sensors.items():
             sensor.require_fits(name)
@@ -130,6 +136,8 @@ class Record:
 
     def cut(self, start: float = -np.inf, stop: float = np.inf) -> "Record":
         """The record of the samples with start <= time <= stop, s; a SignalError for fewer than two."""
+        expect_number("start", start)
+        expect_number("stop", stop)
         inside = (self.time >= start) & (self.time <= stop)
         if inside.sum() < 2:
             first, last = self.span
@@ -296,6 +304,8 @@ def _frozen(name: str, values: ArrayLike) -> Array:
         array = np.array(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise SignalError(f"{name}: not numbers; give one number for each sample") from error
+    if np.asarray(values).dtype.kind in "Mm":
+        raise SignalError(f"{name}: dates or durations; give seconds")
     if array.ndim != 1:
         raise SignalError(f"{name}: {array.ndim} dimensions, 1 expected; give one value for each sample")
     array.setflags(write=False)

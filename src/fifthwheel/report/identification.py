@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel._arguments import expect, expect_each
 from fifthwheel.assess import Assessment
 from fifthwheel.channels import SensorErrorName, si_unit
 from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
@@ -78,6 +79,8 @@ def write_report(
         >>> result = fw.Identification.load("result")  # doctest: +SKIP
         >>> fw.write_report("report.html", result, [record], title="truck")  # doctest: +SKIP
     """
+    expect("identification", identification, Identification)
+    expect_each("records", records, Record)
     method = f"{identification.method} method, preset {identification.settings.preset}"
     unit = "iteration" if identification.method == "one-stage" else "round"
     runs = summarise_runs(identification, records)

@@ -164,9 +164,10 @@ def as_estimator(given: Estimator | Settings) -> Estimator:
         return Identified(given)
     if isinstance(given, LearnerSettings):
         return Learned(learner=given)
-    if not callable(given):
+    if not callable(given) or (isinstance(given, type) and issubclass(given, Settings)):
+        cure = f"write {given.__name__}()" if isinstance(given, type) else "give one of them"
         raise FifthwheelError(
             "estimator: expected OneStage, TwoStage, LearnerSettings or a function of a record and a vehicle, got"
-            f" {given!r}"
+            f" {given!r}; {cure}"
         )
     return given

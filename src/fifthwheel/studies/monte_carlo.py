@@ -13,12 +13,13 @@ import numpy as np
 import pyarrow as pa
 
 from fifthwheel import __version__
+from fifthwheel._arguments import expect, expect_number, expect_optional
 from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import run_all
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.settings import Progress
 from fifthwheel.plant import Sensor
-from fifthwheel.studies.estimators import Estimator, Settings, as_estimator
+from fifthwheel.studies.estimators import Estimates, Estimator, Settings, as_estimator
 from fifthwheel.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
 from fifthwheel.vehicle import Vehicle, get
@@ -99,11 +100,25 @@ def study(
         >>> table["seed"].to_pylist()
         [0, 1]
     """
+    expect("estimators", estimators, Mapping)
+    expect_optional("manoeuvres", manoeuvres, Mapping)
+    expect_optional("sensors", sensors, Mapping)
+    expect("trucks", trucks, Mapping, list, tuple)
+    expect("seeds", seeds, Iterable)
     path, seeds = Path(out), list(seeds)
+    if not seeds:
+        raise FifthwheelError("seeds: expected at least one, got none; give range(20)")
+    for seed in seeds:
+        expect_number("seeds", seed, ge=0, whole=True)
     vehicles = dict(trucks) if isinstance(trucks, Mapping) else {name: get(name) for name in trucks}
     methods = {name: as_estimator(given) for name, given in estimators.items()}
     runs = manoeuvres or {"lane_changes": SimulatedRun()}
     fitted = sensors or {"article": None}
+    for label, fitting in fitted.items():
+        for signal, sensor in (fitting or {}).items():
+            expect(f"sensors, {label}, {signal}", sensor, Sensor)
+    if jobs is not None:
+        expect_number("jobs", jobs, ge=1, whole=True)
     rule = (guess, settling_time)
     described = {
         (truck, run, sensor, method): _digest(vehicles[truck], runs[run], fitted[sensor], methods[method], *rule)
@@ -162,8 +177,10 @@ def _run(setup: _Setup, name: RunName) -> list[Row]:
         given = setup.guess(scenario.vehicle, name.seed)
         start = time.process_time()
         estimates = setup.estimators[name.estimator](replace(record, reference={}), given)
-    except FifthwheelError as error:
-        return [base | {"parameter": "", "error": str(error), "seconds": time.process_time() - start}]
+        expect(f"{name.estimator}, result", estimates, Estimates)
+    except Exception as error:  # of an estimator that may be anyone's; the other runs go on
+        text = str(error) if isinstance(error, FifthwheelError) else f"{type(error).__name__}: {error}"
+        return [base | {"parameter": "", "error": text, "seconds": time.process_time() - start}]
     seconds = time.process_time() - start
     truth = partial(true_value, scenario.vehicle, scenario.stiffness)
     settled = record.time >= record.time[0] + setup.settling_time

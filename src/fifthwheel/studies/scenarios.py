@@ -6,13 +6,15 @@ from typing import Any, Literal
 
 import numpy as np
 
+from fifthwheel._arguments import expect_known
 from fifthwheel._types import Array
 from fifthwheel.channels import SPEED, STEER, is_of
 from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.manoeuvres import OpenLoop
+from fifthwheel.manoeuvres import MANOEUVRES, OpenLoop
 from fifthwheel.manoeuvres import course as make_course
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.record import Record
+from fifthwheel.settings import Settings
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -41,7 +43,7 @@ def exact_guess(assumed: Vehicle, seed: int) -> Vehicle:
 
 
 @dataclass(frozen=True, kw_only=True)
-class SimulatedRun:
+class SimulatedRun(Settings):
     """A manoeuvre and the model that drives it; None is the default of the manoeuvre.
 
     Example:
@@ -63,6 +65,10 @@ class SimulatedRun:
     """Sampling rate, Hz."""
     properties: Properties = field(default_factory=Properties)
     """Properties of the nonlinear truck."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        expect_known("manoeuvre", [self.manoeuvre], MANOEUVRES)
 
     def options(self) -> dict[str, Any]:
         """Arguments of the manoeuvre that are given."""

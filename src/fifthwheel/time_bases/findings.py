@@ -5,6 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
+from fifthwheel._arguments import expect, expect_optional
 from fifthwheel._types import Array
 from fifthwheel.channels import YAW_RATE, channel_of, is_input, is_of
 from fifthwheel.checks import Fault, Finding, check
@@ -39,6 +40,8 @@ def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Findin
         >>> [finding.signal for finding in fw.check_record(inverted, truck)]
         ['yaw_rate.tractor']
     """
+    expect("record", record, Record)
+    expect_optional("vehicle", vehicle, Vehicle)
     if vehicle is None:
         findings = check(record)
     else:

@@ -77,8 +77,8 @@ class AxleGroup(Component):
     roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.", plausible=(0.0, 1e7))
     relaxation_length: NonNegative = number(
         "m",
-        "Distance over which the side force of the tyres builds up; 0: it acts at once, as in the article. A file without "
-        "it has that of usual truck tyres.",
+        "Distance over which the side force of the tyres builds up; 0: it acts at once, as in the article. A file "
+        "without it has that of usual truck tyres.",
         default=0.0,
         le=5.0,
     )

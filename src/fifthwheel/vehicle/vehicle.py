@@ -404,12 +404,3 @@ def _owner(fields: Any, location: FieldLocation) -> Any:
     for key in location[:-1]:
         fields = fields[key]
     return fields
-
-
-def require_vehicle(value: object) -> None:
-    """Raise a VehicleError with the cure if an argument of a public function is not a vehicle."""
-    if not isinstance(value, Vehicle):
-        raise VehicleError(
-            f"vehicle: expected a Vehicle, got {type(value).__name__}; use fw.Vehicle.load(path), fw.vehicle(name) or "
-            "result.vehicle"
-        )

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import casadi as ca
 
 from fifthwheel import dynamics
+from fifthwheel._arguments import expect
 from fifthwheel.channels import LATERAL_VELOCITY, MODELLED
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK, equations
@@ -21,7 +22,6 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.vehicle import require_vehicle
 
 SPEED_LIMITS = (0.1, MAX_SPEED)
 """Of the input, m/s."""
@@ -48,7 +48,7 @@ def truck_model(
     vehicle: Vehicle, *, outputs: Sequence[str] | None = None, tunable: Sequence[str] | None = None
 ) -> FmuModel:
     """Inputs are the speed, the steer angles and the bank of the road; arguments and errors as in `export_fmu`."""
-    require_vehicle(vehicle)
+    expect("vehicle", vehicle, Vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
     free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable, OneStage())
     names = tuple(dict.fromkeys(default_outputs(vehicle) if outputs is None else outputs))

@@ -9,6 +9,7 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel import dynamics
+from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.checks import Finding
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
@@ -150,6 +151,9 @@ def assess_information(
         >>> [str(parameter.verdict) for parameter in assessment.parameters]
         ['converged']
     """
+    expect_each("records", records, Record)
+    expect("vehicle", vehicle, Vehicle)
+    expect_optional("settings", settings, OneStage)
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
     findings.sort(key=lambda item: item[1].severity)

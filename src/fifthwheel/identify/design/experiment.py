@@ -3,12 +3,14 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from numbers import Real
 from typing import Any
 
 import numpy as np
 
 import fifthwheel
 from fifthwheel import dynamics
+from fifthwheel._arguments import expect, expect_names, expect_optional
 from fifthwheel._types import Array
 from fifthwheel.channels import GYROS, MOTION, is_of
 from fifthwheel.errors import SignalError, VehicleError
@@ -159,6 +161,9 @@ def design_experiment(
         >>> design.best.sigma["semitrailer.yaw_inertia"] < 0.1
         True
     """
+    expect("vehicle", vehicle, Vehicle)
+    expect_optional("settings", settings, OneStage)
+    expect_names("channels", channels)
     settings, planning = settings or OneStage(), planning or DesignSettings()
     channels = _usable_channels(vehicle, channels)
     targets = dict(targets) if targets else default_targets(vehicle, settings)
@@ -236,9 +241,10 @@ def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], sett
     for name, target in targets.items():
         if name in settings.fixed:
             raise VehicleError(f"{name}: has a target but is fixed; leave out the target, or do not fix it")
-        if not target > 0:
+        if not isinstance(target, Real) or not 0 < target <= 1:
             raise VehicleError(
-                f"{name}: expected a target sigma above 0, got {target:g}; give a fraction of the value, such as 0.05"
+                f"{name}: expected a target sigma above 0, up to 1, got {target!r}; give a fraction of the value, such "
+                "as 0.05 for 5 %"
             )
     estimated = parameters.estimated_parameters(vehicle, settings)
     missing = [name for name in targets if name not in estimated]

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel._arguments import expect_optional
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
@@ -45,6 +46,9 @@ class Occasion:
     """Name of the road, whose friction all logs on it share; empty: that of each log is its own."""
     date: datetime.datetime | None = None
     """UTC; None takes that of the log, or today if it has none."""
+
+    def __post_init__(self) -> None:
+        expect_optional("date", self.date, datetime.datetime)
 
     def date_of(self, records: Sequence[Record]) -> datetime.datetime:
         """The date of the first sample, if the logs have one; else its own, or today."""

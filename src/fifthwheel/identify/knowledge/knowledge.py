@@ -9,6 +9,7 @@ from typing import Self
 
 import numpy as np
 
+from fifthwheel._arguments import expect_each
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge import storage
 from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
@@ -76,6 +77,9 @@ class Knowledge:
 
     logs: tuple[LogKnowledge, ...] = ()
     """In the order in which they were added."""
+
+    def __post_init__(self) -> None:
+        expect_each("logs", self.logs, LogKnowledge)
 
     @property
     def used(self) -> tuple[LogKnowledge, ...]:

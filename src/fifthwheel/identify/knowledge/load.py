@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+from fifthwheel._arguments import expect, expect_number
 from fifthwheel.dynamics.tyres import stiffness_at_load
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle
@@ -35,8 +36,8 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
         >>> round(empty.parameters()["semitrailer.mass"])
         13328
     """
-    if not 0 <= mass < math.inf:
-        raise VehicleError(f"payload: expected a mass from 0 kg on, got {mass:g} kg")
+    expect("vehicle", vehicle, Vehicle)
+    expect_number("payload", mass, ge=0, unit="kg")
     laden = [unit for unit in vehicle.units if unit.payload is not None]
     if len(laden) != 1 or laden[0].payload is None:
         raise VehicleError(

@@ -15,6 +15,8 @@ from typing import Any
 import numpy as np
 from pydantic import TypeAdapter
 
+from fifthwheel._arguments import expect, expect_known, expect_names, expect_optional, expect_sample
+from fifthwheel.channels import CHANNELS
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
@@ -97,11 +99,17 @@ class Learner:
         knowledge: Knowledge | None = None,
         occasion: Occasion | None = None,
     ) -> None:
+        expect("vehicle", vehicle, Vehicle)
+        expect_names("signals", signals)
+        expect_optional("settings", settings, OneStage)
+        expect_optional("learner", learner, LearnerSettings)
+        expect_known("learner.discrepancy", learner.discrepancy if learner else (), CHANNELS)
         occasion = occasion or Occasion(trailer=trailer or "")
         if knowledge is not None:
             knowledge.require_same_truck(vehicle)
             knowledge.require_same_load(vehicle, occasion)
         self._vehicle_file, self._signals, self._knowledge = vehicle, frozenset(signals), knowledge
+        expect_known("sensors", sensors, sorted(self._signals))
         settings = with_sensors(vehicle, settings or OneStage(tyres="linear"), sensors)
         setup = online_setup(vehicle, self._signals, settings)
         start = combine_blocks(setup.unknowns, [], knowledge.prior(setup, occasion) if knowledge else None)
@@ -130,15 +138,20 @@ class Learner:
             SignalError: time is missing, not finite, or not later than that of the last sample; the learner is
                 unchanged.
         """
-        live, get = self._live, sample.get
-        time = get("time", math.nan)
-        if time is None or not math.isfinite(time):
-            raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
-        if time <= self._time:
-            raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
+        live, setup = self._live, self._live.setup
+        try:
+            get = sample.get
+            time = get("time", math.nan)
+            if time is None or not math.isfinite(time):
+                raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
+            if time <= self._time:
+                raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
+            inputs, outputs = [get(n) for n in setup.inputs], [get(n) for n in setup.outputs]
+            status = live.push(time, inputs, outputs)
+        except (AttributeError, TypeError):
+            expect_sample(sample)
+            raise
         self._time = time
-        setup = live.setup
-        status = live.push(time, [get(n) for n in setup.inputs], [get(n) for n in setup.outputs])
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
         names = live.view.names
         if status in VALID:
