@@ -12,7 +12,6 @@ from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
-from fifthwheel.diagnose.doubt_cautions import validation_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
@@ -113,10 +112,10 @@ def conclude_identification(
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
-    cautions, consequences = ranked(
-        identification_cautions(identification, runs, states, validated), identification.doubts
-    )
-    contradicted = {str(caution.log) for caution in validation_cautions(validated)}
+    found = identification_cautions(identification, runs, states, validated)
+    cautions, consequences = ranked(found, identification.doubts)
+    validation = {log.name for result in validated for log in result.logs}
+    contradicted = {c.log for c in found if c.log in validation and c.kind is CautionKind.CONTRADICTION}
     repaired = [f for f in identification.findings if is_repaired(f)]
     return Conclusion(
         good=len(converged) == len(estimated) and not contradicted,
