@@ -71,6 +71,11 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
     return changed
 
 
+def wheelbases(vehicle: Vehicle) -> list[str]:
+    """Names of the wheelbases that a statement can name: those of units behind a coupling with one axle group."""
+    return [f"{unit.name}.wheelbase" for unit in vehicle.units[1:] if len(unit.axle_groups) == 1]
+
+
 def _of_axles(vehicle: Vehicle, statement: Statement) -> list[Statement]:
     """A statement on the wheelbase of a unit as statements on the positions of its axles, which move together."""
     unit_name, _, quantity = statement.name.rpartition(".")
@@ -78,12 +83,11 @@ def _of_axles(vehicle: Vehicle, statement: Statement) -> list[Statement]:
         return [statement]
     positions = {path: x for path, x in vehicle.parameters().items() if ParameterPath.of(path).quantity == "position"}
     of_unit = {path: x for path, x in positions.items() if ParameterPath.of(path).unit == unit_name}
-    together = [unit.name for unit in vehicle.units[1:] if len(unit.axle_groups) == 1]
-    if unit_name not in together:
+    if statement.name not in wheelbases(vehicle):
         axles = ", ".join(path for path in of_unit or positions if "accelerometer" not in path)
         raise VehicleError(
             f"--set {statement}: expected the wheelbase of a unit with a front coupling and one axle group, one of "
-            f"{', '.join(f'{name}.wheelbase' for name in together) or 'none'}; or state the positions {axles}"
+            f"{', '.join(wheelbases(vehicle)) or 'none'}; or state the positions {axles}"
         )
     before = vehicle.derived()[statement.name]
     stated = resolved(statement.name, "m", before, [statement])
