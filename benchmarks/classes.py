@@ -37,7 +37,7 @@ from fifthwheel.vehicle.classes.table import (
     Figure,
     VehicleClass,
 )
-from fifthwheel.vehicle.weighing import Slip
+from fifthwheel.vehicle.slip import Slip
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
 
 INTERVAL = 1.645

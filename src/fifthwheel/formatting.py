@@ -18,6 +18,7 @@ DISPLAY_UNITS = {
     "N m s/rad": DisplayUnit("kN m s/rad", 1e-3),
     "N": DisplayUnit("kN", 1e-3),
     "kg m^2": DisplayUnit("kg m²", 1.0),
+    "m^2": DisplayUnit("m²", 1.0),
     "rad": DisplayUnit("deg", 180 / math.pi),
     "rad/s": DisplayUnit("deg/s", 180 / math.pi),
     "rad/s^2": DisplayUnit("deg/s²", 180 / math.pi),

@@ -46,3 +46,4 @@ def test_numbers_of_truck_road_and_sensors_can_be_stated(workspace):
         "Time base, rate (time_base)", "Misalignment (misalignment)",
     )  # fmt: skip
     assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"
+    assert numbers["semitrailer.wheelbase"] == "Trailer, wheelbase (semitrailer.wheelbase)"

@@ -187,3 +187,17 @@ def test_an_input_without_samples_is_refused(truck: Vehicle, name: str) -> None:
     record = simulate(truck, count=1)
     with pytest.raises(SignalError, match=f"^{name}: 0 samples in"):
         prepare_dataset([record.with_signals({name: np.full(len(record), np.nan)})], truck, OneStage())
+
+
+def test_an_axle_whose_position_alone_is_stated_is_noted(truck: Vehicle) -> None:
+    """It moves without the others of its group."""
+    record = simulate(truck, count=1)
+    paths = [f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")]
+
+    def notes(stated: list[str]) -> list[str]:
+        vehicle = truck.with_stated(dict.fromkeys(stated, 0.4))
+        return [note for note in prepare_dataset([record], vehicle, OneStage()).notes if "do not move together" in note]
+
+    assert notes(paths) == notes([]) == notes(["tractor.front.position"]) == []
+    (note,) = notes(paths[:1])
+    assert note.startswith(f"{paths[0]}: stated with a standard deviation, {paths[1]}, {paths[2]} not")

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel import pages, vehicle
 from fifthwheel.diagnose import Advice
-from fifthwheel.identify import SensorError, identify
+from fifthwheel.identify import Estimate, SensorError, identify
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.report import Conclusion, StateConditions, conclude_identification, conclude_states
 from fifthwheel.report.words import counted
@@ -30,6 +30,30 @@ def test_all_identified(result):
     assert any("CoG height, derived" in line for line in conclusion.results)
     (line,) = conclusion.not_identified  # the tyres of this truck are linear
     assert line.startswith("Road, friction (not identifiable): the run uses too little of it")
+
+
+@pytest.mark.parametrize(
+    ("initial", "words"),
+    [
+        (8.35, " The wheelbase of the trailer is 0.390 m shorter than in the vehicle file (4.9 sigma)."),
+        (7.48, " The wheelbase of the trailer is 0.480 m longer than in the vehicle file (6.0 sigma)."),
+        (8.19, ""),
+    ],
+)
+def test_a_wheelbase_that_differs_from_the_vehicle_file(result, initial, words):
+    """From 3 sigma on."""
+    length = Estimate(
+        name="semitrailer.wheelbase",
+        value=7.96,
+        sigma=0.08,
+        unit="m",
+        initial=initial,
+        verdict=Verdict.CONVERGED,
+        stage=1,
+    )
+    plain = conclude_identification(result.identification).headline
+    changed = replace(result.identification, derived=(*result.identification.derived, length))
+    assert conclude_identification(changed).headline == plain + words
 
 
 def test_a_wide_sigma_calls_for_more_excitation(result):

@@ -74,6 +74,20 @@ def test_uncertain_numbers_have_the_prior_of_the_settings(result):
     assert of_mass[1] == pytest.approx(5 * of_mass[0], rel=0.05)
 
 
+def test_every_uncertain_number_has_a_sigma_and_a_prior(result):
+    """The scale of all masses as the mass of all units; numbers of the model alone have no value."""
+    identification = result.identification
+    (folded,) = _uncertain_numbers(identification)
+    rows = {getattr(row[0], "hint", ""): row for row in folded.blocks[1].rows}
+    assert [hint for hint, row in rows.items() if "–" in row[2:]] == []
+    (scale,) = [row for hint, row in rows.items() if hint.startswith("mass_scale")]
+    gross = sum(unit.mass for unit in identification.vehicle.units)
+    assert float(scale[1].replace("\u202f", "")) == pytest.approx(gross, rel=1e-3)
+    assert scale[3] == "kg"
+    assert scale[4].startswith("40\u202f650 ± 810")
+    assert rows["yaw_rate.tractor.delay"][3:5] == ("ms", "0 ± 10")
+
+
 def test_names_are_escaped(text, parsed):
     assert NASTY in parsed.text
     assert "my <truck> & co" in parsed.text

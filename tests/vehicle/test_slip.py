@@ -12,7 +12,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import catalogue, with_axle_loads
 from fifthwheel.vehicle.masses import exchanged_loads
-from fifthwheel.vehicle.weighing import Lengths, Slip, weigh
+from fifthwheel.vehicle.slip import Lengths, Slip, weigh
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")

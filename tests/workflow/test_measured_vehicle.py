@@ -8,7 +8,7 @@ from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, catalogue, get
-from fifthwheel.vehicle.weighing import Slip
+from fifthwheel.vehicle.slip import Slip
 from fifthwheel.workflow import axle_load_differences, weigh_by_slip, weigh_vehicle
 from tests.vehicle.test_classes import TEXT as CLASSES_TEXT
 

@@ -26,6 +26,7 @@ from fifthwheel.workflow import (
 
 TRUCK = get("cheng_cebon_2011")
 RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")
+HEIGHT = "semitrailer.payload.height"
 NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html", "knowledge.json"}
 
 
@@ -78,6 +79,15 @@ def test_no_remedies_where_all_is_known():
     exact = run_identification([simulate(TRUCK, count=6)], TRUCK, settings)
     assert {e.verdict for e in exact.identification.parameters} == {"converged"}
     assert exact.assessment is None
+
+
+def test_remedies_are_predicted_with_the_stated_sigma():
+    """The identified vehicle has the sigma of the result, which contains the logs already."""
+    run = run_identification([RUN], TRUCK.with_stated({HEIGHT: 0.4}))
+    sigma = run.identification[HEIGHT].sigma
+    assert sigma < 0.3
+    assert run.identification.vehicle.stated == {HEIGHT: pytest.approx(sigma, rel=6e-3)}
+    assert run.assessment[HEIGHT].prior == pytest.approx(0.4, rel=1e-6)
 
 
 def test_files_of_an_identification(run, tmp_path):

@@ -17,7 +17,7 @@ from fifthwheel.identify.settings import MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.vehicle import Vehicle, changes, get
 from fifthwheel.vehicle.parameters import ROADS, unit_of
 from fifthwheel.workflow import (
     SENSOR_PRIORS,
@@ -112,6 +112,27 @@ def test_a_mass_is_as_in_the_vehicle_file(statement: str) -> None:
     assert stated(f"{LOAD}={statement}", vehicle=without)[0] == expected
     lighter = Vehicle.loads(TEXT.replace("33.45 t", "31 t").replace("20 t +- 300 kg", statement))
     assert stated(f"{LOAD}={statement}", "semitrailer.mass=31 t +- 1 %", vehicle=without)[0] == lighter
+
+
+@pytest.mark.parametrize(
+    ("statement", "shift", "sigma"),
+    [
+        ("7.7 m +- 10 cm", 0.3, 0.1),
+        ("7.7 m +- 1 %", 0.3, 0.077),
+        ("+- 40 cm", 0.0, 0.4),
+        ("free", 0.0, 0.5),
+        ("7.7 m exact", 0.3, 0.0),
+        ("7.7 m", 0.3, None),
+    ],
+)
+def test_a_wheelbase_moves_all_axles_of_the_unit_together(statement: str, shift: float, sigma: float | None) -> None:
+    paths = [f"semitrailer.{axle}.position" for axle in ("front", "middle", "rear")]
+    vehicle, _ = stated(f"semitrailer.wheelbase={statement}")
+    before, after = TRUCK.parameters(), vehicle.parameters()
+    assert [after[path] - before[path] for path in paths] == pytest.approx([shift] * 3)
+    assert [vehicle.stated.get(path) for path in paths] == ([None] * 3 if sigma is None else pytest.approx([sigma] * 3))
+    (change,) = [change for change in changes(vehicle) if change.name == "semitrailer.axle_positions"] or [None]
+    assert (change is None) == (sigma == 0)
 
 
 def test_value_and_sigma_may_be_two_statements() -> None:
@@ -242,6 +263,9 @@ LINEAR: dict[str, str] = {
     "semitrailer.mass=free": "semitrailer.mass: lateral motion alone does not determine a mass; give its standard dev",
     "semitrailer.payload.mass=free": r"payload.mass=free: semitrailer\.payload\.mass: lateral motion alone does not",
     "semitrailer.axle_positions=free": r"share; state these with .*, such as --set semitrailer\.front\.position='\+- 2",
+    "tractor.wheelbase=+- 2 cm": r"one of semitrailer\.wheelbase; or state the positions tractor\.front\.pos",
+    "wheelbase=7.7 m": r"one of semitrailer\.wheelbase; or state the positions tractor\.front\.pos",
+    "semitrailer.wheelbase=7.7 kg": "expected m .* got 'kg'; give the value in m",
     "mass_scale=+- 1 %": r"got the error that tractor\.mass, .* share; .* such as --set tractor\.mass='\+- 1 %'",
     "tractor.mass=+- -5 %": "0 or more, got .*; give its magnitude",
     "tractor.mass=+- 5": "expected a unit.*write '\\+- 5 kg'",

@@ -140,7 +140,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     """Sensors with a significant delay or an unusual error."""
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
-        significant = max(thresholds.SIGNIFICANT_DELAY * error.sigma, thresholds.NEGLIGIBLE_DELAY)
+        significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
         filtered = is_of(signal, LATERAL_ACCELERATION)  # always late
         expected = sensor_error_prior(identification, error.name)[0]
         delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant

@@ -30,12 +30,13 @@ USEFUL_REDUCTION = 0.9
 UNUSUAL_DEVIATION = 2.5
 """An estimate or a sensor error so many prior standard deviations from its prior mean is unusual."""
 
+SIGNIFICANT = 3.0
+"""A delay, or a difference from the vehicle file, of so many sigmas is significant."""
+
 # Sensor errors
 
 UNUSUAL_GAIN = 0.1
 """A steer gain so far from 1, and by twice its sigma, is unusual: the steering ratio can be measured."""
-SIGNIFICANT_DELAY = 3.0
-"""A delay of so many sigmas is significant."""
 NEGLIGIBLE_DELAY = 0.02
 """s; a shorter delay has little effect on the estimates."""
 

@@ -111,7 +111,7 @@ def axle_group(vehicle: Vehicle, name: str) -> tuple[int, AxleGroup]:
     return groups[place]
 
 
-class Sensor(NamedTuple):
+class Measurand(NamedTuple):
     """What a signal measures, and where."""
 
     model: SensorModel
@@ -119,17 +119,17 @@ class Sensor(NamedTuple):
     of_group: bool  # whether it is that of an axle group: a load transfer ratio, which no sensor measures
 
 
-def sensor_of(vehicle: Vehicle, name: str) -> Sensor:
-    """The sensor of a signal; a SignalError where the model has no such quantity, or the vehicle no such place."""
+def sensor_of(vehicle: Vehicle, name: str) -> Measurand:
+    """What a signal measures; a SignalError where the model has no such quantity, or the vehicle no such place."""
     channel, signal, units = channel_of(name), SignalName.of(name), [u.name for u in vehicle.units]
     if channel is None or channel.model is None:
         known = [channel.quantity for channel in MODELLED]
         raise SignalError(f"{name}: no such quantity in the model; {suggestion(signal.quantity, known)}")
     if channel.of == "part":
-        return Sensor(channel.model, axle_group(vehicle, name)[0], of_group=True)
+        return Measurand(channel.model, axle_group(vehicle, name)[0], of_group=True)
     if signal.unit not in units:
         raise SignalError(f"{name}: {vehicle.name} has no unit {signal.unit!r}; {suggestion(signal.unit, units)}")
-    return Sensor(channel.model, units.index(signal.unit), of_group=False)
+    return Measurand(channel.model, units.index(signal.unit), of_group=False)
 
 
 def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:

@@ -142,6 +142,7 @@ def prepare_dataset(
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
     notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    notes += _lone_axles(vehicle)
     if vehicle.assumed:
         notes.append(
             f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
@@ -173,6 +174,22 @@ def prepare_dataset(
         findings=tuple(found),
         notes=tuple(notes),
     )
+
+
+def _lone_axles(vehicle: Vehicle) -> list[str]:
+    """A note on each axle group of which the vehicle file states the positions of some axles only."""
+    notes = []
+    for unit in vehicle.units:
+        for group in unit.axle_groups:
+            paths = [f"{unit.name}.{axle.name}.position" for axle in group.axles]
+            stated = [path for path in paths if path in vehicle.stated]
+            if stated and len(stated) < len(paths):
+                others = ", ".join(path for path in paths if path not in stated)
+                notes.append(
+                    f"{', '.join(stated)}: stated with a standard deviation, {others} not, so these axles do not move "
+                    "together. If the whole group is uncertain, state all of them."
+                )
+    return notes
 
 
 def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ...]:

@@ -12,11 +12,10 @@ from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
-from fifthwheel.diagnose.doubt_cautions import validation_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
-from fifthwheel.diagnose.thresholds import RELIABLE, USABLE, WIDE_SIGMA
-from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
+from fifthwheel.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
+from fifthwheel.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath
@@ -113,14 +112,16 @@ def conclude_identification(
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
-    cautions, consequences = ranked(
-        identification_cautions(identification, runs, states, validated), identification.doubts
-    )
-    contradicted = {str(caution.log) for caution in validation_cautions(validated)}
+    found = identification_cautions(identification, runs, states, validated)
+    cautions, consequences = ranked(found, identification.doubts)
+    validation = {log.name for result in validated for log in result.logs}
+    contradicted = {c.log for c in found if c.log in validation and c.kind is CautionKind.CONTRADICTION}
     repaired = [f for f in identification.findings if is_repaired(f)]
     return Conclusion(
         good=len(converged) == len(estimated) and not contradicted,
-        headline=_headline(identification, converged, estimated, contradicted),
+        headline=" ".join(
+            (_headline(identification, converged, estimated, contradicted), *_changed_wheelbases(identification))
+        ),
         results=(
             *[_identified(identification, e) for e in converged],
             *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
@@ -168,6 +169,17 @@ def _headline(
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     verb = "is" if len(converged) == 1 else "are"
     return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
+
+
+def _changed_wheelbases(identification: Identification) -> Iterator[str]:
+    """Wheelbases that differ significantly from the vehicle file, which the stiffness of the tyres depends on."""
+    for e in identification.derived:
+        change = e.value - e.initial
+        if e.name.endswith(".wheelbase") and e.sigma and abs(change) > SIGNIFICANT * e.sigma:
+            size, _ = value_and_sigma(abs(change), e.sigma)
+            times = digits(abs(change) / e.sigma, 2)
+            side = "longer" if change > 0 else "shorter"
+            yield sentence(f"{named(e.name)} is {size} {e.unit} {side} than in the vehicle file ({times} sigma)")
 
 
 def _logs(identification: Identification) -> str:

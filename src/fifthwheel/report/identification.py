@@ -17,7 +17,10 @@ from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.formatting import approximate, percent, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
+from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.result import display
+from fifthwheel.identify.unknowns.parameters import TIME_BASE, softening
+from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
 from fifthwheel.pages.html import cell, prose, text
@@ -30,7 +33,7 @@ from fifthwheel.report.states import StateConditions, all_states, states_section
 from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.uncertainty import changes
+from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 DRAWN = 3
 """Logs whose measurements and states are drawn before the appendix."""
@@ -174,8 +177,9 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
     explanation = pages.Hint(
         "These numbers are not exact. They are estimated together with the parameters, from their priors, and every "
         "sigma above includes their uncertainty. The last column is the fraction of the prior sigma that remains: at "
-        "100 % the logs contain no information on the number. Some numbers change together, such as all masses by "
-        "one scale. Their row shows the number that changes most."
+        "100 % the logs contain no information on the number. Some numbers change together: their row shows the "
+        "number that changes most, and that of the scale of all masses the sum of the masses. “–”: a number of the "
+        "model, of which the result has no value."
     )
     remaining, rows = dict(identification.remaining_uncertainty), list[tuple[pages.Cell, ...]]()
     for e in identification.uncertain:
@@ -187,13 +191,31 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
     before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
     for name, kept in remaining.items():
         slopes = {path: factor * abs(slope) for path, slope in together.get(name, {}).items() if path in before}
-        if path := max(slopes, key=lambda path: slopes[path], default=None):
+        if name == MASS_SCALE and slopes:
+            masses = [path for path in slopes if ParameterPath.of(path).component == "" and path.endswith(".mass")]
+            value, initial, prior = (sum(table[path] for path in masses) for table in (after, before, slopes))
+            cells, hint = _change(value, kept * prior, initial, prior, "kg"), f"{name}: mass of all units"
+        elif path := max(slopes, key=lambda path: slopes[path], default=None):
             cells = _change(after[path], kept * slopes[path], before[path], slopes[path], unit_of(path))
             hint = name if path == name else f"{name}: {path}"
         else:
-            cells, hint = ("–", "–", "", "–"), name
+            mean, prior, unit = _prior_alone(identification, name)
+            cells, hint = ("–", *_change(mean, kept * prior, mean, prior, unit)[1:]), name
         rows.append((pages.Hinted(spoken(name), hint), *cells, percent(kept)))
     yield pages.Folded(f"Uncertain numbers ({len(rows)})", (explanation, pages.Table(UNCERTAIN, rows)))
+
+
+def _prior_alone(identification: Identification, name: str) -> tuple[float, float, str]:
+    """Prior mean and standard deviation, and SI unit, of an uncertain number that no vehicle file has."""
+    vehicle, consider = identification.initial_vehicle, getattr(identification.settings, "consider", {})
+    if SensorErrorName.of(name):
+        return *sensor_error_prior(identification, name), sensor_error_unit(name)
+    if name == TIME_BASE:
+        return 1.0, consider[TIME_BASE], "1"
+    group, _, quantity = name.rpartition(".")
+    if quantity == "softening":
+        return 0.0, consider["softening"] * softening(vehicle)[group], "1/rad"
+    return 0.0, vehicle.stated.get(name, consider.get("fixed_axles", 0.0)), "1"
 
 
 def _change(value: float, sigma: float | None, initial: float, prior: float | None, unit: str) -> tuple[str, ...]:

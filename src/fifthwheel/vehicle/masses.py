@@ -5,9 +5,10 @@ from collections.abc import Iterator, Mapping
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TRAILER_AXLE
+from fifthwheel.vehicle.slip import COUPLING_RANGE, MAX_SOLO, MIN_SOLO
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
-from fifthwheel.vehicle.weighing import COUPLING_RANGE, EXCHANGED, MAX_SOLO, MIN_SOLO
+from fifthwheel.vehicle.weighing import EXCHANGED
 
 MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""

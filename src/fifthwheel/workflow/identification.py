@@ -180,10 +180,11 @@ def _assess_remedies(
         return None
     try:
         before = (identification.knowledge or Knowledge()).without_records(records)
-        earlier = partial(before.prior, occasion=occasion, given=identification.initial_vehicle)
+        given, identified = identification.initial_vehicle, identification.vehicle
+        earlier = partial(before.prior, occasion=occasion, given=given)
         return assess_information(
             records,
-            identification.vehicle,
+            identified.with_stated({path: given.stated[path] for path in identified.stated}),  # as before the logs
             identification.settings,
             settings,
             checked=True,

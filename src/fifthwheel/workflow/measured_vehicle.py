@@ -17,7 +17,7 @@ from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import DEFAULT_SIGMAS, Change, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.vehicle.edited_file import edited, with_numbers
-from fifthwheel.vehicle.weighing import Lengths, Number, Slip, weigh
+from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""

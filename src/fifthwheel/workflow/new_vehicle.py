@@ -10,8 +10,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
-from fifthwheel.vehicle.weighing import (
+from fifthwheel.vehicle.slip import (
     CONTRADICTION,
     COUPLING_RANGE,
     MAX_SOLO,
@@ -21,6 +20,7 @@ from fifthwheel.vehicle.weighing import (
     weigh,
     weigh_solo,
 )
+from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"

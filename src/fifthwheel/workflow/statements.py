@@ -63,12 +63,39 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
         FifthwheelError: a name fits nothing, or more than one number that gets a value; a unit does not fit; two
             statements disagree; or the estimation cannot use a statement. The message names it with the cure.
     """
-    listed = tuple(statements)
+    listed = [of_axle for statement in statements for of_axle in _of_axles(vehicle, statement)]
     if not listed:
         return vehicle, settings
     apply_to: Any = _apply_to_one_stage if isinstance(settings, OneStage) else _apply_to_two_stages
     changed: tuple[Vehicle, S] = apply_to(vehicle, settings, listed)
     return changed
+
+
+def wheelbases(vehicle: Vehicle) -> list[str]:
+    """Names of the wheelbases that a statement can name: those of units behind a coupling with one axle group."""
+    return [f"{unit.name}.wheelbase" for unit in vehicle.units[1:] if len(unit.axle_groups) == 1]
+
+
+def _of_axles(vehicle: Vehicle, statement: Statement) -> list[Statement]:
+    """A statement on the wheelbase of a unit as statements on the positions of its axles, which move together."""
+    unit_name, _, quantity = statement.name.rpartition(".")
+    if quantity != "wheelbase":
+        return [statement]
+    positions = {path: x for path, x in vehicle.parameters().items() if ParameterPath.of(path).quantity == "position"}
+    of_unit = {path: x for path, x in positions.items() if ParameterPath.of(path).unit == unit_name}
+    if statement.name not in wheelbases(vehicle):
+        axles = ", ".join(path for path in of_unit or positions if "accelerometer" not in path)
+        raise VehicleError(
+            f"--set {statement}: expected the wheelbase of a unit with a front coupling and one axle group, one of "
+            f"{', '.join(wheelbases(vehicle)) or 'none'}; or state the positions {axles}"
+        )
+    before = vehicle.derived()[statement.name]
+    stated = resolved(statement.name, "m", before, [statement])
+    sigma = WIDE_POSITION if stated.free else stated.sigma
+    statement = replace(statement, kind="sigma", sigma=f"{sigma!r} m") if sigma else statement
+    paths = [f"{unit_name}.{axle.name}.position" for axle in vehicle.unit(unit_name).axles]
+    values = {path: f"{positions[path] + before - stated.value!r} m" if stated.has_value else "" for path in paths}
+    return [replace(statement, name=path, value=value) for path, value in values.items()]
 
 
 def _apply_to_one_stage(

@@ -13,7 +13,7 @@ from fifthwheel.settings import options_of
 from fifthwheel.units import quantity, uncertain_quantity
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TYRES
-from fifthwheel.vehicle.weighing import ACCURACY, CONDITIONS, Slip, fraction
+from fifthwheel.vehicle.slip import ACCURACY, CONDITIONS, Slip, fraction
 from fifthwheel.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)

@@ -62,7 +62,7 @@ def weigh(
     """
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.report.vehicle import weighed_document
-    from fifthwheel.vehicle.weighing import Slip
+    from fifthwheel.vehicle.slip import Slip
     from fifthwheel.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
 
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)

@@ -59,6 +59,7 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
     vehicle = dataset.identified_vehicle(vehicle_values)
     joint = _doubtful_covariance(solution, likely, converged=converged)
     covariance = _covariance(dataset.vehicle, problem, minimum, joint)
+    vehicle = _with_posterior_sigmas(vehicle, covariance)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
     remaining = {name: min(sigma[name], 1.0) for name in _shared_uncertain(problem)}
     return Identification(
@@ -201,6 +202,16 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
     in_si = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])
     in_si[:k, :k] = (of_logs + of_logs.T) / 2
     return Uncertainty(names=(*rows, *[f"{name}@" for name in others]), covariance=in_si)
+
+
+def _with_posterior_sigmas(vehicle: Vehicle, posterior: Uncertainty) -> Vehicle:
+    """The vehicle with the standard deviation of the posterior of every number of which its file states one.
+
+    The axles of a group whose positions are all stated share one error, so these sigmas give that of a wheelbase, too.
+    """
+    sigmas = dict(zip(posterior.names, np.sqrt(np.diag(posterior.covariance)).tolist(), strict=True))
+    stated = [path for path, sigma in vehicle.stated.items() if sigma and path not in vehicle.assumed]
+    return vehicle.with_stated({path: float(f"{sigmas[path]:.3g}") for path in stated if path in sigmas})
 
 
 def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:

@@ -26,18 +26,16 @@ logs (Gauss-Newton).
 import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import replace
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
 from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
-from fifthwheel.filters import Noise, tangent, variances
+from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
@@ -46,42 +44,20 @@ from fifthwheel.identify.initial_state import steady_state, steady_state_bank_sl
 from fifthwheel.identify.noise_model import fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
+from fifthwheel.identify.one_stage.layout import ProblemLayout
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
+from fifthwheel.identify.one_stage.segment_run import SegmentRun
 from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.native import DirectionScan
 from fifthwheel.record import Record
-
-Indices = NDArray[np.int64]
 
 SHORTEST_PART = 20.0
 """Of a segment in a shortened problem, s."""
 
 FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
-
-
-class ProblemLayout(NamedTuple):
-    """Where each unknown is in z."""
-
-    names: tuple[str, ...]
-    unknowns: tuple[Indices, ...]  # of each log: indices of its unknowns, in their order
-    initial_states: tuple[tuple[Indices, ...], ...]  # of each segment of each log; empty in the prediction-error form
-
-
-@dataclass(frozen=True, kw_only=True)
-class _SegmentRun:
-    """One run through a segment: n states, n_p model parameters, k directions."""
-
-    rows: StepRows
-    p: Array  # (n_p,)
-    p_directions: Array  # (k, n_p) derivative of p
-    x0: Array  # (n,)
-    x0_directions: Array  # (k, n) derivative of x0
-    P0: Array  # (n, n) covariance of x0 for the Kalman filter
-    indices: Indices  # (k,) of the unknowns that the directions belong to
 
 
 class Problem:
@@ -145,25 +121,8 @@ class Problem:
     @cached_property
     def layout(self) -> ProblemLayout:
         """Where each unknown is in z."""
-        names = [u.name for u in self.unknowns if not u.per_log]
-        shared = {name: i for i, name in enumerate(names)}
-        unknowns = []
-        for i in range(len(self.logs)):
-            indices = []
-            for u in self.unknowns:
-                indices.append(len(names) if u.per_log else shared[u.name])
-                if u.per_log:
-                    names.append(f"{u.name}@{i}")
-            unknowns.append(np.array(indices, dtype=np.int64))
         states = self.model.states if self.output_error else ()
-        initial_states = []
-        for i, log in enumerate(self.logs):
-            segments = []
-            for j in range(len(log.segments)):
-                segments.append(np.arange(len(names), len(names) + len(states)))
-                names += [f"{state}@{i}.{j}" for state in states]
-            initial_states.append(tuple(segments))
-        return ProblemLayout(tuple(names), tuple(unknowns), tuple(initial_states))
+        return ProblemLayout.of(self.unknowns, [len(log.segments) for log in self.logs], states)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -290,7 +249,7 @@ class Problem:
             steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns, bank)
             x0_directions = np.vstack([steady * slope[:, None], factor.T[: len(initial)]])
             indices = np.concatenate([self.layout.unknowns[i][selected], initial])
-        run = _SegmentRun(
+        run = SegmentRun(
             rows=rows,
             p=p,
             p_directions=p_directions,
@@ -299,7 +258,16 @@ class Problem:
             P0=factor @ factor.T,
             indices=indices,
         )
-        return self._output_errors(run, i, whitened) if self.output_error else self._innovations(run, i)
+        if not self.output_error:
+            table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
+            process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
+            return run.innovations(
+                self.model, Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
+            )
+        models = [self.logs[i].noise_model(name) for name in self.model.outputs]
+        if not whitened:
+            models = [replace(m, white=r, discrepancy=0.0) for m, r in zip(models, self.variance(i), strict=True)]
+        return run.output_errors(self.model, models)
 
     def slowest_decay(self, z: Array) -> float:
         """Rate at which the slowest mode of the vehicle decays at the lowest or highest speed of the logs, 1/s."""
@@ -404,60 +372,6 @@ class Problem:
             self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}
             self._rows[key] = step_rows(self.model, self.vehicle, self.logs[i].segments[j], errors=values)
         return self._rows[key]
-
-    def _output_errors(self, run: _SegmentRun, i: int, whitened: bool) -> Iterator[ResidualBlock]:
-        """The log less the free-running model."""
-        models = [self.logs[i].noise_model(name) for name in self.model.outputs]
-        r, q, tau = (np.array(values) for values in zip(*map(astuple, models), strict=True))
-        if not whitened:
-            r, q = self.variance(i), np.zeros_like(q)
-        start, start_directions = tangent.simulation_start(run.x0, q, run.x0_directions)
-        constant = np.concatenate([run.p, r, q, tau])
-        scan = tangent.simulation_tangent(self.model)
-        return self._residual_blocks(scan, run, start, start_directions, constant)
-
-    def _innovations(self, run: _SegmentRun, i: int) -> Iterator[ResidualBlock]:
-        """The innovations of the Kalman filter and their variances."""
-        table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
-        process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
-        noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
-        start, start_directions = tangent.innovations_start(run.x0, run.P0, run.x0_directions)
-        constant = np.concatenate([run.p, noise.vector()])
-        return self._residual_blocks(tangent.innovations_tangent(self.model), run, start, start_directions, constant)
-
-    def _residual_blocks(
-        self, scan: DirectionScan, run: _SegmentRun, start: Array, start_directions: Array, constant: Array
-    ) -> Iterator[ResidualBlock]:
-        """The outputs [residual, variance, used] of a scan at the samples of a segment."""
-        m, rows = len(self.model.outputs), run.rows
-        chunks = tangent.run_in_chunks(
-            scan,
-            rows.rows,
-            start=start,
-            start_directions=start_directions,
-            constant=constant,
-            directions=run.p_directions,
-        )
-        for chunk in chunks:
-            in_chunk, in_rows = _samples(rows, chunk.rows)
-            values, slopes = chunk.values[in_chunk], chunk.slopes[in_chunk]
-            yield ResidualBlock(
-                time=rows.time[in_rows],
-                error=np.where(values[:, 2 * m :] > 0, values[:, :m], np.nan),
-                variance=values[:, m : 2 * m],
-                jacobian=slopes[:, :m],
-                variance_jacobian=slopes[:, m:] if slopes.shape[1] > m else None,
-                indices=run.indices[chunk.directions],
-            )
-
-
-def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:
-    """Which rows of a chunk are samples, counted from the start of the chunk and from the start of the segment."""
-    if len(rows.sample_indices) == len(rows.rows):  # all are; a slice avoids a copy
-        return slice(None), chunk
-    first, last = np.searchsorted(rows.sample_indices, (chunk.start, chunk.stop))
-    indices = rows.sample_indices[first:last]
-    return indices - chunk.start, indices
 
 
 def _part(segment: Record, fraction: float) -> Record:
