@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
     from fifthwheel.identify import OneStage as OneStage
+    from fifthwheel.identify import Posterior as Posterior
     from fifthwheel.identify import Verdict as Verdict
     from fifthwheel.identify.design import assess_information as assess_information
     from fifthwheel.identify.design import design_experiment as design_experiment
@@ -82,7 +83,7 @@ _NAMES = {
     "dynamics.summary": ("summarize",),
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
     "export": ("export_c", "export_fmu"),
-    "identify": ("Identification", "OneStage", "Verdict"),
+    "identify": ("Identification", "OneStage", "Posterior", "Verdict"),
     "identify.design": ("assess_information", "design_experiment"),
     "identify.knowledge.information": ("Occasion",),
     "identify.knowledge.knowledge": ("Knowledge",),

@@ -8,7 +8,7 @@ from fifthwheel._callable import make_callable
 from fifthwheel._moved import moved
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
-from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
+from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, Posterior, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.verdict import Verdict
 
@@ -20,6 +20,7 @@ __all__ = [
     "LogSummary",
     "OneStage",
     "ParameterHistory",
+    "Posterior",
     "SensorError",
     "Verdict",
     "identify",

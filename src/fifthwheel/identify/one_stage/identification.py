@@ -15,7 +15,7 @@ from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.free_run import fits_of
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Estimate, Identification, LogSummary
@@ -114,7 +114,7 @@ def _estimate(solution: Solution, unknown: Unknown, value: float, converged: boo
     )
 
 
-def _correlated(solution: Solution, posterior: Posterior, name: str, verdict: Verdict) -> tuple[str, ...]:
+def _correlated(solution: Solution, posterior: ScaledPosterior, name: str, verdict: Verdict) -> tuple[str, ...]:
     """Unknowns from which a parameter is hardly separable; initial states are left out.
 
     A parameter that is not identifiable although its conditional sigma is small has at least one.
@@ -137,7 +137,7 @@ def _without_number(name: str, single_log: bool) -> str:
     return base if single_log or (number is not None and "." in number) else name
 
 
-def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
+def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSummary:
     """What was used of log i; with the bank of its first segment if it is estimated."""
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
     log, bank = problem.logs[i], None
@@ -203,7 +203,9 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
     return Uncertainty(names=(*rows, *[f"{name}@" for name in others]), covariance=in_si)
 
 
-def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
+def _variance_budget(
+    problem: Problem, posterior: ScaledPosterior, estimated: Sequence[str]
+) -> dict[str, dict[str, float]]:
     """For each estimated parameter, by what fraction its variance would fall if each uncertain number were exact.
 
     It is the squared correlation. The fractions do not add up to 1, because two uncertain numbers may act alike.
