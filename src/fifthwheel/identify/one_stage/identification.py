@@ -18,7 +18,7 @@ from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Estimate, Identification, LogSummary
+from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, is_stated, uncertain_verdict
@@ -79,7 +79,8 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
         remaining_uncertainty=remaining,
         histories={"one stage": solution.linearisation.history},
         logs=summaries,
-        fits=evaluation.fits,
+        fits=tuple(_with_whitened(solution, evaluation.fits)),
+        log_likelihood=problem.log_likelihood(minimum.z),
         settings=settings,
         rounds=minimum.steps,
         findings=dataset.findings,
@@ -137,17 +138,22 @@ def _without_number(name: str, single_log: bool) -> str:
     return base if single_log or (number is not None and "." in number) else name
 
 
+def _with_whitened(solution: Solution, fits: Sequence[Fit]) -> list[Fit]:
+    """The fits, those of identified logs with their whitened residuals."""
+    problem, whitened = solution.problem, dict[tuple[str, str], Array]()
+    for i, log in enumerate(problem.logs):
+        _, error, variance = problem.residuals(solution.minimum.z, i)
+        columns = (error / np.sqrt(variance)).T
+        whitened |= {(log.name, name): column for name, column in zip(problem.model.outputs, columns, strict=True)}
+    return [replace(fit, whitened=whitened[fit.log, fit.signal]) if fit.identified_on else fit for fit in fits]
+
+
 def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSummary:
     """What was used of log i; with the bank of its first segment if it is estimated."""
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
     log, bank = problem.logs[i], None
-    blocks = [
-        b
-        for j in range(len(log.segments))
-        for b in problem.blocks(minimum.z, i, j, differentiated=False, whitened=False)
-    ]
-    sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
-    accepted = (sizes <= settings.gate).astype(float)
+    _, error, variance = problem.residuals(minimum.z, i, whitened=False)
+    accepted = (np.abs(error) / np.sqrt(variance) <= settings.gate).astype(float)
     if problem.model.bank and problem.output_error:
         index, prior = problem.layout.initial_states[i][0][-1], settings.bank_prior
         bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)

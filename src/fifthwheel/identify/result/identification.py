@@ -199,6 +199,31 @@ class Identification(IdentificationData):
         frame: pd.DataFrame = pandas.DataFrame(rows, index=index, columns=list(columns))
         return frame.astype({"sigma": float, "prior": float})
 
+    def residuals(self, *, whitened: bool = False) -> "pd.DataFrame":
+        """Residuals of every log, one column for each channel, by log and time in s; NaN where missing.
+
+        Args:
+            whitened: those at the maximum of the posterior, filtered by their noise model, in standard deviations: of
+                a right model they are white noise with variance 1. Otherwise those of `fits`, measured less predicted
+                by the free-running model in SI, also of validation logs.
+
+        Raises:
+            FifthwheelError: the result was loaded without time series, the method does not whiten residuals, or pandas
+                is not installed.
+        """
+        pandas = require("pandas", "pandas")
+        if not any(fit.time.size for fit in self.fits):
+            raise FifthwheelError("residuals: the file of this identification has no time series; identify again")
+        fits = [fit for fit in self.fits if fit.whitened.size or not whitened]
+        if not fits:
+            raise FifthwheelError("whitened: this identification has no such residuals; identify with OneStage()")
+        frames: dict[str, dict[str, pd.Series]] = {}
+        for fit in fits:
+            values = fit.whitened if whitened else fit.measured - fit.predicted
+            frames.setdefault(fit.log, {})[fit.signal] = pandas.Series(values, pandas.Index(fit.time, name="time"))
+        frame: pd.DataFrame = pandas.concat({log: pandas.DataFrame(of_log) for log, of_log in frames.items()})
+        return frame.rename_axis(index=["log", "time"])
+
     def plot(
         self, kind: Literal["parameters", "fits", "residuals", "histories"] = "parameters", *, log: str | None = None
     ) -> Plot:
