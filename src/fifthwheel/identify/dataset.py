@@ -109,6 +109,12 @@ class Dataset:
         return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
 
 
+def require_list(records: Sequence[Record]) -> None:
+    """A SignalError for a record without a list around it."""
+    if isinstance(records, Record):
+        raise SignalError(f"records: expected a list of records, got {records.name} alone; write [record]")
+
+
 def prepare_dataset(
     records: Sequence[Record],
     vehicle: Vehicle,

@@ -7,6 +7,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 from fifthwheel.errors import SignalError
+from fifthwheel.identify.dataset import require_list
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.one_stage.identify import identify_one_stage
@@ -56,8 +57,7 @@ def identify(
         >>> abs(front.value - 475e3) < 3 * front.sigma
         True
     """
-    if isinstance(records, Record):
-        raise SignalError(f"records: expected a list of records, got {records.name} alone; write [record]")
+    require_list(records)
     require_vehicle(vehicle)
     settings = settings or OneStage()
     of_truck: dict[str, Any] = {"knowledge": knowledge, "occasion": occasion}

@@ -18,6 +18,17 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
+def normal_quantile(level: float) -> float:
+    """Half the width of the central interval of N(0, 1) with a probability.
+
+    Raises:
+        FifthwheelError: the level is not between 0 and 1.
+    """
+    if not 0 < level < 1:
+        raise FifthwheelError(f"level: expected a probability between 0 and 1, got {level}; write 0.95 for 95 %")
+    return NormalDist().inv_cdf((1 + level) / 2)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Posterior:
     """The joint posterior of the parameters of a vehicle, of its tyres, and of the errors of its sensors.
@@ -77,9 +88,7 @@ class Posterior:
         Raises:
             FifthwheelError: the level is not between 0 and 1.
         """
-        if not 0 < level < 1:
-            raise FifthwheelError(f"level: expected a probability between 0 and 1, got {level}; write 0.95 for 95 %")
-        half_width = NormalDist().inv_cdf((1 + level) / 2) * self.sigma
+        half_width = normal_quantile(level) * self.sigma
         return self._displaced(np.array([-half_width, half_width])).T
 
     def sample(self, n: int, seed: int | np.random.Generator | None = None) -> Array:
