@@ -44,7 +44,7 @@ plt.show()
 # %%
 # The density as a function, for a sampler such as emcee or an optimiser of SciPy, has the gradient, the information of
 # the logs and a start with it. Its coordinates are those of the estimator: logarithms of positive parameters, in
-# standard deviations of the priors.
+# standard deviations of the priors. An ensemble sampler needs at least twice as many walkers as there are unknowns.
 #
 # .. code-block:: python
 #
