@@ -36,8 +36,12 @@ if TYPE_CHECKING:
     from fifthwheel.export import export_c as export_c
     from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
+    from fifthwheel.identify import LogPosterior as LogPosterior
     from fifthwheel.identify import OneStage as OneStage
+    from fifthwheel.identify import Posterior as Posterior
+    from fifthwheel.identify import Profile as Profile
     from fifthwheel.identify import Verdict as Verdict
+    from fifthwheel.identify import log_posterior as log_posterior
     from fifthwheel.identify.design import assess_information as assess_information
     from fifthwheel.identify.design import design_experiment as design_experiment
     from fifthwheel.identify.knowledge.information import Occasion as Occasion
@@ -82,7 +86,7 @@ _NAMES = {
     "dynamics.summary": ("summarize",),
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
     "export": ("export_c", "export_fmu"),
-    "identify": ("Identification", "OneStage", "Verdict"),
+    "identify": ("Identification", "LogPosterior", "OneStage", "Posterior", "Profile", "Verdict", "log_posterior"),
     "identify.design": ("assess_information", "design_experiment"),
     "identify.knowledge.information": ("Occasion",),
     "identify.knowledge.knowledge": ("Knowledge",),

@@ -15,7 +15,7 @@ from fifthwheel.identify.doubts import (
     most_likely,
     prior_tests,
 )
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 Array = np.ndarray
@@ -40,7 +40,7 @@ class Linear:
 
     def tests(self) -> list[PriorTest]:
         information = self.jacobian.T @ self.jacobian
-        posterior = Posterior.from_information(NAMES, information)
+        posterior = ScaledPosterior.from_information(NAMES, information)
         return prior_tests(NAMES, self.estimate()[0], posterior.model_covariance, posterior.predictive, TESTED)
 
 
@@ -84,7 +84,7 @@ def test_autocorrelated_noise_scatters_the_estimates_more() -> None:
     for seed, truth in enumerate(np.random.default_rng(9).normal(size=(1000, 5))):
         once = linear(seed, tuple(truth), scale=0.2)
         H = once.jacobian.T @ once.jacobian
-        posterior = Posterior.from_information(NAMES, 4 * H, 16 * H)
+        posterior = ScaledPosterior.from_information(NAMES, 4 * H, 16 * H)
         P = posterior.model_covariance
         z = P @ (4 * once.jacobian.T @ once.y)
         statistics += [test.statistic for test in prior_tests(NAMES, z, P, posterior.predictive, TESTED)]

@@ -107,7 +107,7 @@ def test_damaged_files_are_refused(result, tmp_path):
     (tmp_path / "series.npz").unlink()
     path = tmp_path / "identification.json"
     contents = json.loads(path.read_text())
-    for key in contents.keys() - {"preset", "vehicle", "remaining_uncertainty", "findings"}:
+    for key in contents.keys() - {"preset", "vehicle", "remaining_uncertainty", "findings", "log_likelihood"}:
         path.write_text(json.dumps({k: v for k, v in contents.items() if k != key}))
         if key == "vehicle_file":
             with pytest.raises(SignalError, match=f"not an identification.json of this version \\('{key}'\\)"):
@@ -202,6 +202,29 @@ def test_pandas(result, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
     with pytest.raises(FifthwheelError, match=r"fifthwheel\[pandas\]"):
         result.to_pandas()
+
+
+def test_residuals(result, published, tmp_path):
+    frame, whitened = result.residuals(), result.residuals(whitened=True)
+    assert frame.index.names == ["log", "time"]
+    for fit in result.fits:
+        of_log = frame.loc[fit.log, fit.signal]
+        np.testing.assert_array_equal(of_log.index, fit.time)
+        np.testing.assert_array_equal(of_log, fit.measured - fit.predicted)
+    assert set(whitened.index.get_level_values("log")) == {"run"}
+    for name, raw in frame.loc["run"].items():
+        white = whitened.loc["run", name]
+        np.testing.assert_array_equal(white.index, raw.index)
+        assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 4 / np.sqrt(len(white))
+        assert white.std() == pytest.approx(1, abs=4 / np.sqrt(2 * len(white)))
+        assert np.corrcoef(white, raw)[0, 1] > 0.9  # the log has white noise, so the filter leaves most of it
+    with pytest.raises(FifthwheelError, match=r"whitened: this identification .*identify with OneStage\(\)"):
+        published.residuals(whitened=True)
+    result.save(tmp_path)
+    assert Identification.load(tmp_path).residuals(whitened=True).equals(whitened)
+    (tmp_path / "series.npz").unlink()
+    with pytest.raises(FifthwheelError, match="no time series; identify again"):
+        Identification.load(tmp_path).residuals()
 
 
 def test_the_plot_of_parameters(result):

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import (
@@ -23,9 +23,9 @@ LIMIT = 0.7
 
 def test_by_information() -> None:
     """A parameter without information is not excited if there is none on any other, else not identifiable."""
-    empty = Posterior.from_information(("a", "b"), np.zeros((2, 2)))
+    empty = ScaledPosterior.from_information(("a", "b"), np.zeros((2, 2)))
     assert set(information_verdicts(empty, [0, 1], LIMIT).values()) == {Verdict.NOT_EXCITED}
-    partial = Posterior.from_information(("a", "b"), np.diag([100.0, 0.0]))
+    partial = ScaledPosterior.from_information(("a", "b"), np.diag([100.0, 0.0]))
     assert information_verdicts(partial, [0, 1], LIMIT) == {0: Verdict.CONVERGED, 1: Verdict.NOT_IDENTIFIABLE}
 
 
@@ -41,7 +41,7 @@ def test_by_information() -> None:
 )
 def test_uninformed(information: list[float], channels: tuple[str, ...], expected: dict[str, Verdict]) -> None:
     """A payload height needs the roll rate of its own unit, whatever the information says."""
-    posterior = Posterior.from_information((STIFFNESS, HEIGHT), np.diag(information))
+    posterior = ScaledPosterior.from_information((STIFFNESS, HEIGHT), np.diag(information))
     without = [name for name in (STIFFNESS, HEIGHT) if lacks_roll_rate(name, channels)]
     assert uninformed_parameters(posterior, (STIFFNESS, HEIGHT), without, LIMIT) == expected
 
@@ -76,7 +76,7 @@ def test_the_first_verdict_that_applies() -> None:
 
 def test_limits_of_the_information() -> None:
     """A sigma at the limit is uninformed, a conditional sigma at the limit is not excited."""
-    posterior = Posterior.from_information(("a", "b"), np.diag([1.0, 3.0]))
+    posterior = ScaledPosterior.from_information(("a", "b"), np.diag([1.0, 3.0]))
     (a, b), kept = posterior.sigma, [posterior.conditional_sigma(i) for i in (0, 1)]
     assert kept == pytest.approx([a, b])
     assert information_verdicts(posterior, [0, 1], b) == dict.fromkeys((0, 1), Verdict.NOT_EXCITED)

@@ -15,7 +15,7 @@ as a dolly with its CoG behind its axle, does not count.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -25,7 +25,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import HALF_TRACK, Truck, Values
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.observe.uncertainty import SIGNED, Uncertainty
+from fifthwheel.observe.uncertainty import Uncertainty, displaced, positive_parameters
 
 NONLINEAR = 0.3
 """Shift of the mean, in standard deviations, from which a family is sampled."""
@@ -120,7 +120,7 @@ class Neighbourhood:
     def __init__(self, truck: Truck, uncertainty: Uncertainty) -> None:
         self.truck, self.uncertainty = truck, uncertainty
         self.given = truck.vehicle.parameters() | {HALF_TRACK: truck.body.half_track}
-        self.positive = [n for n in uncertainty.names if n.rpartition(".")[2] not in SIGNED and self.given[n] > 0]
+        self.positive = positive_parameters(self.given)
 
     @lazy
     def pairs(self) -> list[tuple[Truck | None, Truck | None, float]]:
@@ -155,15 +155,12 @@ def samples(trucks: Neighbourhood, family: Family, *, sampled: bool = True) -> M
     return replace(result, draws=tuple(_measured(truck, family) for truck in trucks.draws))
 
 
-def random_parameters(uncertainty: Uncertainty, given: Values, positive: Sequence[str]) -> list[Values]:
+def random_parameters(uncertainty: Uncertainty, given: Values, positive: Container[str]) -> list[Values]:
     """Parameters of `DRAWS` random trucks by name; positive ones have a logarithmic normal distribution."""
     S = uncertainty.columns()
     half = np.random.default_rng(0).normal(size=(DRAWS // 2, S.shape[1])) @ S.T
     centre = np.array([given[name] for name in uncertainty.names])
-    logarithmic = np.array([name in positive for name in uncertainty.names], dtype=bool)
-    deviations = np.concatenate([half, -half])
-    relative = np.divide(deviations, centre, out=np.zeros_like(deviations), where=logarithmic)
-    values = np.where(logarithmic, centre * np.exp(relative), centre + deviations)
+    values = displaced(uncertainty.names, centre, np.concatenate([half, -half]), positive)
     return [dict(zip(uncertainty.names, row.tolist(), strict=True)) for row in values]
 
 

@@ -8,7 +8,9 @@ from fifthwheel._callable import make_callable
 from fifthwheel._moved import moved
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
-from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, SensorError
+from fifthwheel.identify.one_stage.log_posterior import LogPosterior, log_posterior
+from fifthwheel.identify.one_stage.profile import Profile
+from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, Posterior, SensorError
 from fifthwheel.identify.settings import CommonSettings, OneStage
 from fifthwheel.identify.verdict import Verdict
 
@@ -17,12 +19,16 @@ __all__ = [
     "Estimate",
     "Fit",
     "Identification",
+    "LogPosterior",
     "LogSummary",
     "OneStage",
     "ParameterHistory",
+    "Posterior",
+    "Profile",
     "SensorError",
     "Verdict",
     "identify",
+    "log_posterior",
 ]
 
 __getattr__ = moved(__name__, {name: f"fifthwheel.cheng_cebon_2011.{name}" for name in ("TwoStage", "article")})

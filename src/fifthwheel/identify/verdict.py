@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable, Sequence
 from enum import StrEnum
 
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
@@ -30,7 +30,7 @@ class Verdict(StrEnum):
     STATED = "stated"
 
 
-def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: float) -> dict[int, Verdict]:
+def information_verdicts(posterior: ScaledPosterior, indices: Sequence[int], limit: float) -> dict[int, Verdict]:
     """Verdict on some unknowns by the information in the logs: CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE.
 
     An unknown whose sigma is below the limit is CONVERGED. The others are NOT_EXCITED if the conditional sigma of every
@@ -47,7 +47,7 @@ def information_verdicts(posterior: Posterior, indices: Sequence[int], limit: fl
 
 
 def uninformed_parameters(
-    posterior: Posterior, names: Sequence[str], without_roll_rate: Iterable[str], limit: float
+    posterior: ScaledPosterior, names: Sequence[str], without_roll_rate: Iterable[str], limit: float
 ) -> dict[str, Verdict]:
     """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
 

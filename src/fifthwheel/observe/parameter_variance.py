@@ -13,10 +13,9 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.names import ParameterPath
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import ObserverLayout, sensitivity_step
-from fifthwheel.observe.uncertainty import SIGNED, Uncertainty
+from fifthwheel.observe.uncertainty import Uncertainty, positive_parameters
 
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
@@ -40,9 +39,7 @@ class SigmaPoints(NamedTuple):
     @classmethod
     def of(cls, observer: ObserverModel, uncertainty: Uncertainty) -> Self:
         """The sigma points of an observer's vehicle, for names of `ObserverModel.uncertain`."""
-        parameters = observer.vehicle.parameters()
-        positive = {n for n, value in parameters.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED}
-        pairs = uncertainty.pairs(observer.values(), positive)
+        pairs = uncertainty.pairs(observer.values(), positive_parameters(observer.vehicle.parameters()))
         constants = [observer.constant(values, gate=np.inf) for pair in pairs for values in (pair.plus, pair.minus)]
         slopes = [
             [(pair.plus.get(n, 0.0) - pair.minus.get(n, 0.0)) / (2 * pair.step) for n in observer.model.unknowns]

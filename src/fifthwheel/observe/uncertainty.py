@@ -16,7 +16,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
-from fifthwheel.names import split_log
+from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.vehicle.parameters import POSITIONS
 
 NEGLIGIBLE = 1e-6
@@ -26,6 +26,18 @@ MAX_LOG_CHANGE = 0.5
 a very different vehicle may be unstable, or need shorter steps than the record has."""
 SIGNED = frozenset({*POSITIONS, "roll_yaw_product"})
 """Quantities of a vehicle that may be negative; all others keep their sign."""
+
+
+def positive_parameters(values: Mapping[str, float]) -> frozenset[str]:
+    """Names of the parameters of a vehicle above 0 that cannot change their sign."""
+    return frozenset(n for n, value in values.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED)
+
+
+def displaced(names: Sequence[str], values: Array, deviations: Array, positive: Container[str]) -> Array:
+    """Values (k,) plus deviations (..., k), SI; positive ones change by their logarithm, v exp(d / v)."""
+    logarithmic = np.array([name in positive for name in names], dtype=bool)
+    relative = np.divide(deviations, values, out=np.zeros_like(deviations), where=logarithmic)
+    return np.where(logarithmic, values * np.exp(relative), values + deviations)
 
 
 class SigmaPointPair(NamedTuple):

@@ -14,13 +14,14 @@ from fifthwheel._arguments import expect, expect_number
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import REFERENCE, checked_name
+from fifthwheel.channels import REFERENCE, checked_name, si_unit
 from fifthwheel.channels.sensors import SensorPrior
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import SignalError, UnitError, printable, suggestion
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
 from fifthwheel.record.display import channel_plot, channel_table
 from fifthwheel.record.timestamps import require_increasing, typical_step
+from fifthwheel.units import factor
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -58,8 +59,9 @@ class Record:
     """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
-    quantity.unit[.axle]. Two records are equal if time, signals and reference are equal; name,
-    notes, time bases, sensors and date are not compared. In a notebook a record shows a table of its channels.
+    quantity.unit[.axle]; `from_arrays` and `from_pandas` take other units. Two records are equal if time, signals and
+    reference are equal; name, notes, time bases, sensors and date are not compared. In a notebook a record shows a
+    table of its channels.
 
     Example:
         >>> import fifthwheel as fw
@@ -123,6 +125,74 @@ class Record:
         for name, sensor in sensors.items():
             sensor.require_fits(name)
         object.__setattr__(self, "sensors", ReadOnlyDict(sensors))
+
+    @classmethod
+    def from_arrays(
+        cls, time: ArrayLike, signals: Mapping[str, ArrayLike], *, units: Mapping[str, str] | None = None, **fields: Any
+    ) -> "Record":
+        """A record of arrays in any unit.
+
+        Args:
+            time: (N,) s, strictly increasing.
+            signals: signal name to (N,) values, NaN where missing; reference signals as "reference.<name>".
+            units: signal name to unit, such as "km/h" or "deg/s"; SI for others.
+            fields: others of a record, such as `name`.
+
+        Raises:
+            SignalError: the name of a signal, a unit, or the shape of an array is wrong.
+
+        Example:
+            >>> import fifthwheel as fw
+            >>> record = fw.Record.from_arrays([0, 0.1], {"speed": [72.0, 72.0]}, units={"speed": "km/h"})
+            >>> record.signals["speed"]
+            array([20., 20.])
+        """
+        if unknown := sorted(set(units or {}) - set(signals)):
+            raise SignalError(f"{unknown[0]}: has a unit, but is not a signal; {suggestion(unknown[0], signals)}")
+        parts: dict[bool, dict[str, Array]] = {False: {}, True: {}}
+        for given, values in signals.items():
+            name = checked_name(str(given).removeprefix(REFERENCE))
+            scale = _factor(given, units[given]) if units and given in units else 1.0
+            parts[str(given).startswith(REFERENCE)][name] = _frozen(given, values) * scale
+        return cls(time=np.asarray(time), signals=parts[False], reference=parts[True], **fields)
+
+    @classmethod
+    def from_pandas(cls, frame: "pd.DataFrame", *, units: Mapping[str, str] | None = None, **fields: Any) -> "Record":
+        """A record of a data frame whose index is the time and whose columns are signals; inverse of `to_pandas`.
+
+        Args:
+            frame: its index has seconds, durations, or dates; dates without a zone are UTC. Rename other columns with
+                `frame.rename(columns=...)`; columns "reference.<name>" become reference signals.
+            units: column to unit, such as "km/h" or "deg/s"; SI for others.
+            fields: others of a record, such as `name`.
+
+        Raises:
+            SignalError: the index is not a time, or a column is not a signal.
+
+        Example:
+            >>> import pandas as pd
+            >>> import fifthwheel as fw
+            >>> time = pd.date_range("2026-05-01", periods=2, freq="100ms")
+            >>> frame = pd.DataFrame({"speed": [72.0, 72.0]}, index=time)
+            >>> record = fw.Record.from_pandas(frame, units={"speed": "km/h"})
+            >>> record.time, record.date.year
+            (array([0. , 0.1]), 2026)
+        """
+        pandas, index = require("pandas", "pandas"), frame.index
+        if not frame.columns.is_unique:
+            twice = frame.columns[frame.columns.duplicated()][0]
+            raise SignalError(f"{twice}: two columns have this name; remove or rename one")
+        if isinstance(index, pandas.DatetimeIndex):
+            utc = index.tz_convert("UTC") if index.tz is not None else index.tz_localize("UTC")
+            if utc.size and "date" not in fields:
+                fields["date"] = utc[0].to_pydatetime(warn=False)
+            index = utc - utc[:1].repeat(utc.size)
+        if isinstance(index, pandas.TimedeltaIndex):
+            index = index.total_seconds()
+        if isinstance(index, pandas.RangeIndex) or not pandas.api.types.is_numeric_dtype(index):
+            raise SignalError("time: expected an index of seconds, durations or dates; use frame.set_index('time')")
+        columns = {name: _numbers(str(name), frame[name]) for name in frame.columns}
+        return cls.from_arrays(index.to_numpy(), columns, units=units, **fields)
 
     @property
     def span(self) -> tuple[float, float]:
@@ -297,6 +367,22 @@ def segments_above(record: Record, min_speed: float) -> list[Record]:
             "map a smoother speed, or log a faster run"
         )
     return [segment for run in runs for segment in run.segments()]
+
+
+def _factor(name: str, unit: str) -> float:
+    """SI units of a signal in one unit."""
+    try:
+        return factor(unit, si_unit(name.removeprefix(REFERENCE)) or "1")
+    except UnitError as error:
+        raise SignalError(f"{name}: {error}") from None
+
+
+def _numbers(name: str, column: "pd.Series") -> Array:
+    """A column (N,), NaN where missing."""
+    try:
+        return np.asarray(column.to_numpy(dtype=np.float64, na_value=np.nan))
+    except (TypeError, ValueError) as error:
+        raise SignalError(f"{name}: not numbers ({printable(str(error))}); convert the column, or drop it") from None
 
 
 def _frozen(name: str, values: ArrayLike) -> Array:

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest
 from fifthwheel.identify.one_stage.evidence import quick_doubts
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
@@ -28,7 +28,7 @@ SIGMA = np.array([0.2, 0.5, 0.4, 1.0, 1.0, 1.0, 0.8])
 def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, min_speed=5.0) -> list[Doubt]:
     """The doubts of two logs with two parameters, an offset of each log, and three uncertain numbers."""
     covariance = np.diag(SIGMA**2) if correlation is None else correlation * np.outer(SIGMA, SIGMA)
-    posterior = Posterior(names=NAMES, information=np.zeros((7, 7)), covariance=covariance)
+    posterior = ScaledPosterior(names=NAMES, information=np.zeros((7, 7)), covariance=covariance)
     problem = SimpleNamespace(
         names=NAMES,
         unknowns=UNKNOWNS,

@@ -14,7 +14,7 @@ from fifthwheel.identify.one_stage.identification import (
     _variance_budget,
     _without_number,
 )
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, is_stated
 
@@ -45,7 +45,7 @@ def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
     rng = np.random.default_rng(1)
     H = np.cov(rng.normal(size=(50, 4)).T) * 3
     names = (FRONT, REAR, AXIS, "mass_scale")
-    posterior = Posterior.from_information(names, H)
+    posterior = ScaledPosterior.from_information(names, H)
     uncertain = [unknown(name, UnknownKind.UNCERTAIN) for name in names[2:]]
     problem = SimpleNamespace(unknowns=[unknown(FRONT), unknown(REAR), *uncertain])
     budget = _variance_budget(problem, posterior, names[:2])
@@ -76,7 +76,7 @@ def test_which_unknowns_a_parameter_is_correlated_with() -> None:
             dataset=SimpleNamespace(logs=[None] * logs),
             settings=OneStage(excited=excited),
         )
-        return _correlated(solution, Posterior.from_information(names, 1e6 * rows.T @ rows), name, verdict)
+        return _correlated(solution, ScaledPosterior.from_information(names, 1e6 * rows.T @ rows), name, verdict)
 
     assert correlated(FRONT, Verdict.CONVERGED, row[:1]) == (OFFSET,)
     assert correlated(FRONT, Verdict.CONVERGED, row[:1], logs=2) == (f"{OFFSET}@0",)

@@ -5,9 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy import special, stats
+from scipy.integrate import quad
 
 from fifthwheel._types import Array
-from fifthwheel.identify.one_stage.likelihood import ResidualBlock, gradient_and_information, loss, scores
+from fifthwheel.identify.one_stage.likelihood import ResidualBlock, gradient_and_information, log_density, loss, scores
 
 LIMIT = 1.5
 
@@ -64,6 +65,17 @@ def test_information_is_the_covariance_of_the_gradient() -> None:
     assert np.cov(np.transpose(gradients)) / np.outer(scale, scale) == pytest.approx(
         information / np.outer(scale, scale), abs=0.08
     )
+
+
+@pytest.mark.parametrize("limit", [0.7, 4.0])
+def test_the_density_has_the_integral_one(limit: float) -> None:
+    one = replace(block_at(np.zeros(4)), variance=np.full((1, 1), 2.3))
+    edge = limit * np.sqrt(2.3)
+
+    def density(e: float) -> float:
+        return float(np.exp(log_density(replace(one, error=np.full((1, 1), e)), limit)))
+
+    assert 2 * (quad(density, 0, edge)[0] + quad(density, edge, 60)[0]) == pytest.approx(1, rel=1e-9)
 
 
 def test_the_sum_over_parts_is_that_of_the_block() -> None:

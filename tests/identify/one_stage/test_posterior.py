@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.verdict import Verdict, information_verdicts
 
 NAMES = ("a", "b", "c")
-posterior = Posterior.from_information
+posterior = ScaledPosterior.from_information
 
 
 def information(jacobian: np.ndarray, sigma: float) -> np.ndarray:
@@ -95,7 +95,7 @@ def test_limits_of_correlated_unknowns() -> None:
     correlations = np.array([1.0, 0.79, -0.81, 0.85, -0.9, 0.95])
     covariance = np.outer(correlations, correlations) + np.diag(1 - correlations**2)
     scale = np.array([1.0, 2.0, 0.5, 3.0, 1.0, 0.1])
-    result = Posterior(names=names, information=np.eye(6), covariance=covariance * np.outer(scale, scale))
+    result = ScaledPosterior(names=names, information=np.eye(6), covariance=covariance * np.outer(scale, scale))
     assert result.correlated(0) == [5, 4, 3]
     assert result.correlated(0, 9) == [5, 4, 3, 2]
     assert result.most_limiting(0) == 5

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 
 NAMES = ("a", "b", "c", "d")
@@ -32,14 +32,14 @@ def test_the_posterior_of_earlier_logs_is_that_of_all_logs() -> None:
     rng = np.random.default_rng(1)
     H1, H2 = (m.T @ m for m in rng.normal(size=(2, 6, 4)))
     flat = np.full(4, np.inf)
-    first = Posterior.from_information(NAMES, H1, 3 * H1)
+    first = ScaledPosterior.from_information(NAMES, H1, 3 * H1)
     widening = np.sqrt(np.diag(first.covariance) / np.diag(first.model_covariance))
     earlier = JointPrior(names=NAMES, mean=np.zeros(4), covariance=first.model_covariance, widening=widening)
     prior = Prior(NAMES, flat, earlier)
-    then = Posterior.from_information(NAMES, H2, 3 * H2, precision=prior.expand(np.zeros(4)).hessian, prior=prior)
-    both = Posterior.from_information(NAMES, H1 + H2, 3 * (H1 + H2))
+    then = ScaledPosterior.from_information(NAMES, H2, 3 * H2, precision=prior.expand(np.zeros(4)).hessian, prior=prior)
+    both = ScaledPosterior.from_information(NAMES, H1 + H2, 3 * (H1 + H2))
     np.testing.assert_allclose(then.model_covariance, both.model_covariance, rtol=1e-9)
     np.testing.assert_allclose(then.sigma, both.sigma, rtol=0.15)  # the first widening has lost its correlations
-    none = Posterior.from_information(NAMES, 0 * H2, precision=prior.expand(np.zeros(4)).hessian, prior=prior)
+    none = ScaledPosterior.from_information(NAMES, 0 * H2, precision=prior.expand(np.zeros(4)).hessian, prior=prior)
     np.testing.assert_allclose(none.sigma, first.sigma, rtol=1e-9)
     np.testing.assert_allclose(none.predictive, 0.0, atol=1e-6)

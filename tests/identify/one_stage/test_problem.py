@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import stats
 from scipy.signal import lfilter
 
 from fifthwheel.errors import VehicleError
@@ -83,6 +84,23 @@ def test_derivatives_by_model_errors(truck: Vehicle) -> None:
         expected = ((higher - lower) / (2 * step))[inside]
         actual = block.jacobian[..., block.indices.tolist().index(i)][inside]
         assert np.abs(actual - expected).max() < 1e-4 * np.abs(expected).max(), name
+
+
+def test_the_log_likelihood_is_that_of_coloured_noise(truck: Vehicle) -> None:
+    """The normal density of all residuals of a channel with the covariance of white noise and discrepancy."""
+    record = simulate(truck, count=1, seed=1).cut(0.5, 4.0)
+    p = problem(truck, [record], OneStage(outlier=100.0))
+    z = 0.3 * np.random.default_rng(1).normal(size=len(p.names))
+    z = np.clip(z, *p.bounds)
+    p = p.with_residual_noise(z, autocorrelated=True)
+    time, error, _ = p.residuals(z, 0, whitened=False)
+    total = 0.0
+    for e, name in zip(error.T, p.model.outputs, strict=True):
+        noise = p.logs[0].noise_model(name)
+        lag = np.abs(time[:, None] - time)
+        covariance = noise.white * np.eye(len(e)) + noise.discrepancy * np.exp(-lag / noise.time_constant)
+        total += stats.multivariate_normal(cov=covariance).logpdf(e)
+    assert p.log_likelihood(z) == pytest.approx(total, abs=1e-3)
 
 
 def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:

@@ -1,4 +1,4 @@
-"""The posterior against samples of it: means and standard deviations by a Markov chain.
+"""The posterior against samples of it: means, standard deviations and quantiles by a Markov chain.
 
 Proposals are those of Neal (1998), also called pCN, about the Gaussian approximation N(z, P): z' = z_0 + sqrt(1 - b^2)
 (z - z_0) + b L w. They are accepted by the ratio of the posterior density and the approximation at both points, so that
@@ -9,35 +9,35 @@ import numpy as np
 import pytest
 
 from fifthwheel._types import Array
-from fifthwheel.identify import OneStage
-from fifthwheel.identify.one_stage.estimator import solve_one_stage
-from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.one_stage.log_posterior import TOLERANCE, LogPosterior, log_posterior
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, article_sensors
+from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")
+CONSIDER = {name: sigma for name, sigma in OneStage().consider.items() if name != "fixed_axles"}
+"""The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above."""
 
 
-def sampled(solution: Solution, steps: int, seed: int, b: float = 0.25) -> tuple[Array, float]:
-    """Samples (steps, k) of z, and the fraction of accepted proposals."""
-    problem, centre, P = solution.problem, solution.minimum.z, solution.linearisation.posterior.model_covariance
+def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.25) -> tuple[Array, float]:
+    """Samples (steps, k) of x, and the fraction of accepted proposals."""
+    centre, P = density.mean, density.covariance
     factor, precision, rng = np.linalg.cholesky(P), np.linalg.inv(P), np.random.default_rng(seed)
-    lower, upper = problem.bounds
 
-    def excess(z: Array) -> float:
-        inside = ((z >= lower) & (z <= upper)).all()
-        return problem.cost(z) - float((z - centre) @ precision @ (z - centre)) / 2 if inside else np.inf
+    def excess(x: Array) -> float:
+        return -density(x) - float((x - centre) @ precision @ (x - centre)) / 2
 
-    z, chain, accepted = centre.copy(), np.empty((steps, len(centre))), 0
-    current = excess(z)
+    x, chain, accepted = centre.copy(), np.empty((steps, len(centre))), 0
+    current = excess(x)
     for k in range(steps):
-        proposed = centre + np.sqrt(1 - b**2) * (z - centre) + b * factor @ rng.normal(size=len(z))
+        proposed = centre + np.sqrt(1 - b**2) * (x - centre) + b * factor @ rng.normal(size=len(x))
         value = excess(proposed)
         if np.log(rng.uniform()) < current - value:
-            z, current, accepted = proposed, value, accepted + 1
-        chain[k] = z
+            x, current, accepted = proposed, value, accepted + 1
+        chain[k] = x
     return chain, accepted / steps
 
 
@@ -45,16 +45,39 @@ def sampled(solution: Solution, steps: int, seed: int, b: float = 0.25) -> tuple
 @pytest.mark.parametrize("tyres", ["linear", "saturating"])
 def test_means_and_sigmas_are_those_of_samples(tyres: str) -> None:
     record = Plant(TRUCK).drive(lane_changes(count=1)).record(article_sensors(TRUCK), seed=1)
-    # The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above.
-    consider = {name: sigma for name, sigma in OneStage().consider.items() if name != "fixed_axles"}
-    solution = solve_one_stage([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=consider))
+    density = log_posterior([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=CONSIDER))
     # The noise of the solution is fixed. With saturating tyres the posterior is skew: its mode and its mean differ.
     skew = 0.4 if tyres == "linear" else 0.8
-    chain, accepted = sampled(solution, 6000, seed=2)
+    chain, accepted = sampled(density, 6000, seed=2)
     assert accepted > 0.1
-    P = solution.linearisation.posterior.model_covariance
-    for name in (name for name in solution.estimated if not name.startswith("road")):
-        i = solution.problem.names.index(name)
-        sigma = np.sqrt(P[i, i])
-        assert abs(chain[500:, i].mean() - solution.minimum.z[i]) < skew * sigma, name
+    for name in (name for name in density.solution.estimated if not name.startswith("road")):
+        i = density.names.index(name)
+        sigma = np.sqrt(density.covariance[i, i])
+        assert abs(chain[500:, i].mean() - density.mean[i]) < skew * sigma, name
         assert chain[500:, i].std() == pytest.approx(sigma, rel=0.3), name
+
+
+@pytest.mark.slow
+def test_the_posterior_of_a_result_is_that_of_samples() -> None:
+    """Without sensor errors and uncertain numbers, and with the right truck, it is nearly normal. The sigmas of the
+    result allow for model error, so they are at least those of the samples."""
+    names = ("tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "semitrailer.yaw_inertia")
+    settings = OneStage(free=names, consider={}, nuisances=False, tyres="linear")
+    arguments = [simulate(TRUCK, count=1, seed=1)], TRUCK, settings
+    result, density = identify(*arguments), log_posterior(*arguments)
+    chain, accepted = sampled(density, 8000, seed=2, b=0.7)
+    assert accepted > 0.5
+    posterior = result.posterior.among(names)
+    values = density.values(chain[200:])
+    draws = np.column_stack([values[name] for name in posterior.names])
+    relative = np.sqrt(np.diag(density.covariance))[[density.names.index(name) for name in posterior.names]]
+    sigma = relative * np.array([result[name].prior / result[name].initial for name in posterior.names])
+    deviations = np.log(draws / posterior.mean) / sigma
+    for moment, expected in ((deviations, 0.0), (deviations**2, 1.0)):
+        batches = moment[: len(draws) // 20 * 20].reshape(20, -1, len(names)).mean(axis=1)
+        error = batches.std(axis=0) / np.sqrt(20)  # of sampling
+        assert (error < 0.1).all()
+        assert (np.abs(moment.mean(axis=0) - expected) < 1.4 * TOLERANCE + 4 * error).all()  # that of the search, too
+    np.testing.assert_allclose(np.quantile(deviations, [0.05, 0.95], axis=0).T, [[-1.645, 1.645]] * 3, atol=0.3)
+    np.testing.assert_allclose(np.corrcoef(draws.T), posterior.correlation(), atol=0.15)
+    assert (draws.std(axis=0) < 1.1 * posterior.sigma).all()

@@ -17,7 +17,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import IDENTIFIED, MOTION, USUAL, SignalName, is_of, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.settings import OneStage
@@ -51,7 +51,7 @@ class RunInformation:
 class PredictedPosterior:
     """The posterior that a fit would give."""
 
-    posterior: Posterior
+    posterior: ScaledPosterior
     not_identified: Mapping[str, Verdict]
     """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
     no_channel: frozenset[str]
@@ -235,7 +235,7 @@ class InformationPredictor:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
         of_vehicle = {u.name for u in self.setup.unknowns if not u.is_sensor_error}
         nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
-        posterior = Posterior.from_information(names, information, nuisances=nuisances)
+        posterior = ScaledPosterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
         not_identified = uninformed_parameters(posterior, estimated, no_channel, self.setup.settings.excited)

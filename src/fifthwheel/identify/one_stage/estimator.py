@@ -23,7 +23,7 @@ from fifthwheel.channels import STEER, is_of, is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import Earlier, JointPrior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
@@ -147,7 +147,7 @@ class _Estimator:
             problem.prior.own_precision(excited_by_inputs)
         )  # the information of earlier logs counts as information
         information = problem.expand(excited_by_inputs).hessian - own
-        posterior = Posterior.from_information(problem.names, information, nuisances=problem.nuisances)
+        posterior = ScaledPosterior.from_information(problem.names, information, nuisances=problem.nuisances)
         unseen = setup.without_roll_rate - frozenset(self.earlier.names if self.earlier else ())
         return uninformed_parameters(posterior, setup.estimated, unseen, setup.settings.excited)
 

@@ -81,19 +81,9 @@ def _saturating_fits(
             iterations=settings.iterations,
         )
         start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
-    time, error = _residuals(alone, minimum.z)
+    time, error, _ = alone.residuals(minimum.z, 0, whitened=False)
     measured = _measured(log, outputs)
     return channel_fits(log.name, outputs, time, measured, measured - error, identified_on=identified_on)
-
-
-def _residuals(problem: Problem, z: Array) -> tuple[Array, Array]:
-    """Time (N,) and residuals (N, m) of all segments of the only log."""
-    blocks = [
-        block
-        for _, segment in problem.segments()
-        for block in problem.blocks(z, 0, segment, differentiated=False, whitened=False)
-    ]
-    return np.concatenate([b.time for b in blocks]), np.concatenate([b.error for b in blocks])
 
 
 def _measured(log: LogData, outputs: Iterable[str]) -> Array:

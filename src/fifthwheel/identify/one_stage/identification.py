@@ -15,10 +15,10 @@ from fifthwheel.identify.fit_evaluation import evaluate_fits
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.free_run import fits_of
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Estimate, Identification, LogSummary
+from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, is_stated, uncertain_verdict
@@ -80,7 +80,8 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
         remaining_uncertainty=remaining,
         histories={"one stage": solution.linearisation.history},
         logs=summaries,
-        fits=evaluation.fits,
+        fits=tuple(_with_whitened(solution, evaluation.fits)),
+        log_likelihood=problem.log_likelihood(minimum.z),
         settings=settings,
         rounds=minimum.steps,
         findings=dataset.findings,
@@ -115,7 +116,7 @@ def _estimate(solution: Solution, unknown: Unknown, value: float, converged: boo
     )
 
 
-def _correlated(solution: Solution, posterior: Posterior, name: str, verdict: Verdict) -> tuple[str, ...]:
+def _correlated(solution: Solution, posterior: ScaledPosterior, name: str, verdict: Verdict) -> tuple[str, ...]:
     """Unknowns from which a parameter is hardly separable; initial states are left out.
 
     A parameter that is not identifiable although its conditional sigma is small has at least one.
@@ -138,17 +139,22 @@ def _without_number(name: str, single_log: bool) -> str:
     return base if single_log or (number is not None and "." in number) else name
 
 
-def _summary(solution: Solution, posterior: Posterior, i: int) -> LogSummary:
+def _with_whitened(solution: Solution, fits: Sequence[Fit]) -> list[Fit]:
+    """The fits, those of identified logs with their whitened residuals."""
+    problem, whitened = solution.problem, dict[tuple[str, str], Array]()
+    for i, log in enumerate(problem.logs):
+        _, error, variance = problem.residuals(solution.minimum.z, i)
+        columns = (error / np.sqrt(variance)).T
+        whitened |= {(log.name, name): column for name, column in zip(problem.model.outputs, columns, strict=True)}
+    return [replace(fit, whitened=whitened[fit.log, fit.signal]) if fit.identified_on else fit for fit in fits]
+
+
+def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSummary:
     """What was used of log i; with the bank of its first segment if it is estimated."""
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
     log, bank = problem.logs[i], None
-    blocks = [
-        b
-        for j in range(len(log.segments))
-        for b in problem.blocks(minimum.z, i, j, differentiated=False, whitened=False)
-    ]
-    sizes = np.concatenate([np.abs(block.error) / np.sqrt(block.variance) for block in blocks])
-    accepted = (sizes <= settings.gate).astype(float)
+    _, error, variance = problem.residuals(minimum.z, i, whitened=False)
+    accepted = (np.abs(error) / np.sqrt(variance) <= settings.gate).astype(float)
     if problem.model.bank and problem.output_error:
         index, prior = problem.layout.initial_states[i][0][-1], settings.bank_prior
         bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
@@ -214,7 +220,9 @@ def _with_posterior_sigmas(vehicle: Vehicle, posterior: Uncertainty) -> Vehicle:
     return vehicle.with_stated({path: float(f"{sigmas[path]:.3g}") for path in stated if path in sigmas})
 
 
-def _variance_budget(problem: Problem, posterior: Posterior, estimated: Sequence[str]) -> dict[str, dict[str, float]]:
+def _variance_budget(
+    problem: Problem, posterior: ScaledPosterior, estimated: Sequence[str]
+) -> dict[str, dict[str, float]]:
     """For each estimated parameter, by what fraction its variance would fall if each uncertain number were exact.
 
     It is the squared correlation. The fractions do not add up to 1, because two uncertain numbers may act alike.

@@ -15,6 +15,7 @@ derivatives e_z and v_z of residual and variance with respect to the unknowns (c
 The terms in brackets apply where the variance depends on the unknowns.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -53,10 +54,27 @@ def loss(block: ResidualBlock, limit: float) -> float:
     """Sum of the loss over all samples and channels; `limit` in standard deviations."""
     present = ~np.isnan(block.error)
     size = np.abs(block.error[present]) / np.sqrt(block.variance[present])
-    total = np.where(size <= limit, size**2 / 2, limit * size - limit**2 / 2).sum()
+    total = huber(size, limit).sum()
     if block.variance_jacobian is not None:
         total += np.log(block.variance[present]).sum() / 2
     return float(total)
+
+
+def log_density(block: ResidualBlock, limit: float) -> float:
+    """Sum of the logarithm of Huber's density exp(-rho(e / s)) / (s c) over all samples and channels.
+
+    c is the integral of exp(-rho), sqrt(2 pi) for a large limit.
+    """
+    present = ~np.isnan(block.error)
+    size, variance = np.abs(block.error[present]) / np.sqrt(block.variance[present]), block.variance[present]
+    tails = 2 * math.exp(-(limit**2) / 2) / limit
+    constant = math.log(math.sqrt(2 * math.pi) * math.erf(limit / math.sqrt(2)) + tails)
+    return -float(huber(size, limit).sum() + np.log(variance).sum() / 2 + size.size * constant)
+
+
+def huber(size: Array, limit: float) -> Array:
+    """rho of normalised residuals, by their magnitude."""
+    return np.where(size <= limit, size**2 / 2, limit * size - limit**2 / 2)
 
 
 def gradient_and_information(block: ResidualBlock, limit: float) -> tuple[Array, Array]:

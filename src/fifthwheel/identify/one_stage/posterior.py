@@ -27,8 +27,8 @@ HIGH_CORRELATION = 0.8
 
 
 @dataclass(frozen=True, kw_only=True)
-class Posterior:
-    """All k unknowns z of a problem."""
+class ScaledPosterior:
+    """All k unknowns z of a problem; `result.posterior` has what follows in SI."""
 
     names: tuple[str, ...]
     information: Array  # (k, k) of the logs, without the prior

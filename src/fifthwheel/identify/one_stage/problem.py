@@ -269,6 +269,19 @@ class Problem:
             models = [replace(m, white=r, discrepancy=0.0) for m, r in zip(models, self.variance(i), strict=True)]
         return run.output_errors(self.model, models)
 
+    def residuals(self, z: Array, log: int, *, whitened: bool = True) -> tuple[Array, Array, Array]:
+        """Time (N,), residuals (N, m) and their variances (N, m) of all segments of a log, `whitened` or not."""
+        segments = range(len(self.logs[log].segments))
+        blocks = [b for j in segments for b in self.blocks(z, log, j, differentiated=False, whitened=whitened)]
+        time, error, variance = ([getattr(b, part) for b in blocks] for part in ("time", "error", "variance"))
+        return np.concatenate(time), np.concatenate(error), np.concatenate(variance)
+
+    def log_likelihood(self, z: Array) -> float:
+        """Logarithm of the density of all logs at z, for the noise of the problem."""
+        limit = self.settings.outlier
+        blocks = (b for i, j in self.segments() for b in self.blocks(z, i, j, differentiated=False))
+        return sum(likelihood.log_density(block, limit) for block in blocks)
+
     def slowest_decay(self, z: Array) -> float:
         """Rate at which the slowest mode of the vehicle decays at the lowest or highest speed of the logs, 1/s."""
         return self.setup.slowest_decay(z[self.layout.unknowns[0]], self._speed_range)

@@ -14,7 +14,7 @@ from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.layout import Indices
-from fifthwheel.identify.one_stage.posterior import Posterior
+from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
@@ -46,7 +46,7 @@ class LogLinearisation:
 class Linearisation:
     """What follows from the logs, linearised at a solution."""
 
-    posterior: Posterior
+    posterior: ScaledPosterior
     gradient: Array
     """Of the loss of the logs (k,), without the prior."""
     history: ParameterHistory
@@ -136,7 +136,7 @@ def _linearise(solution: Solution) -> Linearisation:
         sigma=np.array(sigmas) * np.abs(scale.slope(p)),
         starts=(0,),
     )
-    posterior = Posterior.from_information(
+    posterior = ScaledPosterior.from_information(
         problem.names,
         information,
         score_covariance,
@@ -153,7 +153,7 @@ def _linearise(solution: Solution) -> Linearisation:
     )
 
 
-def _prior_tests(problem: Problem, z: Array, posterior: Posterior) -> list[PriorTest]:
+def _prior_tests(problem: Problem, z: Array, posterior: ScaledPosterior) -> list[PriorTest]:
     kinds = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR)
     tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
     prior, P = problem.prior, posterior.model_covariance

@@ -2,5 +2,6 @@
 
 from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary, SensorError
+from fifthwheel.identify.result.posterior import Posterior
 
-__all__ = ["Estimate", "Fit", "Identification", "LogSummary", "SensorError"]
+__all__ = ["Estimate", "Fit", "Identification", "LogSummary", "Posterior", "SensorError"]

@@ -12,7 +12,8 @@ from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
-from fifthwheel.errors import SignalError, printable, suggestion
+from fifthwheel.dynamics.chain import BANK
+from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
@@ -20,6 +21,7 @@ from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
+from fifthwheel.identify.result.posterior import Posterior
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
@@ -28,7 +30,7 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.parameters import FRICTION, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,6 +126,24 @@ class Identification(IdentificationData):
             "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
         }
 
+    @property
+    def posterior(self) -> Posterior:
+        """The joint posterior of parameters, uncertain numbers, sensor errors, and bank of the road.
+
+        Raises:
+            FifthwheelError: the method gives no joint posterior.
+        """
+        if self.covariance is None:
+            raise FifthwheelError(f"posterior: the {self.method} method has none; identify with OneStage()")
+        of_vehicle = self.vehicle.parameters().items()
+        known = {name: (value, unit_of(name)) for name, value in of_vehicle if name in self.covariance.names}
+        known |= {e.name: (e.value, e.unit) for e in (*self.parameters, *self.uncertain)}
+        known |= {f"{e.name}@{e.log}" if e.log else e.name: (e.value, e.unit) for e in self.sensors}
+        known |= {f"{BANK}@{log.name}": (log.bank[0], "rad") for log in self.logs if log.bank}
+        uncertainty = self.covariance.among(known)  # other names follow from these, or are priors of other logs
+        values, units = zip(*[known[name] for name in uncertainty.names], strict=True)
+        return Posterior(uncertainty=uncertainty, mean=np.array(values), units=units)
+
     def uncertainty(self, log: str | None = None) -> Uncertainty | None:
         """Joint uncertainty of parameters and sensor errors for an `Observer`, with the sensor errors of one log; with
         their priors for None or another log."""
@@ -178,6 +198,31 @@ class Identification(IdentificationData):
         index = pandas.Index([e.name for e in estimates], name="parameter")
         frame: pd.DataFrame = pandas.DataFrame(rows, index=index, columns=list(columns))
         return frame.astype({"sigma": float, "prior": float})
+
+    def residuals(self, *, whitened: bool = False) -> "pd.DataFrame":
+        """Residuals of every log, one column for each channel, by log and time in s; NaN where missing.
+
+        Args:
+            whitened: those at the maximum of the posterior, filtered by their noise model, in standard deviations: of
+                a right model they are white noise with variance 1. Otherwise those of `fits`, measured less predicted
+                by the free-running model in SI, also of validation logs.
+
+        Raises:
+            FifthwheelError: the result was loaded without time series, the method does not whiten residuals, or pandas
+                is not installed.
+        """
+        pandas = require("pandas", "pandas")
+        if not any(fit.time.size for fit in self.fits):
+            raise FifthwheelError("residuals: the file of this identification has no time series; identify again")
+        fits = [fit for fit in self.fits if fit.whitened.size or not whitened]
+        if not fits:
+            raise FifthwheelError("whitened: this identification has no such residuals; identify with OneStage()")
+        frames: dict[str, dict[str, pd.Series]] = {}
+        for fit in fits:
+            values = fit.whitened if whitened else fit.measured - fit.predicted
+            frames.setdefault(fit.log, {})[fit.signal] = pandas.Series(values, pandas.Index(fit.time, name="time"))
+        frame: pd.DataFrame = pandas.concat({log: pandas.DataFrame(of_log) for log, of_log in frames.items()})
+        return frame.rename_axis(index=["log", "time"])
 
     def plot(
         self, kind: Literal["parameters", "fits", "residuals", "histories"] = "parameters", *, log: str | None = None

@@ -65,6 +65,8 @@ class Fit:
     measured: Series
     predicted: Series
     identified_on: bool  # False for a log that was only predicted
+    whitened: Series = field(default_factory=lambda: np.zeros(0))
+    """Residual at the maximum of the posterior, whitened, in standard deviations; empty if it was only predicted."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,6 +109,8 @@ class IdentificationData:
     histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
+    log_likelihood: Number | None = None
+    """Of all logs at the maximum of the posterior, with the estimated noise of their residuals; None in two stages."""
     settings: CommonSettings
     rounds: int  # of both stages; one stage: steps
     findings: tuple[Finding, ...] = ()  # what is implausible in the signals

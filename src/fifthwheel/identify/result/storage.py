@@ -25,7 +25,7 @@ from fifthwheel.vehicle import Vehicle
 T = TypeVar("T")
 
 CONTENTS, SERIES = "identification.json", "series.npz"
-FIT, HISTORY = ("time", "measured", "predicted"), ("time", "values", "sigma")
+FIT, HISTORY = ("time", "measured", "predicted", "whitened"), ("time", "values", "sigma")
 """Time series of each fit and of each history."""
 MAX_SERIES = 1_000_000_000
 """Bytes of all time series together."""
@@ -55,6 +55,7 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
             for fit in identification.fits
         ],
         "histories": {title: {"names": h.names, "starts": h.starts} for title, h in identification.histories.items()},
+        "log_likelihood": identification.log_likelihood,
         "rounds": identification.rounds,
         "findings": [asdict(finding) for finding in identification.findings],
         "notes": list(identification.notes),
@@ -107,6 +108,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
             ],
         ),
         settings=parts(settings_class(contents["method"]), [contents["settings"]])[0],
+        log_likelihood=contents.get("log_likelihood"),
         rounds=int(contents["rounds"]),
         findings=parts(Finding, contents.get("findings", ())),
         notes=tuple(map(str, contents["notes"])),
