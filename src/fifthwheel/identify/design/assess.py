@@ -15,6 +15,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.longitudinal import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
@@ -152,6 +153,7 @@ def assess_information(
     """
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
+    findings += [] if checked else [(str(finding.log), finding) for finding in mass_findings(records, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
         dataset = prepare_dataset(records, vehicle, settings, findings=False)
