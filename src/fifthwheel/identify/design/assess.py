@@ -74,8 +74,9 @@ class InformationAssessment:
     """Log and finding of the signal checks, errors first."""
     parameters: tuple[ParameterAssessment, ...]
     sensors: Mapping[str, Mapping[str, float]]
-    """Predicted sigma of the parameters, SI, with one more signal that would improve one of them, by signal, the best
-    first; the prior sigma of a parameter that would not be identifiable."""
+    """Predicted sigma of the parameters, SI, with one more signal that would improve one of them, by signal, in the
+    order of the mean reduction of the logarithm of sigma; of a parameter that would not be identifiable, the prior
+    sigma."""
     noise: Mapping[str, Mapping[str, float]]
     """Assumed noise variance by log and channel, SI squared."""
     cautions: tuple[str, ...]
