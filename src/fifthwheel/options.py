@@ -328,7 +328,9 @@ class LiveOptions(Settings):
             "semitrailer.yaw_inertia=5%. Default: as `fifthwheel design`."
         ),
     ] = ()
-    max_speed: Annotated[str, Option(help="Of --coach: highest speed of a manoeuvre.")] = "88km/h"
+    max_speed: Annotated[
+        str, Option(help="Of --coach: highest speed of a manoeuvre; above 88km/h it is tried too.")
+    ] = "88km/h"
     send: Annotated[
         str | None,
         Option(help="Send states as CAN frames from this id on, such as 0x500 or, with 29 bits, 0x18FF0080."),

@@ -79,8 +79,31 @@ INJECTED = [
 
 
 def test_every_fault_is_injected():
-    by_model = {Fault.EXCHANGED, Fault.TIME_OFFSET, Fault.CLOCK_RATE}  # tests/time_bases
+    by_model = {Fault.EXCHANGED, Fault.TIME_OFFSET, Fault.CLOCK_RATE, Fault.MASS}  # tests/time_bases, tests/identify
     assert {fault for fault, *_ in INJECTED} == set(Fault) - {Fault.UNKNOWN_UNIT, Fault.UNUSED} - by_model
+
+
+def driven(record, *names):
+    """The record with constant signals of driving."""
+    return record.with_signals({name: np.ones(len(record)) for name in names})
+
+
+def test_engine_signals_are_used_by_the_mass_from_driving(weaving):
+    assert not check(driven(weaving, "engine_speed", "engine_torque", "braking.tractor", "braking.tractor.retarder"))
+    (finding,) = check(driven(weaving, "engine_speed", "braking.tractor"))
+    assert (finding.fault, finding.others) == (Fault.UNUSED, ("braking.tractor",))
+    assert finding.message == (
+        "engine_speed: only the mass from driving uses it and braking.tractor, and engine_torque is missing for it;"
+        " map that in signals.toml too"
+    )
+
+
+def test_missing_samples_of_an_engine_signal_refuse_no_log(weaving):
+    record = driven(weaving, "engine_speed", "engine_torque", "braking.tractor")
+    torque = np.where((record.time > 2.0) & (record.time < 0.8 * record.time[-1]), np.nan, 1.0)
+    (finding,) = check(record.with_signals({"engine_torque": torque}))
+    assert (finding.fault, finding.severity) == (Fault.DROPOUT, "warning")
+    assert finding.message.endswith("the mass from driving leaves these times out, and nothing else uses it")
 
 
 @pytest.mark.parametrize(

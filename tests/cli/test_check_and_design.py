@@ -195,7 +195,7 @@ def test_design_refuses(run):  # noqa: F811
         run("design", "-v", TRUCK, "--target", f"{INERTIA}=0"), r"semitrailer\.yaw_inertia: expected a target sigma"
     )
     refused(run("design", "-v", TRUCK, "--speed", "fast"), r"--speed fast: expected a number with a unit")
-    refused(run("design", "-v", TRUCK, "--speed", "200"), r"speed: expected 18 to 144 km/h")
+    refused(run("design", "-v", TRUCK, "--speed", "200"), r"speed: expected road speeds of 18 to 144 km/h")
     refused(run("design", "-v", TRUCK, "--channels", "sideslip.tractor"), r"sideslip\.tractor: not a channel")
     refused(run("design", "-v", TRUCK, *FAST, "--out", "drive.txt"), r"drive\.txt: no format")
     refused(run("design", "-v", TRUCK, "--max-acceleration", "9"), r".*")

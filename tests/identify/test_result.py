@@ -163,7 +163,8 @@ def test_the_text_is_short_and_the_summary_complete(result):
     lines = result.summary().splitlines()
     for estimate in (*result.parameters, *result.derived):
         (line,) = [line for line in lines if line.startswith(f"{estimate.name} ")]
-        assert line.endswith(estimate.verdict.replace("_", " "))
+        derived = ", derived" if estimate in result.derived else ""
+        assert line.endswith(f"{estimate.verdict.replace('_', ' ')}{derived}")
     assert any(line.startswith("<other> (validation)  yaw_rate.tractor") for line in lines)
     assert "kN/rad" in result.summary()
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -72,6 +73,9 @@ def test_the_advice_follows_a_drive(session):
     assert 3 <= seen[-1].manoeuvres <= 8
     assert any(" to the right" in advice.next for advice in seen if advice.manoeuvres == 1)
     assert seen[-1].driven == pytest.approx(8 * seen[-1].manoeuvres, abs=2)
+    left = [advice.worthwhile for advice in seen]
+    assert left[0] > left[-1]
+    assert seen[0].remaining == 8.0 * left[0]
     first, second = seen[-1].progress
     assert first.reached
     assert first.sigma <= 0.1
@@ -168,7 +172,7 @@ def test_the_command_says_what_to_drive(live, tmp_path):
     done = live("--learn", "--coach", "--target", f"{INERTIA}=4%", "--max-speed", "80", "--record", "run.parquet")
     assert done.exit_code == 0, done.output
     assert "80 km/h: " in done.stderr
-    assert "(0 of 1 target, 0 manoeuvres driven, at least 1 min left)" in done.stderr
+    assert re.search(r"\(0 of 1 target, 0 manoeuvres driven, at least \d+ left, \d+ s\)", done.stderr)
     assert "1 manoeuvre driven" in done.stderr
     assert "Coach: " in done.stdout
     lines = [json.loads(line) for line in (tmp_path / "run.parquet.events.jsonl").read_text().splitlines()]
@@ -182,7 +186,8 @@ def test_the_command_says_what_to_drive(live, tmp_path):
         (("--coach",), "--coach: is for --learn; add it"),
         (("--learn", "--target", f"{INERTIA}=5%"), "--target: is for --coach; add it"),
         (("--learn", "--coach", "--target", "semitrailer.yaw_inertias=5%"), "did you mean 'semitrailer.yaw_inertia'"),
-        (("--learn", "--coach", "--max-speed", "10km/h"), "expected 18 to 144 km/h"),
+        (("--learn", "--coach", "--max-speed", "10km/h"), "--max-speed: expected road speeds of 18 to 144 km/h"),
+        (("--learn", "--coach", "--target", f"{INERTIA}=5"), "below 100%, got 5, which is 500%; write 5% or 0.05"),
     ],
 )
 def test_refused_options(live, options, message):

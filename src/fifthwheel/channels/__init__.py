@@ -11,7 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
-from fifthwheel.channels.driving import BRAKING, DRIVING
+from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
@@ -91,6 +91,18 @@ def is_of(name: str, *channels: Channel) -> bool:
 def names_of(channel: Channel, names: Iterable[str]) -> list[str]:
     """Those of the signals that are of a channel."""
     return [name for name in names if channel_of(name) is channel]
+
+
+def missing_for_mass(signals: Iterable[str]) -> list[str]:
+    """What the mass from driving (`gross_mass`) needs and these signals lack.
+
+    >>> missing_for_mass(["speed", "engine_speed", "braking.tractor"])
+    ['engine_torque']
+    """
+    names = set(signals)
+    force = ("drive_force",) if "drive_force" in names else ("engine_speed", "engine_torque")
+    missing = [name for name in ("speed", *force) if name not in names]
+    return missing if names_of(BRAKING, names) else [*missing, "braking.tractor"]
 
 
 def is_input(name: str) -> bool:
@@ -221,6 +233,8 @@ __all__ = [
     "BANK",
     "BRAKING",
     "CHANNELS",
+    "DRIVING",
+    "ENGINE_SPEED",
     "GYROS",
     "IDENTIFIED",
     "INPUTS",
@@ -254,6 +268,7 @@ __all__ = [
     "is_sensor_error",
     "limit_of",
     "measured_signals",
+    "missing_for_mass",
     "names_of",
     "sensor_error_settings",
     "si_unit",

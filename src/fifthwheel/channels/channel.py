@@ -193,6 +193,10 @@ class NamePattern:
     pattern: str
     excluded: str = ""
     """What must not occur in the name."""
+    own: str = ""
+    """Words of the quantity that elsewhere belong to other channels, such as torque."""
+    part: str = ""
+    """The part of the signal that such a name has."""
     generic: bool = False
     """Whether it is tried only after the patterns of all channels, because other names contain it too."""
 
@@ -212,6 +216,8 @@ class Channel:
     """Of names of columns in English and German."""
     proposed: Literal["signal", "reference"] | None = None
     """Whether a proposed signal map has it, and where."""
+    percent: Literal["fraction", "reference"] | None = None
+    """What a column in % is: a fraction, or relative to a reference value that the log does not have."""
     limit: SignalLimits | None = None
     turn: TurnRelation | None = None
     noise: tuple[float, float] | None = None

@@ -6,11 +6,24 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import MEASURED, STEER, WHEEL_SPEED, SignalName, channel_of, is_of, limit_of, names_of, si_unit
+from fifthwheel.channels import (
+    DRIVING,
+    MEASURED,
+    STEER,
+    WHEEL_SPEED,
+    SignalName,
+    channel_of,
+    is_of,
+    limit_of,
+    missing_for_mass,
+    names_of,
+    si_unit,
+)
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.checks.kinematics import kinematic_findings
 from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
+from fifthwheel.formatting import enumerated
 from fifthwheel.record.record import Record
 from fifthwheel.record.timestamps import is_hour
 
@@ -171,13 +184,19 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
 
 
 def _unused(record: Record) -> Iterator[Finding]:
-    """One finding on all signals of quantities that nothing uses."""
-    channels = ((name, channel_of(name)) for name in record.signals)
-    if names := [name for name, channel in channels if channel and channel.proposed != "signal"]:
-        first, *others = names
+    """One finding on all signals of quantities that nothing uses, and one on those of driving without the others that
+    the mass needs."""
+    channels = {name: channel for name in record.signals if (channel := channel_of(name))}
+    if unused := [name for name, channel in channels.items() if channel.proposed != "signal"]:
+        first, *others = unused
         also = f", like {', '.join(others)}" if others else ""
         problem = f"nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
         yield warning(first, Fault.UNUSED, problem, others=tuple(others))
+    driving = [name for name, channel in channels.items() if channel in DRIVING]
+    if driving and (missing := missing_for_mass(record.signals)):
+        first, *others = driving
+        problem = f"only the mass from driving uses {enumerated(['it', *others])}, and {enumerated(missing)} is missing"
+        yield warning(first, Fault.UNUSED, f"{problem} for it; map that in signals.toml too", others=tuple(others))
 
 
 def _time(record: Record) -> Iterator[Finding]:

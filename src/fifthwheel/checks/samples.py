@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SPEED, SignalName, is_input, limit_of, si_unit
+from fifthwheel.channels import DRIVING, SPEED, SignalName, is_input, is_of, limit_of, si_unit
 from fifthwheel.checks.findings import Fault, Finding, error, warning
 from fifthwheel.record.record import Record
+from fifthwheel.record.timestamps import missing_steps
 
 MAX_SPEED = SPEED.limit.magnitude if SPEED.limit else np.inf
 """m/s; a larger one is a fault."""
 _MAX_BINS = 100_000
-_ENDS = 1.0
-"""s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
 _ANY_LIMIT = 1e9
 """SI; no quantity of a truck is as large."""
 _MAP_OR_CUT = "map another column, or cut the record with start and stop in [time] of signals.toml"
+_LEFT_OUT = "the mass from driving leaves these times out, and nothing else uses it"
 _MANOEUVRE = 5.0
 """s; the time in which a lane change or the entry to a bend shows."""
 _MAX_PARTS = 1000
@@ -50,29 +50,22 @@ def impossible_samples(name: str, values: Array) -> NDArray[np.bool_]:
 def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
     """A gap above 0.5 s, or more than 5 % missing within `window` s; an error if more than half of all is missing.
 
-    Missing samples are counted against the channel's own sampling period, the 30 % quantile of its steps: a channel of
-    a lower rate than the rows is complete. No sample is missing between two successive instants of the record, nor
-    within `_ENDS` of its first and last instant.
+    Missing samples are those of `missing_steps`. A signal that only the mass from driving uses is never an error.
     """
-    time, values = present_samples(record, name)
-    rows = np.flatnonzero(np.isfinite(record.signals[name]))
+    severe, cure = (warning, _LEFT_OUT) if is_of(name, *DRIVING) else (error, _MAP_OR_CUT)
+    present = int(np.isfinite(record.signals[name]).sum())
     first, last = record.span
-    if values.size == len(record):
+    if present == len(record):
         return
-    if values.size < 2:
-        problem = f"{values.size} samples in {len(record)} rows, at least 2 expected"
-        yield error(name, Fault.DROPOUT, f"{problem}; map another column in signals.toml")
+    if present < 2:
+        problem = f"{present} samples in {len(record)} rows, at least 2 expected"
+        yield severe(name, Fault.DROPOUT, f"{problem}; map another column in signals.toml")
         return
-    period = float(np.quantile(np.diff(time), 0.3))
-    edges = np.concatenate([[first - period], time, [last + period]])
-    steps = np.diff(edges)
-    apart = np.diff(np.concatenate([[-1], rows, [len(record)]])) > 1
-    missing = np.where(apart & (steps > 1.5 * period), steps - period, 0.0)
-    missing[[0, -1]] = np.maximum(missing[[0, -1]] - _ENDS, 0.0)
+    edges, missing = missing_steps(record.time, record.signals[name])
     fraction = float(missing.sum() / (last - first))
     longest = int(missing.argmax())
     bins = min(max(1, round((last - first) / window)), _MAX_BINS)
-    per_bin, bin_edges = np.histogram(edges[:-1], bins=bins, range=(first - period, last), weights=missing)
+    per_bin, bin_edges = np.histogram(edges[:-1], bins=bins, range=(edges[0], last), weights=missing)
     worst = int(per_bin.argmax())
     local = per_bin[worst] / (bin_edges[1] - bin_edges[0])
     if missing[longest] > 0.5:
@@ -83,8 +76,8 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
         where = f"{local:.0%} between {begin:.2f} and {end:.2f} s; up to 5 % is permitted"
     else:
         return
-    finding = error if fraction > 0.5 else warning
-    yield finding(name, Fault.DROPOUT, f"{fraction:.0%} of the samples are missing; {where}; {_MAP_OR_CUT}")
+    finding = severe if fraction > 0.5 else warning
+    yield finding(name, Fault.DROPOUT, f"{fraction:.0%} of the samples are missing; {where}; {cure}")
 
 
 def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:

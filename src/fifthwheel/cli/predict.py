@@ -108,7 +108,7 @@ def design(
         str | None,
         typer.Option(help="Speed of the run, such as 80km/h or 22m/s. Default: the best of 50, 65, 80 and 88 km/h."),
     ] = None,
-    max_speed: Annotated[str, typer.Option(help="Highest speed to try.")] = "88km/h",
+    max_speed: Annotated[str, typer.Option(help="Highest speed to try; above 88km/h it is tried too.")] = "88km/h",
     max_acceleration: Annotated[
         float, typer.Option(min=0.1, max=4, help="Largest lateral acceleration of any unit, m/s^2.")
     ] = 1.5,

@@ -42,13 +42,11 @@ def warn_of_masses(vehicle: "Vehicle") -> None:
 
 
 def print_load_differences(vehicle: "Vehicle", records: "Sequence[Record]") -> None:
-    """Print axle loads and a gross mass in the logs that are not those of the vehicle file."""
-    from fifthwheel.workflow import axle_load_differences, mass_difference
+    """Print axle loads in the logs that are not those of the vehicle file."""
+    from fifthwheel.workflow import axle_load_differences
 
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
-    if difference_of_mass := mass_difference(vehicle, records):
-        typer.secho(f"warning: {difference_of_mass}", fg="yellow", err=True)
 
 
 def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:

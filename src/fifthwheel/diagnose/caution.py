@@ -13,7 +13,7 @@ class CautionKind(StrEnum):
     UNSTABLE = "unstable"  # the truck is unstable at the speed of the logs
     CONTRADICTION = "contradiction"  # a log differs from earlier ones, or from the identified truck
     ASSUMPTION = "assumption"  # the residuals contradict a number of the vehicle file or of a sensor
-    MASS = "mass"  # masses of the vehicle file that are unusual for such a truck
+    MASS = "mass"  # masses of the vehicle file that are unusual for such a truck, or differ from that by the forces
     UNUSUAL_ESTIMATE = "unusual estimate"  # a stiffness or an inertia far from its prior mean
     DELAY = "delay"  # a significant or unusual delay of a sensor
     GAIN = "gain"  # an unusual gain of a sensor

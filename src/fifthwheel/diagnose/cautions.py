@@ -14,7 +14,7 @@ from fifthwheel.channels import (
     is_of,
     si_unit,
 )
-from fifthwheel.checks.findings import Finding, Severity
+from fifthwheel.checks.findings import Fault, Finding, Severity
 from fifthwheel.diagnose import thresholds
 from fifthwheel.diagnose.caution import Caution, CautionKind
 from fifthwheel.diagnose.doubt_cautions import (
@@ -34,6 +34,9 @@ from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.masses import unusual_masses
 from fifthwheel.vehicle.parameters import FRICTION
+
+_KINDS = {Fault.TIME_OFFSET: CautionKind.DELAY, Fault.CLOCK_RATE: CautionKind.DELAY, Fault.MASS: CautionKind.MASS}
+"""Kinds of cautions by the fault of a signal; others are `CautionKind.SIGNAL`."""
 
 
 def identification_cautions(
@@ -78,7 +81,7 @@ def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
     for first, *more in groups.values():
         logs = enumerated([str(finding.log) for finding in (first, *more)])
         yield Caution(
-            CautionKind.DELAY if first.fault in thresholds.TIMING else CautionKind.SIGNAL,
+            _KINDS.get(first.fault, CautionKind.SIGNAL),
             f"{logs}: {first.message}.",
             "",
             0.0,

@@ -6,8 +6,6 @@ from fifthwheel.checks import Fault
 
 REPAIRED = (Fault.SPIKE, Fault.DROPOUT, Fault.ZERO_SPEED, Fault.UNUSED, Fault.OFFSET)
 """Faults, if they are warnings, that an identification repairs, tolerates or estimates."""
-TIMING = (Fault.TIME_OFFSET, Fault.CLOCK_RATE)
-"""Faults of timestamps."""
 
 # Estimates
 

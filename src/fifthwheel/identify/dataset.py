@@ -23,6 +23,7 @@ from fifthwheel.checks import Finding, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
+from fifthwheel.identify.longitudinal import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.sensor_priors import common_sensors
 from fifthwheel.identify.settings import CommonSettings
@@ -125,7 +126,7 @@ def prepare_dataset(
     """
     everything = (*records, *validate)
     _require_distinct_names(records, everything)
-    vehicle = simplified(vehicle, settings)
+    given, vehicle = vehicle, simplified(vehicle, settings)
     logged = {name for record in records for name in record.signals}
     steered = vehicle.with_logged_steering(logged, records[0].name if len(records) == 1 else "the logs")
     notes, found = list[str](), list[Finding]()
@@ -134,6 +135,8 @@ def prepare_dataset(
         notes += [f"{record.name}: {note}" for note in _without_empty_channels(record).notes]
         if findings:
             found += _findings(record, vehicle, settings)
+    if findings:
+        found += mass_findings(records, given)
     if locked := sorted(set(vehicle.steer_signals()) - set(steered.steer_signals())):
         notes.append(
             f"{', '.join(locked)}: steerable in the vehicle file, but the steer angle is not in the logs. It is "

@@ -11,7 +11,7 @@ separate mass and grade.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -19,17 +19,20 @@ import numpy as np
 
 from fifthwheel._arguments import expect, expect_each
 from fifthwheel._types import Array
-from fifthwheel.channels import BRAKING, names_of
+from fifthwheel.channels import BRAKING, missing_for_mass, names_of
+from fifthwheel.checks.findings import Fault, Finding, warning
 from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.kalman import joseph
 from fifthwheel.filters.model import pack, partitioned, unpack
+from fifthwheel.formatting import enumerated, with_sigma
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import driveline_numbers
+from fifthwheel.vehicle.uncertainty import changes
 from fifthwheel.vehicle.vehicle import Vehicle
 
 STEP = 0.2
@@ -64,6 +67,8 @@ MEAN_GRADE = 0.01
 """Standard deviation of the mean grade of a log without a grade."""
 UNKNOWN = 10.0
 """Standard deviation of the speed after a step with unknown force, m/s: nothing is known."""
+CONTRADICTION = 3.0
+"""Joint standard deviations by which another mass differs from the vehicle file."""
 PRIOR = 0.5
 """Standard deviation of ln(mass) without a log, for the verdict: an unladen vehicle has 40 % of the laden mass."""
 NOISE_PRIOR = {
@@ -174,15 +179,31 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
     )
 
 
-def has_driving(record: Record) -> bool:
-    """Whether a record has the signals that `gross_mass` needs."""
-    return not _missing(record)
+def mass_of_file(vehicle: Vehicle) -> tuple[float, float]:
+    """Mass of the whole vehicle by its file, kg, and its standard deviation."""
+    totals = [f"{unit.name}.mass" for unit in vehicle.units]
+    sigmas = [sum(change.slopes.get(path, 0.0) for path in totals) for change in changes(vehicle)]
+    return sum(unit.mass for unit in vehicle.units), math.hypot(*sigmas)
 
 
-def _missing(record: Record) -> list[str]:
-    force = ("drive_force",) if "drive_force" in record.signals else ("engine_speed", "engine_torque")
-    missing = [name for name in ("speed", *force) if name not in record.signals]
-    return missing if names_of(BRAKING, record.signals) else [*missing, "braking.tractor"]
+def mass_findings(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Finding]:
+    """The difference of the gross mass in logs of one load from that of the vehicle file, above `CONTRADICTION`.
+
+    None where the logs do not determine the mass.
+    """
+    driven = [record for record in records if not missing_for_mass(record.signals)]
+    try:
+        result = gross_mass(driven, vehicle) if driven else None
+    except SignalError:
+        return
+    file = mass_of_file(vehicle)
+    if result is None or result.verdict is not Verdict.CONVERGED or result.deviation(*file) <= CONTRADICTION:
+        return
+    masses = [with_sigma(mass / 1e3, sigma / 1e3, "t") for mass, sigma in ((result.mass, result.sigma), file)]
+    signal = "drive_force" if "drive_force" in driven[0].signals else "engine_torque"
+    problem = f"with it the gross mass is {masses[0]}, and {masses[1]} by the vehicle file; stiffnesses scale with it"
+    cure = "correct the payload with fifthwheel mass, or the scales in [driveline] of the vehicle file"
+    yield warning(signal, Fault.MASS, f"{problem}; {cure}", log=enumerated([record.name for record in driven]))
 
 
 def _rows(
@@ -193,7 +214,7 @@ def _rows(
     They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass.
     """
     has_force = "drive_force" in record.signals
-    if missing := _missing(record):
+    if missing := missing_for_mass(record.signals):
         raise SignalError(
             f"{missing[0]}: not in {record.name}; the mass follows from speed, a signal of the brakes,"
             " and either drive_force or engine_speed and engine_torque; map a column to it in signals.toml"

@@ -69,8 +69,10 @@ class DrivingAdvice:
     """The next manoeuvre; or that the truck is calibrated."""
     obstacle: str
     """Why nothing is learned now; empty if nothing prevents it."""
+    worthwhile: int
+    """Predicted number of manoeuvres that are worthwhile: the next one and those after it."""
     remaining: float
-    """Predicted duration of the manoeuvres that are worthwhile, s: without pauses, and of an ideal driver."""
+    """Their duration, s: without pauses, and of an ideal driver."""
     driven: float
     """Time with valid states, s; until the end of coaching."""
     manoeuvres: int
@@ -92,7 +94,7 @@ class DrivingAdvice:
             f"{counted(self.manoeuvres, 'manoeuvre')} driven",
         ]
         if not self.done:
-            words.append(f"at least {max(1, round(self.remaining / 60))} min left")
+            words.append(f"at least {self.worthwhile} left, {self.remaining:.0f} s")
         return f"{self.headline} ({', '.join(words)})"
 
 
@@ -194,6 +196,7 @@ class Coach:
         return DrivingAdvice(
             next=text,
             obstacle="" if self._done else obstacle,
+            worthwhile=len(self.plan.steps),
             remaining=self.plan.duration,
             driven=self._driven,
             manoeuvres=self._manoeuvres,

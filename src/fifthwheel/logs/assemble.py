@@ -11,8 +11,8 @@ from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_input, is_of, si_unit
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks.samples import impossible_samples
-from fifthwheel.errors import SignalError, printable
-from fifthwheel.logs.signal_map import SignalMap, SignalSource
+from fifthwheel.errors import SignalError, UnitError, printable
+from fifthwheel.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
 from fifthwheel.record.held import HeldSamples, Renewals
 from fifthwheel.record.record import EARLIEST_DATE, Record
@@ -284,7 +284,11 @@ def _samples(
     first, column = sources[0]
     delay = quantity(channel.delay, "s")
     with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
-        values = channel.converted(_on_first_time_base(log, sources), si)
+        try:
+            values = channel.converted(_on_first_time_base(log, sources), si)
+        except UnitError as error:
+            place = f"{signal}: column {column} of {log.name}"
+            raise SignalError(f"{place}: {error}{relative_cure(signal, error)}") from None
     impossible = impossible_samples(signal, values)
     notes = []
     if impossible.any():

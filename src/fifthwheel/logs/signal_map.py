@@ -226,6 +226,13 @@ class SignalSource(BaseModel):
         return self.sum or (self.column or "",)
 
 
+def relative_cure(signal: str, error: SignalError) -> str:
+    """What to do where the unit of a signal is "%", by the error that this gave; empty for another unit."""
+    si = si_unit(signal)
+    cure = f'; in percent of a reference: set unit = "{si}" and gain = reference in {si} / 100 in signals.toml'
+    return cure if "got '%'" in str(error) else ""
+
+
 Channels = Annotated[dict[Name, SignalSource], BeforeValidator(_channels)]
 
 
@@ -273,7 +280,7 @@ class SignalMap(BaseModel):
                 factor(channel.unit or si, si)
                 stated = channel.stated(name)
             except SignalError as error:
-                raise SignalError(f"{name}: {error}") from error
+                raise SignalError(f"{name}: {error}{relative_cure(name, error)}") from error
             stated.require_fits(name if self.signals.get(name) is channel else f"{REFERENCE}{name}")
         return self
 

@@ -12,7 +12,7 @@ from fifthwheel.formatting import digits, percent, shown
 from fifthwheel.pages.html import course
 from fifthwheel.plots import Axis, Line, Panel, Plot
 from fifthwheel.plots.palette import CYCLE
-from fifthwheel.record.timestamps import typical_step
+from fifthwheel.record.timestamps import missing_fraction, typical_step
 
 
 def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str], title: str) -> Plot:
@@ -57,5 +57,5 @@ def _row(time: Array, name: str, values: Array) -> tuple[pages.Cell, ...]:
     rate = f"{1 / step:.3g} Hz" if step > 0 else "–"
     ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]
     low, high = (digits(float(end) * unit.factor, 3) for end in ends)
-    missing = percent(float(1 - present.mean())) if not present.all() else ""
+    missing = percent(fraction) if (fraction := missing_fraction(time, values)) else ""
     return name, unit.name, rate, low, high, missing, course(time, values)

@@ -10,6 +10,8 @@ from fifthwheel.errors import SignalError
 
 MAX_BACKWARD_STEP = 1.0
 """s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""
+ENDS = 1.0
+"""s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
 _MAX_RESTARTS = 16
 """Restarts of the time that a piece of samples may have."""
 
@@ -113,3 +115,33 @@ class TimestampFilter:
             for clock, count in self._dropped.items()
             if count
         ]
+
+
+def missing_steps(time: Array, values: Array) -> tuple[Array, Array]:
+    """Edges (n + 2,), s, of the steps between the n present samples of a channel (N,), and the time that is missing in
+    each, (n + 1,), s; n is at least 2.
+
+    Missing samples are counted against the channel's own sampling period, the 30 % quantile of its steps: a channel of
+    a lower rate than the rows, or one that is held, is complete. No sample is missing between two successive instants
+    of the record, nor within `ENDS` of its first and last instant.
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    period = float(np.quantile(np.diff(time[rows]), 0.3))
+    edges = np.concatenate([[time[0] - period], time[rows], [time[-1] + period]])
+    apart = np.diff(np.concatenate([[-1], rows, [time.size]])) > 1
+    steps = np.diff(edges)
+    missing = np.where(apart & (steps > 1.5 * period), steps - period, 0.0)
+    missing[[0, -1]] = np.maximum(missing[[0, -1]] - ENDS, 0.0)
+    return edges, missing
+
+
+def missing_fraction(time: Array, values: Array) -> float:
+    """Fraction of the time (N,), s, in which samples (N,) are missing, as `missing_steps` counts them; 1 with less than
+    2 samples.
+
+    >>> missing_fraction(np.arange(5.0), np.array([0.0, np.nan, 1.0, np.nan, 2.0]))
+    0.0
+    """
+    if np.isfinite(values).sum() < 2:
+        return 1.0
+    return float(missing_steps(time, values)[1].sum() / (time[-1] - time[0]))

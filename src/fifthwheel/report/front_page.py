@@ -11,6 +11,7 @@ from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import enumerated, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.identify.result.display import DERIVED
 from fifthwheel.pages.html import text
 from fifthwheel.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
@@ -108,7 +109,10 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
                 unit.name,
                 relative(e.value, e.sigma),
                 pages.Mark(
-                    spoken_verdict(e.verdict), e.verdict, mark(e), "" if e.verdict is Verdict.CONVERGED else "off"
+                    spoken_verdict(e.verdict) + (DERIVED if e in identification.derived else ""),
+                    e.verdict,
+                    mark(e),
+                    "" if e.verdict is Verdict.CONVERGED else "off",
                 ),
                 _picture(e, files.get(e.name)),
             )

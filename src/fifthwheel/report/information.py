@@ -142,6 +142,8 @@ def _notes(outlook: InformationAssessment) -> Iterator[str]:
     if any(remedy.drive == "lane_change" for remedy in remedies):
         speed = f"{3.6 * outlook.speed:.0f} km/h"
         yield f"One more lane change: SAE J2179, 1.5 m lateral offset within 61 m, at {speed}."
+    if outlook.sensors:
+        yield "One more sensor: in the order of the mean reduction of sigma, of its logarithm over all parameters."
     yield from explain_known(remedies)
     variances: dict[str, list[float]] = {}
     for noise in outlook.noise.values():

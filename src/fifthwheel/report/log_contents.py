@@ -11,13 +11,14 @@ from fifthwheel.formatting import digits, percent
 from fifthwheel.logs.mapping.propose import MapProposal
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.record import Record
+from fifthwheel.record.timestamps import missing_fraction
 
 
 def survey_document(survey: LogSurvey, proposal: MapProposal) -> pages.Document:
-    """Each column of a log with unit, rate, range and missing samples, and the signal it is proposed for."""
+    """Each column of a log with unit, rate, range and empty cells, and the signal it is proposed for."""
     duration = survey.stop - survey.start
     span = f", {duration:.1f} s" if np.isfinite(duration) else ""
-    heads = ("Column", "Unit", "Hz>", "From>", "To>", "Missing>", "Proposed for")
+    heads = ("Column", "Unit", "Hz>", "From>", "To>", "Empty>", "Proposed for")
     blocks = (
         pages.Headline(f"{survey.name}: {len(survey.contents)} columns{span}"),
         pages.Table(heads, list(_columns(survey, proposal))),
@@ -37,7 +38,7 @@ def _columns(survey: LogSurvey, proposal: MapProposal) -> Iterator[tuple[str, ..
 
 
 def column_cells(content: ColumnContent) -> tuple[str, str, str, str, str]:
-    """Unit, rate, range and missing samples of a column."""
+    """Unit, rate, range and the fraction of empty cells of a column."""
     unit, rate = content.column.unit or "", f"{content.rate:.3g}" if np.isfinite(content.rate) else "–"
     if content.fault:
         return unit, rate, "text", "", ""
@@ -64,5 +65,5 @@ def _signals(record: Record) -> Iterator[tuple[str, ...]]:
         for name, values in columns.items():
             finite = values[np.isfinite(values)]
             numbers = [digits(v) for v in (finite.min(), finite.max(), finite.mean())] if finite.size else ["–"] * 3
-            missing = percent(1 - finite.size / values.size) if finite.size else "all"
+            missing = percent(missing_fraction(record.time, values)) if finite.size else "all"
             yield f"{prefix}{name}", si_unit(name) or "", *numbers, missing

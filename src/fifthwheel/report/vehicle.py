@@ -7,7 +7,7 @@ from fifthwheel.checks.axle_loads import StaticLoad
 from fifthwheel.diagnose.assumptions import AssumedNumber
 from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
-from fifthwheel.identify.longitudinal import GrossMass
+from fifthwheel.identify.longitudinal import CONTRADICTION, GrossMass
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
@@ -70,6 +70,10 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
 
 def mass_document(result: GrossMass, before: tuple[float, float], deviation: float) -> pages.Document:
     """The gross mass in ordinary driving with its parts of sigma, and that of the vehicle file."""
+    agrees, difference = deviation <= CONTRADICTION, result.mass - before[0]
+    side = f"{abs(difference) / 1e3:.1f} t too {'light' if difference > 0 else 'heavy'}"
+    verdict = "The vehicle file agrees with the driving" if agrees else f"The vehicle file is {side}"
+    found, file = (with_sigma(m / 1e3, s / 1e3, "t") for m, s in ((result.mass, result.sigma), before))
     rows = [
         (
             "ordinary driving",
@@ -82,6 +86,7 @@ def mass_document(result: GrossMass, before: tuple[float, float], deviation: flo
     return pages.Document(
         "Gross mass",
         [
+            pages.Headline(f"{verdict}: the gross mass is {found}, in the file {file}.", agrees),
             pages.Table(("Gross mass by", "Mass>", ""), rows),
             pages.Table(("Sigma comes from", "Part>"), parts, label="Parts of sigma"),
         ],

@@ -148,8 +148,9 @@ def _require_plausible(path: str, value: float, written: Any, si: str, limits: t
     """Raise a VehicleError where a number is outside the range of road vehicles."""
     low, high = limits
     if not low <= value <= high:
+        unit = "" if si == "1" else f" {si}"
         raise VehicleError(
-            f"{path}: expected {low:g} to {high:g} {si}, the range of road vehicles, got {written}; check the number"
+            f"{path}: expected {low:g} to {high:g}{unit}, the range of road vehicles, got {written}; check the number"
             " and its unit"
         )
 

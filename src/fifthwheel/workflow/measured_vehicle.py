@@ -8,8 +8,9 @@ from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.formatting import with_sigma
 from fifthwheel.identify.knowledge.load import with_payload
-from fifthwheel.identify.longitudinal import GrossMass, gross_mass, has_driving
+from fifthwheel.identify.longitudinal import GrossMass, gross_mass, mass_of_file
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.identify.verdict import Verdict
@@ -21,8 +22,6 @@ from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
-CONTRADICTION = 3.0
-"""Largest usual difference of two gross masses, in joint standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -179,13 +178,6 @@ class DrivenVehicle:
         return {"gross_mass": asdict(self.result), "vehicle_file": file}
 
 
-def gross_mass_of_file(vehicle: Vehicle) -> tuple[float, float]:
-    """Mass of the whole vehicle by its file, kg, and its standard deviation."""
-    totals = [f"{unit.name}.mass" for unit in vehicle.units]
-    sigmas = [sum(change.slopes.get(path, 0.0) for path in totals) for change in changes(vehicle)]
-    return sum(unit.mass for unit in vehicle.units), math.hypot(*sigmas)
-
-
 def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | None = None) -> DrivenVehicle:
     """The vehicle with the payload that follows from its gross mass in ordinary driving; see `identify.longitudinal`.
 
@@ -199,11 +191,11 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
         SignalError: the logs do not determine the mass.
         VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
     """
-    result, before = gross_mass(records, vehicle), gross_mass_of_file(vehicle)
+    result, before = gross_mass(records, vehicle), mass_of_file(vehicle)
     if result.verdict is not Verdict.CONVERGED:
         raise SignalError(
-            f"{records[0].name}: the gross mass is {result.mass / 1e3:.1f} t ± {result.sigma / 1e3:.1f} t, which is not"
-            " better than a guess; log a drive with gear changes and accelerations"
+            f"{records[0].name}: the gross mass is {with_sigma(result.mass / 1e3, result.sigma / 1e3, 't')}, which is"
+            " not better than a guess; log a drive with gear changes and accelerations"
         )
     payload = sum(unit.payload.mass for unit in vehicle.units if unit.payload) + result.mass - before[0]
     if payload <= 0:
@@ -218,33 +210,25 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
     if body not in loaded.stated:
         stated[body] = DEFAULT_SIGMAS["mass"].sigma * unit.sprung.mass
     source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
-    loaded = loaded.with_stated(stated).model_copy(update={"source": source})
+    assumed = {path: reason for path, reason in loaded.assumed.items() if path != f"{unit.name}.mass"}
+    loaded = loaded.with_stated(stated).model_copy(update={"source": source, "assumed": assumed})
+    loaded = _rounded(loaded, vehicle)
     return DrivenVehicle(
         vehicle=loaded, result=result, before=before, text=None if text is None else edited(text, loaded)
     )
 
 
+def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
+    """The numbers that differ from those before with 6 significant digits, and their standard deviations with 3."""
+    values, old = vehicle.parameters(), before.parameters()
+    fields = vehicle.fields_with({p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)})
+    fields["stated"] = {p: s if s == before.stated.get(p) else float(f"{s:.3g}") for p, s in vehicle.stated.items()}
+    return Vehicle(**fields)
+
+
 def _mass_of_others(change: Change, laden: str, vehicle: Vehicle) -> float:
     """Mass that a change alters on all units but one, kg."""
     return sum(change.slopes.get(f"{unit.name}.mass", 0.0) for unit in vehicle.units if unit.name != laden)
-
-
-def mass_difference(vehicle: Vehicle, records: Sequence[Record]) -> str:
-    """That the gross mass of logs is not that of the vehicle file, by more than 3 joint sigma; "" if it is, or if the
-    logs do not determine it."""
-    driven = [record for record in records if has_driving(record)]
-    try:
-        result = gross_mass(driven, vehicle) if driven else None
-    except SignalError:
-        return ""
-    mass, sigma = gross_mass_of_file(vehicle)
-    if result is None or result.verdict is not Verdict.CONVERGED or result.deviation(mass, sigma) <= CONTRADICTION:
-        return ""
-    return (
-        f"{', '.join(record.name for record in driven)}: the gross mass is {result.mass / 1e3:.1f} ±"
-        f" {result.sigma / 1e3:.1f} t by the forces, and {mass / 1e3:.1f} ± {sigma / 1e3:.1f} t by the vehicle file;"
-        " stiffnesses scale with it; `fifthwheel mass` takes the payload from the log"
-    )
 
 
 def weigh_vehicle(

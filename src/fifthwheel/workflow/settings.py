@@ -170,5 +170,6 @@ _FRACTION = "NAME=FRACTION, such as roll_stiffness=10%"
 def _fraction(text: str, below: float) -> float:
     value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
     if not 0 <= value < below:
-        raise FifthwheelError(f"expected a fraction from 0 to below 1; {text} is {100 * value:g} %")
+        given = text if text.endswith("%") else f"{text}, which is {100 * value:g}%"
+        raise FifthwheelError(f"expected 0% or more and below {100 * below:g}%, got {given}; write 5% or 0.05")
     return value

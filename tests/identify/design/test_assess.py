@@ -22,6 +22,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
+from fifthwheel.report.information import information_document
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 from tests.identify.conftest import without
@@ -328,6 +329,9 @@ def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
     assert {name.split(".")[0] for name in alone.sensors} >= {"articulation", "lateral_acceleration"}
     without_effect = alone[HEIGHT]
     assert alone.sensors[added][HEIGHT] == pytest.approx(without_effect.prior), "not identifiable even then"
+    means = [np.log(list(sigmas.values())).mean() for sigmas in alone.sensors.values()]
+    assert means == sorted(means), "the order that the page states"
+    assert "One more sensor: in the order of the mean reduction of sigma" in str(information_document(alone))
 
 
 def test_a_complete_log_needs_no_other_sensor(assessment):

@@ -307,5 +307,15 @@ def test_sizes_of_candidate_runs() -> None:
     for speeds in ((5.0, 40.0), (20.0,)):
         assert DesignSettings(speeds=speeds).speeds == speeds
     for speeds in ((5.0 * BELOW, 20.0), (20.0, 40.0 * ABOVE)):
-        with pytest.raises(ValueError, match="expected 18 to 144 km/h"):
+        with pytest.raises(ValueError, match="expected road speeds of 18 to 144 km/h"):
             DesignSettings(speeds=speeds)
+
+
+def test_a_highest_speed_is_tried_if_it_is_above_the_usual_ones() -> None:
+    usual = DesignSettings().speeds
+    assert DesignSettings().up_to(88 / 3.6).speeds == usual
+    assert DesignSettings().up_to(70 / 3.6).speeds == usual[:2]
+    assert DesignSettings().up_to(40 / 3.6).speeds == (40 / 3.6,)
+    assert DesignSettings().up_to(100 / 3.6).speeds == (*usual, 100 / 3.6)
+    with pytest.raises(ValueError, match="--max-speed: expected road speeds of 18 to 144 km/h, got 150 km/h"):
+        DesignSettings().up_to(150 / 3.6)

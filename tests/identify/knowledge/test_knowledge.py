@@ -158,6 +158,21 @@ def test_a_payload_that_does_not_exist(mass):
         fw.with_payload(TRUCK, mass)
 
 
+def test_tyres_keep_their_relative_uncertainty_with_another_payload():
+    """Stated ones, and those of a class, which stay assumed."""
+    stated, assumed = "tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness"
+    value = TRUCK.parameters()
+    known = TRUCK.model_copy(
+        update={"stated": {stated: 0.05 * value[stated], assumed: 0.2 * value[assumed]}, "assumed": {assumed: "class"}}
+    )
+    half = fw.with_payload(known, 10e3)
+    after = half.parameters()
+    assert after[stated] < 0.9 * value[stated]
+    assert half.stated[stated] == pytest.approx(0.05 * after[stated])
+    assert half.stated[assumed] == pytest.approx(0.2 * after[assumed])
+    assert half.assumed == known.assumed
+
+
 def test_with_payload_keeps_the_unladen_vehicle():
     half, again = fw.with_payload(TRUCK, 10e3), fw.with_payload(fw.with_payload(TRUCK, 10e3), 20122.0)
     before, after, back = TRUCK.parameters(), half.parameters(), again.parameters()

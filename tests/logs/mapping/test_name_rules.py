@@ -38,15 +38,15 @@ CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
         ("VDC2_LatAccel_3E", "m/s^2", LATERAL_ACCELERATION),
         ("EBC2_MeanSpdFA_0B", "km/h", "wheel_speed.tractor.front"),
         ("TCO1_VehSpd_EE", "km/h", SPEED),
-        ("EEC1_EngSpd_00", "rpm", None),
+        ("EEC1_EngSpd_00", "rpm", "engine_speed"),
         ("EEC2_AccPedalPos1_00", "%", None),
         ("TSRSpeedLimit", "km/h", None),
     ],
     # CSS Electronics: J1939 demo database and canmod-gps.dbc of the CANmod.gps and CANedge (api-examples)
     "CANedge": [
         ("WheelBasedVehicleSpeed", "km/h", SPEED),
-        ("EngineSpeed", "rpm", None),
-        ("EngineSpeed", None, None),
+        ("EngineSpeed", "rpm", "engine_speed"),
+        ("EngineSpeed", None, "engine_speed"),
         ("Speed", "m/s", SPEED),
         ("SpeedAccuracy", "m/s", None),
         ("SpeedValid", None, None),
@@ -180,8 +180,8 @@ CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
     # Vector: vehicle.dbc of the CANoe demonstration; Toyota of opendbc (_toyota_2017.dbc)
     "databases of cars": [
         ("CarSpeed", "km/h", SPEED),
-        ("EngSpeed", "rpm", None),
-        ("EngSpeed", None, None),
+        ("EngSpeed", "rpm", "engine_speed"),
+        ("EngSpeed", None, "engine_speed"),
         ("YAW_RATE", "deg/s", YAW_RATE),
         ("STEER_ANGLE", "deg", STEER),
         ("STEER_FRACTION", "deg", None),
@@ -193,7 +193,7 @@ CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
     # Dewesoft: Example_Drive01.d7d of dwdatareader
     "Dewesoft": [
         ("GPSvel", "km/h", SPEED),
-        ("ENG_RPM", "rpm", None),
+        ("ENG_RPM", "rpm", "engine_speed"),
     ],
     # Tests of articulated vehicles with devices on both units
     "articulated vehicles": [
@@ -269,6 +269,27 @@ CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
         ("WindSpeed", "m/s", None),
         ("delta_t", "s", None),
         ("deltaQ", None, None),
+    ],
+    # J1939-71, the package's own database, and names of ours
+    "driving": [
+        ("EEC1.actual_engine_percent_torque", "%", "engine_torque"),
+        ("EEC1_DriversDemandEnginePercentTorque", "%", None),
+        ("EngineReferenceTorque", "N m", None),
+        ("EEC3.nominal_friction_percent_torque", "%", "friction_torque"),
+        ("ETC1.driveline_engaged", None, "driveline_engaged"),
+        ("CCVS.brake_switch", None, "braking.tractor"),
+        ("CCVS.parking_brake_switch", None, None),
+        ("EBC1.asr_brake_control_active", None, None),
+        ("ERC1.actual_retarder_percent_torque", "%", "braking.tractor.retarder"),
+        ("Motordrehzahl", "1/min", "engine_speed"),
+        ("wheel_rpm", "rpm", None),
+        ("Motormoment", "Nm", "engine_torque"),
+        ("Couple_moteur", "N m", "engine_torque"),
+        ("steering_motor_torque", "Nm", None),
+        ("engine_torque_mode", None, None),
+        ("Bremslicht", None, "braking.tractor"),
+        ("brake_pressure", "bar", None),
+        ("road_grade", "%", "grade"),
     ],
 }
 TABLE = [(group, *channel) for group, channels in CHANNELS.items() for channel in channels]

@@ -1,12 +1,15 @@
 """Proposed maps of logs with other names, units and signs."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.logs.mapping.survey import survey_log
 from fifthwheel.logs.readers import open_log
+from fifthwheel.plant.driving import DrivenTruck, drive
+from fifthwheel.report.log_contents import record_document, survey_document
 
 DEGREE = np.pi / 180
 COLUMNS = {
@@ -177,6 +180,58 @@ def test_a_survey_has_units_and_statistics_of_columns(tmp_path, weaving):
     assert (speed.low, speed.high) == pytest.approx((values.min(), values.max()), rel=1e-5)
     assert (speed.mean, speed.sigma) == pytest.approx((values.mean(), values.std()), rel=1e-4)
     assert (survey.start, survey.stop) == pytest.approx(weaving.span)
+
+
+def test_the_signals_of_a_mass_from_driving_are_proposed(tmp_path):
+    """Engine speed in rpm without its unit, torque in percent of a reference, and no lateral signal."""
+    record = drive(DrivenTruck(mass=30e3), duration=60.0, rate=10.0)
+    signals = record.signals
+    columns = {
+        "time": record.time,
+        "WheelBasedVehicleSpeed [m/s]": signals["speed"],
+        "EngineSpeed": signals["engine_speed"] * 30 / np.pi,
+        "ActualEnginePercentTorque [%]": signals["engine_torque"] / 25,
+        "DrivelineEngaged": signals["driveline_engaged"],
+        "BrakeSwitch": signals["braking.tractor"],
+    }
+    path = tmp_path / "drive.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    _, proposal = survey_and_proposal(path)
+    named = {"engine_speed", "driveline_engaged", "braking.tractor"}
+    assert set(proposal.signals.signals) == {"speed", *named}
+    assert proposal.signals.signals["engine_speed"].unit == "rpm"
+    only, relative = proposal.missing
+    assert relative == (
+        "engine_torque: ActualEnginePercentTorque is in percent of a reference that the log does not have; map it with "
+        'unit = "N m" and gain = reference in N m / 100'
+    )
+    columns["EngineTorque [N m]"] = signals["engine_torque"]
+    pd.DataFrame(columns).to_csv(path, index=False)
+    _, proposal = survey_and_proposal(path)
+    assert proposal.missing == (only,)
+    assert only.startswith("steer.tractor.front and yaw_rate.tractor: not found; this log gives the gross mass only")
+    assert [finding.fault for finding in proposal.findings] == ["zero speed"]
+
+
+def test_a_held_column_has_the_rate_of_its_new_values(tmp_path, weaving):
+    """12.5 Hz in a table of 50 Hz; one empty row at the start of a pause is one cell, and as long as the pause."""
+    rate = weaving.signals["yaw_rate.tractor"]
+    held = rate[np.arange(rate.size) // 4 * 4]
+    frame = pd.DataFrame({"time": weaving.time, "yaw_rate.tractor": held, "roll_rate.tractor": rate})
+    frame = pd.concat([frame.iloc[:500], pd.DataFrame({"time": [frame.time[499] + 0.1]}), frame.iloc[600:]])
+    path = tmp_path / "held.csv"
+    frame.to_csv(path, index=False)
+    survey, proposal = survey_and_proposal(path)
+    rates = [survey.contents[name].rate for name in ("yaw_rate.tractor", "roll_rate.tractor")]
+    assert rates == pytest.approx([12.5, 50.0], rel=0.02)
+    assert "Empty" in str(survey_document(survey, proposal))
+    record = read_log(path)
+    missing = [
+        row.split()[-2:] for row in str(record_document(record, ())).splitlines() if row.startswith(("yaw", "roll"))
+    ]
+    expected = 100 * 2.0 / (record.time[-1] - record.time[0])
+    assert [unit for _, unit in missing] == ["%", "%"]
+    assert [float(value) for value, _ in missing] == pytest.approx([expected, expected], rel=0.05)
 
 
 def test_a_log_without_known_channels(tmp_path):

@@ -245,7 +245,7 @@ def _table(log: StoredLog, survey: LogSurvey, shown: Sequence[str], draw: Callab
         place = ui.element("div").classes("fw-scroll fw-channels")
         with place, ui.element("table").props('aria-label="Channels"'):
             with ui.element("thead"), ui.element("tr"):
-                for head in ("Plot", "Channel", "Unit", "Hz", "From", "To", "Missing", "Course"):
+                for head in ("Plot", "Channel", "Unit", "Hz", "From", "To", "Empty", "Course"):
                     with ui.element("th").props("scope=col"):
                         ui.label(head)
             with ui.element("tbody"):

@@ -16,6 +16,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.longitudinal import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
@@ -74,8 +75,9 @@ class InformationAssessment:
     """Log and finding of the signal checks, errors first."""
     parameters: tuple[ParameterAssessment, ...]
     sensors: Mapping[str, Mapping[str, float]]
-    """Predicted sigma of the parameters, SI, with one more signal that would improve one of them, by signal, the best
-    first; the prior sigma of a parameter that would not be identifiable."""
+    """Predicted sigma of the parameters, SI, with one more signal that would improve one of them, by signal, in the
+    order of the mean reduction of the logarithm of sigma; of a parameter that would not be identifiable, the prior
+    sigma."""
     noise: Mapping[str, Mapping[str, float]]
     """Assumed noise variance by log and channel, SI squared."""
     cautions: tuple[str, ...]
@@ -156,6 +158,7 @@ def assess_information(
     expect_optional("settings", settings, OneStage)
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
+    findings += [] if checked else [(str(finding.log), finding) for finding in mass_findings(records, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:
         dataset = prepare_dataset(records, vehicle, settings, findings=False)

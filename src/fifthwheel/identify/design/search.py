@@ -19,6 +19,10 @@ from fifthwheel.manoeuvres.linear import lateral_acceleration
 from fifthwheel.settings import Count, NonNegative, Positive, Settings
 from fifthwheel.vehicle import Vehicle
 
+SPEED_RANGE = (5.0, 40.0)
+"""m/s, of a run."""
+ROAD_SPEEDS = f"expected road speeds of {3.6 * SPEED_RANGE[0]:.0f} to {3.6 * SPEED_RANGE[1]:.0f} km/h"
+
 
 @dataclass(frozen=True, kw_only=True)
 class DesignSettings(Settings):
@@ -51,13 +55,22 @@ class DesignSettings(Settings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not 5 <= min(self.speeds) <= max(self.speeds) <= 40:
+        if not SPEED_RANGE[0] <= min(self.speeds) <= max(self.speeds) <= SPEED_RANGE[1]:
             given = ", ".join(f"{3.6 * speed:.0f}" for speed in self.speeds)
-            raise SignalError(f"speed: expected 18 to 144 km/h, got {given} km/h; the linear model needs road speeds")
+            raise SignalError(f"speed: {ROAD_SPEEDS}, got {given} km/h; the linear model needs them")
 
     def up_to(self, speed: float) -> "DesignSettings":
-        """These settings with the candidate speeds up to a highest one, m/s, or with that one if all are higher."""
-        return replace(self, speeds=tuple(v for v in self.speeds if v < speed + 0.01) or (speed,))
+        """These settings with the candidate speeds up to a highest one, m/s, and with that one if all are higher or
+        lower.
+
+        Raises:
+            SignalError: it is no road speed.
+        """
+        if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
+            raise SignalError(f"--max-speed: {ROAD_SPEEDS}, got {3.6 * speed:.4g} km/h; the linear model needs them")
+        slower = tuple(v for v in self.speeds if v < speed + 0.01)
+        is_new = not slower or speed > max(self.speeds) + 0.01
+        return replace(self, speeds=(*slower, speed) if is_new else slower)
 
     @property
     def sizes(self) -> tuple[float, ...]:

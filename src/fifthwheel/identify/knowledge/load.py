@@ -19,8 +19,9 @@ LOAD_POSITION = 0.5
 def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     """The vehicle with another payload in its only unit with one.
 
-    The unladen masses stay. The yaw inertia follows the mass of the unit, and `OF_TYRE_LOAD` the load of the tyres. The
-    CoG stays, with the uncertainty of a load whose CoG is
+    The unladen masses stay. The yaw inertia follows the mass of the unit, and `OF_TYRE_LOAD` the load of the tyres,
+    whether measured, stated or assumed from a class: the tyres are the same. Their standard deviations keep their
+    fraction of the value, and what is assumed stays assumed. The CoG stays, with the uncertainty of a load whose CoG is
     `LOAD_POSITION` from that of the unit.
 
     Args:
@@ -53,9 +54,12 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     changed["payload"] = changed["payload"] | {"mass": mass} if mass else None
     content["stated"] = _stated(vehicle, unit.name, abs(before - mass) / after, laden=mass > 0)
     other = Vehicle(**content)
-    old, new = load_factors(vehicle), load_factors(other)
-    values = vehicle.parameters()
-    return other.replace({p: values[p] * new[p] / old[p] for p in old if p in new and p in values})
+    old, new, values = load_factors(vehicle), load_factors(other), vehicle.parameters()
+    factors = {path: new[path] / old[path] for path in old if path in new and path in values}
+    content = other.fields_with({path: values[path] * factor for path, factor in factors.items()})
+    factors[f"{unit.name}.yaw_inertia"] = after / unit.mass
+    content["stated"] = {path: sigma * factors.get(path, 1.0) for path, sigma in other.stated.items()}
+    return Vehicle(**content)
 
 
 def _stated(vehicle: Vehicle, unit: str, fraction: float, *, laden: bool) -> dict[str, Any]:

@@ -20,16 +20,20 @@ FILTER_BAND = "± 1 sigma at that time"
 FINAL_SIGMA = "final ± 1 sigma, as in the table"
 
 
-def estimates_table(estimates: Iterable[Estimate]) -> pages.Table:
+DERIVED = ", derived"
+"""Behind the verdict of an estimate that follows from the parameters."""
+
+
+def estimates_table(parameters: Iterable[Estimate], derived: Sequence[Estimate] = ()) -> pages.Table:
     """Name, value with sigma and unit, sigma in per cent, and verdict of each estimate."""
     rows = [
         (
             e.name,
             with_sigma(e.value, e.sigma, e.unit),
             relative(e.value, e.sigma).removesuffix(" %").replace("> ", ">"),
-            pages.Mark(e.verdict.replace("_", " "), e.verdict),
+            pages.Mark(e.verdict.replace("_", " ") + (DERIVED if e in derived else ""), e.verdict),
         )
-        for e in estimates
+        for e in (*parameters, *derived)
     ]
     return pages.Table(("Parameter", "Value>", "± %>", "Verdict"), rows)
 

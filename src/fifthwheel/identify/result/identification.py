@@ -312,7 +312,7 @@ class Identification(IdentificationData):
         return notebook(self._document())
 
     def _document(self) -> pages.Document:
-        estimates = display.estimates_table((*self.parameters, *self.derived))
+        estimates = display.estimates_table(self.parameters, self.derived)
         doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
         return pages.Document(self._title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
 

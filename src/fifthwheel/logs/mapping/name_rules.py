@@ -26,6 +26,10 @@ class ColumnHint:
     """The unit at the end of the name: km/h of v_kmh."""
     side: str = ""
     """Place of a wheel or axle: "front.left", "rear"."""
+    part: str = ""
+    """Part of the signal by its name: retarder."""
+    is_relative: bool = False
+    """Whether it is in percent of a reference value that the log does not have."""
     words: str = ""
     """Words of the name and its source, with "_" before, between and after them."""
     number: int | None = None
@@ -50,7 +54,7 @@ class ColumnHint:
             return f"{quantity}.{unit}.front" if unit == units[0] else f"{quantity}.{unit}"
         if self.channel.of == "part" and self.side:
             return f"{quantity}.{unit}.{self.side}"
-        return f"{quantity}.{unit}"
+        return f"{quantity}.{unit}.{self.part}" if self.part else f"{quantity}.{unit}"
 
     def _unit(self, units: Sequence[str]) -> str:
         """The unit that the name contains, else the one with its number, else the last one for a towed unit."""
@@ -138,9 +142,10 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
     name, source = split_source(column)
     base, ending = named_unit(name)
     words, last_part = f"_{_DEVICE.sub('', base)}_", f"_{normalised_name(re.split('[./]', name)[-1])}_"
-    if _NEVER.search(last_part):
-        return None
+    is_other = bool(_NEVER.search(last_part))
     for channel, rule in _RULES:
+        if is_other and not (rule.own and not _NEVER.search(re.sub(rule.own, "", last_part))):
+            continue
         if not re.search(rule.pattern, words) or (rule.excluded and re.search(rule.excluded, words)):
             continue
         if not _fits(unit or ending, channel):
@@ -156,6 +161,8 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
             unit=ending,
             steering_wheel=channel is STEER and is_steering_wheel,
             side=".".join(side for side, tokens in _SIDES.items() if tokens & set(base.split("_"))),
+            part=rule.part,
+            is_relative=channel.percent == "reference" and ((unit or "").strip() == "%" or "percent" in words),
         )
     return None
 
@@ -219,7 +226,7 @@ def _fits(unit: str | None, channel: Channel) -> bool:
     if unit is None or unit.strip() in NO_UNIT:
         return True
     if unit.strip() == "%":
-        return False
+        return channel.percent is not None
     try:
         factor(unit, channel.unit)
     except UnitError:

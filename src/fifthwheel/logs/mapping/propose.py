@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel.channels import (
     AXLE_LOAD,
+    ENGINE_SPEED,
     MOTION,
     SIDESLIP,
     SPEED,
@@ -17,6 +18,7 @@ from fifthwheel.channels import (
     YAW_RATE,
     SignalName,
     is_of,
+    missing_for_mass,
     names_of,
 )
 from fifthwheel.checks.findings import Finding
@@ -37,6 +39,8 @@ _MAX_LAG = 1.5
 """s"""
 _SIDESLIP = 0.1
 """rad; the sideslip angle of a truck has a smaller standard deviation."""
+_ENGINE_SPEED = 400.0
+"""rad/s; the engine of a truck is slower, and one that idles is faster in rpm."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,7 +73,7 @@ def propose_map(
     """
     named = SignalMap.of_columns(survey.contents)
     mapped = {channel.column for part in named for channel in part.values()}
-    candidates, axle_loads = _candidates(survey, units, mapped)
+    candidates, axle_loads, relative = _candidates(survey, units, mapped)
     towed_reason = _assign_towed_gyro(log, survey, candidates, units)
     signals, reference = ({**part} for part in named)
     reasons = {signal: "the column has this name" for part in named for signal in part}
@@ -82,7 +86,7 @@ def propose_map(
             part = reference if best.channel.proposed == "reference" else signals
             sensor = best.sensor if part is signals else ""
             part[signal] = SignalSource(column=best.column, unit=None if unit == log_unit else unit, sensor=sensor)
-            by_magnitude = "; unit deg by its magnitude" if unit not in (log_unit, best.unit) else ""
+            by_magnitude = f"; unit {unit} by its magnitude" if unit not in (log_unit, best.unit) else ""
             reasons[signal] = f"by its name{'' if unit is None else f', in {unit}'}{by_magnitude}"
         others[signal] = [hint.column for hint in hints if hint is not best]
     if towed_reason:
@@ -102,7 +106,11 @@ def propose_map(
         signals=proposed,
         reasons=reasons,
         others={signal: columns for signal, columns in others.items() if columns},
-        missing=(*missing_signals(proposed, units), *_rates_of_unknown_axes(proposed, survey)),
+        missing=(
+            *missing_signals(proposed, units, relative),
+            *[text for signal, text in relative.items() if signal not in proposed.signals],
+            *_rates_of_unknown_axes(proposed, survey),
+        ),
         findings=findings,
     )
 
@@ -148,10 +156,10 @@ def _quoted(text: str) -> str:
 
 def _candidates(
     survey: LogSurvey, units: Sequence[str], mapped: Container[str | None]
-) -> tuple[dict[str, list[ColumnHint]], list[str]]:
-    """Candidate columns by signal, and columns with axle loads of an unknown axle."""
+) -> tuple[dict[str, list[ColumnHint]], list[str], dict[str, str]]:
+    """Candidate columns by signal, columns with axle loads of an unknown axle, and sentences on relative columns."""
     candidates: dict[str, list[ColumnHint]] = {}
-    axle_loads = []
+    axle_loads, relative = [], dict[str, str]()
     for name, hint in classify_columns({n: content.column.unit for n, content in survey.contents.items()}).items():
         signal = hint.signal(units)
         if signal is None or not survey.contents[name].alive or name in mapped:
@@ -160,15 +168,23 @@ def _candidates(
             continue
         if hint.channel is AXLE_LOAD and not hint.trailing:
             axle_loads.append(name)
+        elif hint.is_relative:
+            unit = hint.channel.unit
+            cure = f'map it with unit = "{unit}" and gain = reference in {unit} / 100'
+            relative[signal] = f"{signal}: {name} is in percent of a reference that the log does not have; {cure}"
         else:
             candidates.setdefault(signal, []).append(hint)
-    return candidates, axle_loads
+    return candidates, axle_loads, relative
 
 
 def _unit(hint: ColumnHint, content: ColumnContent) -> str | None:
-    """The unit of a column: of the file, else of its name; degrees for a sideslip angle that is too large for rad."""
+    """The unit of a column: of the file, else of its name; degrees for a sideslip angle that is too large for rad, rpm
+    for an engine speed in 1/min or one that is too large for rad/s."""
     unit = content.column.unit or hint.unit
-    is_angle = hint.channel is SIDESLIP and (unit is None or unit.strip() in (*NO_UNIT, "rad"))
+    has_none = unit is None or unit.strip() in NO_UNIT
+    if hint.channel is ENGINE_SPEED and (unit == "1/min" or (has_none and content.high > _ENGINE_SPEED)):
+        return "rpm"
+    is_angle = hint.channel is SIDESLIP and (has_none or unit == "rad")
     return "deg" if is_angle and content.sigma > _SIDESLIP else unit
 
 
@@ -267,9 +283,14 @@ def _rates_of_unknown_axes(proposed: SignalMap, survey: LogSurvey) -> list[str]:
     return [f"columns with the unit of a rate, of an unknown axis: {', '.join(rates[:6])}"]
 
 
-def missing_signals(proposed: SignalMap, units: Sequence[str]) -> list[str]:
-    """Sentences on the signals that an estimator needs and the map does not have."""
-    needed = {"speed": [SPEED], f"steer.{units[0]}.front": [STEER], f"yaw_rate.{units[0]}": MOTION}
+def missing_signals(proposed: SignalMap, units: Sequence[str], others: Iterable[str] = ()) -> list[str]:
+    """Sentences on the signals that an estimator needs and the map does not have; `others` are in the log too."""
+    front, yaw_rate = f"steer.{units[0]}.front", f"yaw_rate.{units[0]}"
+    if not missing_for_mass([*proposed.signals, *others]) and not any(
+        is_of(name, STEER, *MOTION) for name in proposed.signals
+    ):
+        return [f"{front} and {yaw_rate}: not found; this log gives the gross mass only (fifthwheel mass)"]
+    needed = {"speed": [SPEED], front: [STEER], yaw_rate: MOTION}
     missing = [
         f"{name}: not found; every estimator needs it"
         for name, any_of in needed.items()

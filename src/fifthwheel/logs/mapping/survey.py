@@ -8,6 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import printable
 from fifthwheel.logs.source import Column, LogSource, ReadProgress, no_progress
+from fifthwheel.record.held import Renewals
 from fifthwheel.record.timestamps import typical_step
 
 
@@ -17,10 +18,12 @@ class ColumnContent:
 
     column: Column
     samples: int
-    """Number of samples, missing ones included."""
+    """Number of cells, empty ones included."""
     missing: int
+    """Number of cells without a number."""
     rate: float
-    """Sampling rate, Hz, from the typical step of its time base; NaN without time."""
+    """Sampling rate, Hz, from the typical step of its time base, or of the new values where it is held; NaN without
+    time."""
     low: float
     high: float
     mean: float
@@ -52,23 +55,28 @@ class LogSurvey:
 def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurvey:
     """The survey of an open log, which is read completely."""
     moments = {name: _Moments() for name in log.columns}
+    renewals = {name: Renewals() for name in log.columns}
     steps: dict[str, list[float]] = {}
     start, stop = np.inf, -np.inf
     rows = log.row_time
     for chunk in log.chunks(list(log.columns)):
-        time = log.times(chunk, rows)
-        time = np.empty(0) if time is None else time[np.isfinite(time)]
+        instants = log.times(chunk, rows)
+        time = np.empty(0) if instants is None else instants[np.isfinite(instants)]
         if time.size:
             start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
         if time.size > 1:
             steps.setdefault(chunk.clock, []).append(typical_step(time))
         for name, values in chunk.values.items():
             moments[name].add(values)
+            if instants is not None:
+                renewals[name].push(instants, values)
         progress(chunk.done)
     contents = {}
     for name, column in log.columns.items():
         step = float(np.median(steps[column.clock])) if column.clock in steps else np.nan
-        contents[name] = moments[name].content(column, 1 / step if step > 0 else np.nan, log.unusable.get(name))
+        held = renewals[name].finish()
+        rate = held.rate if held else 1 / step if step > 0 else np.nan
+        contents[name] = moments[name].content(column, rate, log.unusable.get(name))
     return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(map(printable, log.notes)))
 
 
