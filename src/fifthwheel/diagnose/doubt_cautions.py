@@ -197,8 +197,8 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     else:
         size = _relative_change(change / value)
     if log is not None:  # its variation from log to log
-        own, together = f" in {logs[int(log)]}", "all logs together"
-        size = _relative_change(change / value, f"{own} than in {together}", f"that of {together},{own}")
+        where, together = f"in {logs[int(log)]}", "all logs together"
+        size = _relative_change(change / value, f" {where} than in {together}", f"that of {together}, {where}")
         return f"{path} is {size} ({times})"
     also = f" with {len(others)} other numbers that belong to it" if others else ""
     return f"{path} is {size}{also} ({times})"
