@@ -36,7 +36,7 @@ def test_a_good_result_needs_a_validation_only(result):
     ("verdict", "text"),
     [
         (Verdict.AT_BOUND, "usually indicates an error in the vehicle file or a log"),
-        (Verdict.DOUBTFUL, "Check the numbers that the cautions name"),
+        (Verdict.DOUBTFUL, "Check what the cautions name"),
         (Verdict.NOT_CONVERGED, "may compensate each other"),
     ],
 )
@@ -224,7 +224,7 @@ def test_causes_in_words(result, sign):
         ),
         (
             replace(cause({sensitivity: sign * 0.16}), prior_mean=0.2),
-            f"{sensitivity} is 80 % larger ({times})"
+            f"{sensitivity} is 1.8 times the value of the vehicle file ({times})"
             if later
             else "the stiffness of the tyres hardly depends on their load, as in simulations with linear tyres: "
             f"there use --tyres linear ({times})",

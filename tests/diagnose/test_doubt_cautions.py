@@ -6,14 +6,16 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.diagnose.doubt_cautions import describe_cause
+from fifthwheel.diagnose.doubt_cautions import _options, describe_cause
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.filters.scaling import symbolic_to_p
 from fifthwheel.formatting import shown
-from fifthwheel.identify.doubts import Evidence
+from fifthwheel.identify.doubts import Cause, Evidence
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, time_base_delays
 from fifthwheel.names import split_log
 from fifthwheel.vehicle import unit_of
+from fifthwheel.workflow.statement import parse
+from fifthwheel.workflow.statements import apply
 
 OUTPUTS = (
     *("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer"),
@@ -77,7 +79,10 @@ def test_the_described_change_is_the_implied_one(case, name, deviation):
     size, unit = number(text)
     path = next(iter(given))
     change = changed[path] - given[path]
-    if unit == "%":
+    if text.partition(f"{unit} ")[2].startswith("the value of the vehicle file"):
+        assert abs(change) > 0.5 * given[path]
+        wanted = changed[path] / given[path]
+    elif unit == "%":
         reference = 1.0 if TIME_SCALE in u.moves else given[path]
         wanted = 100 * (p if TIME_SCALE in u.moves else change) / reference
     elif unit == "times" or unit in ("deg", "deg/s", "m/s²", "ms"):
@@ -95,3 +100,35 @@ def test_the_described_change_is_the_implied_one(case, name, deviation):
         wanted = change
         assert unit in ("m", shown(unit_of(path)).name if path in values else unit)
     assert size == pytest.approx(wanted, rel=0.06, abs=1e-3 if abs(wanted) < 0.1 else 0.0), text
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [(-0.6, "0.40 times the value of the vehicle file"), (1.5, "2.5 times the value"), (-0.5, "50 % smaller")],
+)
+def test_a_large_change_is_a_factor(change, words):
+    vehicle = fw.vehicle("cheng_cebon_2011")
+    mass = change * vehicle.parameters()["semitrailer.mass"]
+    for name in ("mass_scale", "semitrailer.mass"):
+        cause = Cause(name=name, changes={"semitrailer.mass": mass}, prior_sigmas=30.0)
+        assert f" {words}" in describe_cause(cause, vehicle)
+
+
+def test_an_uncertain_length_has_the_option_that_estimates_it():
+    """Of each axle, rounded up to 10 cm; not of a mass, and not of a gyro."""
+    vehicle = fw.vehicle("cheng_cebon_2011")
+    distances = {"front": 0.27, "middle": 0.32, "rear": 0.37}
+    axles = {f"semitrailer.{axle}.position": d for axle, d in distances.items()}
+    cause = Cause(
+        name="semitrailer.axle_positions", changes=axles | {"semitrailer.static_load": 9e3}, prior_sigmas=12.0
+    )
+    options = _options(cause, vehicle)
+    assert options == " ".join(f"--set {path}='+- 40 cm'" for path in axles)
+    texts = [text for text in re.split(r"\s*--set ", options.replace("'", "")) if text]
+    stated, _ = apply(vehicle, fw.OneStage(), [parse(text) for text in texts])
+    assert [stated.stated[path] for path in axles] == pytest.approx([0.4, 0.4, 0.4])
+    for name, changes in (
+        ("semitrailer.mass", {"semitrailer.mass": 2e3}),
+        ("x.delay", {"yaw_rate.tractor.delay": 0.1}),
+    ):
+        assert _options(Cause(name=name, changes=changes, prior_sigmas=5.0), vehicle) == ""

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import pages, vehicle
+from fifthwheel.checks import Fault, Finding
 from fifthwheel.diagnose import Advice
 from fifthwheel.identify import Estimate, SensorError, identify
+from fifthwheel.identify.doubts import Doubt, DoubtKind
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.report import Conclusion, StateConditions, conclude_identification, conclude_states
 from fifthwheel.report.words import counted
@@ -147,6 +149,21 @@ def test_without_steps_nothing_points_to_them():
     assert not any(isinstance(block, pages.Folded) for column in conclusion.box().columns for block in column)
 
 
+def test_logs_that_nothing_explains_are_the_headline(result):
+    """A fault of a signal is the cause before it, and a delay is not proposed."""
+    doubt = Doubt(kind=DoubtKind.NOISE, causes=(), parameters=(), statistic=0.2)
+    late = Finding(signal="yaw_rate.tractor", fault=Fault.TIME_OFFSET, severity="warning", message="late", log="a")
+    unexplained = replace(result.identification, doubts=(doubt,), findings=(late,))
+    conclusion = conclude_identification(unexplained)
+    assert conclusion.headline == "The vehicle file or the signal map does not fit: the model does not explain 1 log."
+    assert conclusion.cautions[0].startswith("The vehicle file or the signal map does not fit the logs: no single")
+    assert not [text for text in (*conclusion.cautions, *conclusion.consequences) if "late" in text]
+    stuck = replace(late, fault=Fault.STUCK, message="constant")
+    conclusion = conclude_identification(replace(unexplained, findings=(stuck,)))
+    assert "constant" in conclusion.cautions[0]
+    assert "does not fit" not in conclusion.headline
+
+
 def test_everything_fixed(result):
     fixed = tuple(replace(e, verdict=Verdict.FIXED) for e in result.identification.parameters)
     conclusion = conclude_identification(replace(result.identification, parameters=fixed))
@@ -174,6 +191,8 @@ def test_a_poor_prediction_does_not_validate(result):
     conclusion = conclude_identification(replace(identification, fits=fits))
     assert any("the model explains 30.0 % of the variance" in line for line in conclusion.cautions)
     assert conclusion.next_steps[0].endswith("for the identification too, because it is predicted poorly.")
+    assert conclusion.headline.endswith(f" {NASTY} (validation) is predicted poorly.")
+    assert not conclusion.good
     assert not any("(validation log)" in line for line in conclusion.results)
 
 

@@ -40,7 +40,7 @@ VERDICTS = {
         "positions and the CoG; then check sign, unit and ratio of the steer angle and the gyros.",
         "",
     ),
-    Verdict.DOUBTFUL: ("Check the numbers that the cautions name, correct what is wrong, and identify again.", ""),
+    Verdict.DOUBTFUL: ("Check what the cautions name, correct what is wrong, and identify again.", ""),
     Verdict.NOT_CONVERGED: (
         "Parameters that did not converge may compensate each other. Add another log of this truck, allow more "
         "passes, or fix a parameter whose value is known from another source. If the model does not explain the log "

@@ -52,8 +52,11 @@ def identification_cautions(
         states: of the identified truck.
         validated: validation logs, each identified with the knowledge of the identification.
     """
+    findings = identification.findings
+    if any(doubt.kind is DoubtKind.NOISE for doubt in identification.doubts):  # then no delay explains the logs
+        findings = tuple(finding for finding in findings if finding.fault is not Fault.TIME_OFFSET)
     return [
-        *signal_cautions(identification.findings),
+        *signal_cautions(findings),
         *unstable_cautions(identification),
         *contradiction_cautions(identification),
         *validation_cautions(validated),

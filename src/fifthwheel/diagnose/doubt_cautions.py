@@ -1,5 +1,6 @@
 """Cautions on what logs contradict: earlier logs, the identified truck, the vehicle file, assumptions on sensors."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
@@ -21,6 +22,8 @@ from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 NEARLY = 1.05
 """A truck that is unstable above less than so many times the highest speed of the logs is nearly unstable there."""
+LARGE_CHANGE = 0.5
+"""A larger relative change is shown as a factor."""
 INSENSITIVE = 0.7
 """Tyres that lack more of the usual load sensitivity are not real: four measured ones have half of it or more."""
 
@@ -64,8 +67,18 @@ def _contradicting(identification: Identification) -> Iterator[tuple[LogKnowledg
 
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:
-    """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict."""
+    """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict, or all of them."""
     for doubt in identification.doubts:
+        if doubt.kind is DoubtKind.NOISE:
+            message = (
+                "The vehicle file or the signal map does not fit the logs: no single number of the file and no error "
+                "of one sensor explains them."
+            )
+            cure = (
+                "Check that the vehicle file is of this truck and trailer with this load: wheelbases, masses, steered "
+                "axles. Then check column, unit and sign of each signal."
+            )
+            yield Caution(CautionKind.ASSUMPTION, message, cure, doubt.statistic, parameters=doubt.parameters)
         if doubt.kind is not DoubtKind.ASSUMPTION:
             continue
         logs = [log.name for log in identification.logs]
@@ -74,6 +87,8 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
         cause = f"They imply that {texts[0]}" if one else f"One of these is the likely cause: {'; '.join(texts)}"
         message = f"The logs contradict the vehicle file or an assumption on a sensor. {cause}."
         cure = f"Check {'this' if one else 'them'}, correct the vehicle file or the signal map, and identify again."
+        if options := _options(doubt.causes[0], identification.initial_vehicle):
+            cure += f" If you cannot measure it, state how uncertain it is, so that it is estimated: {options}."
         yield Caution(
             CautionKind.ASSUMPTION,
             message,
@@ -82,6 +97,16 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
             parameters=doubt.parameters,
             signals=tuple(cause.name.rpartition(".")[0] for cause in doubt.causes if is_sensor_error(cause.name)),
         )
+
+
+def _options(cause: Cause, vehicle: Vehicle) -> str:
+    """The options that make positions of the vehicle file as uncertain as the logs imply; empty for other causes."""
+    values = vehicle.parameters()
+    moved = {p: d for p, d in cause.changes.items() if p in values and ParameterPath.of(p).quantity in POSITIONS}
+    if not moved or moved.keys() != cause.changes.keys() & values.keys():
+        return ""
+    sigma = 10 * math.ceil(10 * max(map(abs, moved.values())))
+    return " ".join(f"--set {path}='+- {sigma} cm'" for path in moved)
 
 
 def unstable_cautions(identification: Identification) -> Iterator[Caution]:
@@ -123,6 +148,14 @@ def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | 
     return f"the {kind} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
 
 
+def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:
+    """A relative change: "12 % larger" than what is compared, or if it is large "0.40 times the value of the vehicle
+    file"."""
+    if abs(change) > LARGE_CHANGE:
+        return f"{digits(1 + change, 2)} times {reference}"
+    return f"{percent(abs(change))} {'larger' if change > 0 else 'smaller'}{compared}"
+
+
 def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> str:
     """What is different: "yaw_rate.tractor is 52 ms late (5 times the assumed uncertainty)"; `logs` are names."""
     values = vehicle.parameters()
@@ -134,7 +167,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if path == TIME_SCALE:
         return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
     if cause.name == MASS_SCALE:
-        return f"all masses are {percent(abs(change / values[path]))} {'larger' if change > 0 else 'smaller'} ({times})"
+        return f"all masses are {_relative_change(change / values[path])} ({times})"
     if error:
         where = "" if log is None else f" in {logs[int(log)]}"
         return f"{_describe_sensor_error(error, change, cause.prior_mean)}{where} ({times})"
@@ -162,8 +195,10 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:
-        size = f"{percent(abs(change / value))} {'larger' if change * value > 0 else 'smaller'}"
+        size = _relative_change(change / value)
     if log is not None:  # its variation from log to log
-        return f"{path} is {size} in {logs[int(log)]} than in all logs together ({times})"
+        where, together = f"in {logs[int(log)]}", "all logs together"
+        size = _relative_change(change / value, f" {where} than in {together}", f"that of {together}, {where}")
+        return f"{path} is {size} ({times})"
     also = f" with {len(others)} other numbers that belong to it" if others else ""
     return f"{path} is {size}{also} ({times})"

@@ -46,7 +46,7 @@ class DoubtKind(StrEnum):
     SENSOR = "sensor"  # an estimated sensor error far outside its prior
     ESTIMATE = "estimate"  # an estimate far outside its prior
     RANGE = "range"  # the range of the linear model
-    NOISE = "noise"  # the noise: innovations are larger or more autocorrelated than it explains; on line only
+    NOISE = "noise"  # the noise: residuals are larger or more autocorrelated than it and any one cause explain
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -72,7 +72,8 @@ class Doubt:
     parameters: tuple[str, ...]
     """Estimates that are doubtful therefore."""
     statistic: float
-    """Of the most likely cause: that of the test of its prior, or prior standard deviations, or m/s^2."""
+    """Of the most likely cause: that of the test of its prior, or prior standard deviations, or m/s^2. Of residuals: on
+    line their mean square over the expected one, else their discrepancy as a fraction of the signals."""
     log: str | None = None
 
 
@@ -162,6 +163,10 @@ class Evidence:
             parameters=self.parameters if strong else tuple(dict.fromkeys(moved)),
             statistic=abs(likely[0].statistic),
         )
+
+    def unexplained(self, discrepancy: float) -> Doubt:
+        """Residuals that no single number explains, with their discrepancy as a fraction of the signals."""
+        return Doubt(kind=DoubtKind.NOISE, causes=(), parameters=self.parameters, statistic=discrepancy)
 
     def unusual_estimates(self, exempt: Container[str] = ()) -> Iterator[Doubt]:
         """Sensor errors and parameters far outside their priors; `exempt` are unknowns that may be."""

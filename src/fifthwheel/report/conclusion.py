@@ -10,7 +10,7 @@ from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
-from fifthwheel.diagnose.caution import CautionKind
+from fifthwheel.diagnose.caution import Caution, CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
@@ -18,6 +18,7 @@ from fifthwheel.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_S
 from fifthwheel.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
+from fifthwheel.identify.doubts import DoubtKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
@@ -116,12 +117,14 @@ def conclude_identification(
     cautions, consequences = ranked(found, identification.doubts)
     validation = {log.name for result in validated for log in result.logs}
     contradicted = {c.log for c in found if c.log in validation and c.kind is CautionKind.CONTRADICTION}
+    poor = [p.log for p in predicted_logs(identification) if p.poor and p.log not in contradicted]
+    headline = _headline(identification, converged, estimated, contradicted, cautions[:1])
+    if poor:
+        headline += f" {enumerated(poor)} (validation) {'is' if len(poor) == 1 else 'are'} predicted poorly."
     repaired = [f for f in identification.findings if is_repaired(f)]
     return Conclusion(
-        good=len(converged) == len(estimated) and not contradicted,
-        headline=" ".join(
-            (_headline(identification, converged, estimated, contradicted), *_changed_wheelbases(identification))
-        ),
+        good=len(converged) == len(estimated) and not contradicted and not poor,
+        headline=" ".join((headline, *_changed_wheelbases(identification))),
         results=(
             *[_identified(identification, e) for e in converged],
             *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
@@ -145,15 +148,20 @@ def _headline(
     converged: Sequence[Estimate],
     estimated: Sequence[Estimate],
     contradicted: Collection[str],
+    first: Sequence[Caution],
 ) -> str:
+    """The first line; `first` is the first caution."""
     logs = _logs(identification)
+    unexplained = any(doubt.kind is DoubtKind.NOISE for doubt in identification.doubts)
+    if unexplained and [caution.kind for caution in first] == [CautionKind.ASSUMPTION]:
+        return f"The vehicle file or the signal map does not fit: the model does not explain {logs}."
     if contradicted:
         verb = "contradicts" if len(contradicted) == 1 else "contradict"
         return f"{enumerated(sorted(contradicted))} (validation) {verb} the truck that is identified from {logs}."
     if not estimated:
         return "All parameters are fixed: nothing was estimated."
+    identified = f"{len(converged)} of {len(estimated)} parameters {'is' if len(converged) == 1 else 'are'} identified"
     if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
-        identified = f"{len(converged)} of {len(estimated)} parameters are identified"
         return f"{identified} from {logs}; {counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful."
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
@@ -167,8 +175,7 @@ def _headline(
         sigma += f" As stated, not from the logs: {enumerated(stated)}."
     if len(converged) == len(estimated):
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
-    verb = "is" if len(converged) == 1 else "are"
-    return f"{len(converged)} of {len(estimated)} parameters {verb} identified from {logs}.{sigma}"
+    return f"{identified} from {logs}.{sigma}"
 
 
 def _changed_wheelbases(identification: Identification) -> Iterator[str]:

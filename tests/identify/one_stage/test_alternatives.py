@@ -11,7 +11,7 @@ import fifthwheel as fw
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import DoubtKind, PriorTest
 from fifthwheel.identify.one_stage import alternatives
-from fifthwheel.identify.one_stage.alternatives import likely_causes
+from fifthwheel.identify.one_stage.alternatives import LARGE_DISCREPANCY, Causes, likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
@@ -41,28 +41,33 @@ def turned(record, angle):
 def test_a_good_log_has_no_cause_and_needs_no_fit(truck, record, monkeypatch):
     solution = solve_one_stage([record], truck, SETTINGS)
     monkeypatch.setattr("fifthwheel.identify.one_stage.alternatives.minimise", None)
-    assert likely_causes(solution, solution.linearisation.tests) == []
+    assert likely_causes(solution, solution.linearisation.tests) == Causes()
 
 
 @pytest.fixture
 def causes(monkeypatch):
     """The causes for chosen statistics of the tests, and gains of the fits without their priors, by name."""
 
-    def likely(statistics, gains, impossible=(), unusual=()):
+    def likely(statistics, gains, impossible=(), unusual=(), left=None):
+        left = left or {}
+
         def fitted(_, test):
-            usual, possible = test.name not in unusual, test.name not in impossible
-            return alternatives._Alternative(test=test, gain=gains[test.name], possible=possible, usual=usual)
+            usual, possible, gain = test.name not in unusual, test.name not in impossible, gains[test.name]
+            return alternatives._Alternative(test=test, minimum=test.name, gain=gain, possible=possible, usual=usual)
 
         monkeypatch.setattr(alternatives, "_base", lambda _: None)
+        monkeypatch.setattr(alternatives, "_corrected", lambda *_: "corrected")
+        monkeypatch.setattr(alternatives, "_left", lambda minimum: left.get(minimum, 0.0))
+        monkeypatch.setattr(alternatives, "_unexplained", lambda minimum: left.get(minimum, 0.0))
         monkeypatch.setattr(alternatives, "_without_prior", fitted)
         tests = [
             PriorTest(name=name, statistic=s, implied=s, size=abs(s), shifts=np.zeros(1)) for name, s in statistics
         ]
         steps = []
-        found = likely_causes(None, tests, lambda *step: steps.append(step))
+        found = likely_causes(SimpleNamespace(minimum="all"), tests, lambda *step: steps.append(step))
         fits = len(steps) - 1
         assert steps == [(alternatives.TITLE, k, fits) for k in range(fits + 1)] or not steps
-        return [test.name for test in found], fits
+        return found.left if found.left is not None else [test.name for test in found.likely], fits
 
     return likely
 
@@ -71,6 +76,7 @@ def test_a_contradiction_is_a_statistic_above_the_limit(causes):
     assert causes([], {}) == ([], -1)
     assert causes([("a", -3.5)], {}) == ([], -1)
     assert causes([("a", -3.501)], {"a": 7.0}) == (["a"], 1)
+    assert causes([("a", -3.5)], {}, left={"all": 0.2}) == (0.2, -1)
 
 
 def test_candidates_have_half_of_the_largest_statistic(causes):
@@ -87,6 +93,14 @@ def test_the_likeliest_causes_come_first(causes):
     assert causes(statistics, {"a": least - 0.01, "b": 40.0, "c": least + 0.01, "d": 1.0})[0] == ["b", "c"]
     assert causes(statistics, {"a": 1.0, "b": 40.0, "c": least, "d": 41.0}, impossible="d")[0] == ["b", "c"]
     assert causes(statistics[:2], {"a": 1.0, "b": 40.0}, impossible="ab")[0] == ["b"]
+
+
+def test_a_cause_has_to_explain_the_logs(causes):
+    """Without one that does, none is named, unless delays that the samples show explain them."""
+    statistics, gains = [("a", 8.0), ("b", 7.9)], {"a": 40.0, "b": 39.0}
+    assert causes(statistics, gains, left={"a": 0.2})[0] == ["b"]
+    assert causes(statistics, gains, left={"a": 0.2, "b": 0.3, "corrected": 0.4})[0] == 0.2
+    assert causes(statistics, gains, left={"a": 0.2, "b": 0.3})[0] == ["a", "b"]
 
 
 def test_a_gross_error_of_a_clock_is_behind_others_that_explain_half_as_much(causes):
@@ -170,6 +184,19 @@ def test_the_joint_covariance_contains_the_shifts_of_the_causes(found):
     assert stored > 1.2 * height.sigma
     others = result.covariance.covariance
     assert np.linalg.eigvalsh(others / np.sqrt(np.outer(np.diag(others), np.diag(others)))).min() > -1e-9
+
+
+def test_the_file_of_another_truck_is_the_cause(record):
+    """No number and no delay is proposed, and the excitation is not to blame."""
+    found = run_identification([record], fw.vehicle("auburn_6x4"), SETTINGS)
+    conclusion = found.conclusion
+    assert conclusion.headline.startswith("The vehicle file or the signal map does not fit")
+    assert conclusion.cautions[0].startswith("The vehicle file or the signal map does not fit the logs")
+    assert not [caution for caution in conclusion.cautions if "They imply" in caution or "delay" in caution]
+    assert {e.verdict for e in found.identification.parameters} == {fw.Verdict.DOUBTFUL}
+    (doubt,) = [d for d in found.identification.doubts if d.kind in (DoubtKind.NOISE, DoubtKind.ASSUMPTION)]
+    assert (doubt.kind, doubt.causes) == (DoubtKind.NOISE, ())
+    assert doubt.statistic > 2 * LARGE_DISCREPANCY
 
 
 @pytest.mark.parametrize("foreign", [True, pytest.param(False, marks=pytest.mark.slow)])

@@ -367,3 +367,19 @@ def test_an_unstable_vehicle_has_no_finite_cost(
     monkeypatch.setattr(Setup, "slowest_decay", slowest_decay)
     assert p.unstable(z) == unstable
     assert np.isinf(p.cost(z)) == unstable
+
+
+@pytest.mark.parametrize("rows", [12, -7])
+def test_corrected_delays_shift_signals_of_one_log(truck: Vehicle, records: list[Record], rows: int) -> None:
+    """A gyro has no samples beyond its own, a steer angle keeps the last one."""
+    p, delays = problem(truck, records, OneStage()), {}
+    for name in ("yaw_rate.tractor", "steer.tractor.front"):
+        delays["log 2", name] = rows / 100
+    before, after = (q.logs[1].segments[0].signals for q in (p, p.with_delays(delays)))
+    assert p.with_delays(delays).logs[0].segments == p.logs[0].segments
+    used = slice(None, -rows) if rows > 0 else slice(-rows, None)
+    for name in ("yaw_rate.tractor", "steer.tractor.front"):
+        assert np.allclose(after[name][used], np.roll(before[name], -rows)[used])
+    assert np.isnan(after["yaw_rate.tractor"]).sum() == abs(rows)
+    assert np.isfinite(after["steer.tractor.front"]).all()
+    assert np.array_equal(after["yaw_rate.semitrailer"], before["yaw_rate.semitrailer"])

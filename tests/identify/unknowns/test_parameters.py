@@ -334,8 +334,8 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
 
 
 def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
-    """A stiffness by a factor of eight, a track by half, a position by two metres; a mass and a gain of a sensor have
-    no such limit."""
+    """A stiffness by a factor of eight, a track by half, a position by two metres; a mass remains above an eighth; a
+    gain of a sensor has no such limit."""
     unknowns = by_name(truck, OneStage(tyres="saturating"))
     stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
     track, two_metres = unknowns["body.half_track"], 2 / cog.prior_sigma / cog.slopes["tractor.cog"]
@@ -349,5 +349,7 @@ def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
             assert not unknown.is_possible(sign * 1.01 * limit)
     assert unknowns["yaw_rate.tractor.gain"].is_possible(100.0)
     assert unknowns["tractor.mass"].is_possible(20.0)
+    assert not unknowns["tractor.mass"].is_possible(-50.0)  # without any mass
+    assert not unknowns["mass_scale"].is_possible(-75.0)  # 1.5 times smaller than nothing
     assert stiffness.change(math.log(2) / stiffness.scale) == pytest.approx(stiffness.centre)
     assert cog.change(3.0) == pytest.approx(3 * cog.prior_sigma)

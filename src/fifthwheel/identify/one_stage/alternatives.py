@@ -4,14 +4,20 @@ A test of a prior is linear (`identify.doubts`). A gross error, such as a traile
 beyond its range, and distorts the tests of all other priors. The fit without the prior of one unknown has no such
 limit. With the noise of the channels fixed, the decrease of the cost is half the square of the statistic that the test
 approximates, so that it ranks the causes.
+
+A cause has to explain the logs. Without its prior and with the noise of its own residuals, either the discrepancy is a
+small fraction of the signals, or the priors of all other unknowns agree with the logs: with the precision W of the
+prior and the covariance P, twice the cost of the prior has the expected value tr(I - P W) (`posterior`). If no cause
+explains them, the vehicle file or the signal map does not fit, and the change of any one number would mislead.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.checks import Fault
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import AS_LIKELY, UNUSUAL_CHANGE, PriorTest
 from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
@@ -34,8 +40,24 @@ USUAL_CLOCK_ERROR = 0.02
 """Largest relative error of the rate of a clock that loggers have; beyond it, a timestamp column must be wrong."""
 UNUSUAL_WEIGHT = 0.5
 """Of the decrease of the cost by a larger one: a wrong number of the vehicle is the more common error by far."""
+LARGE_DISCREPANCY = 0.1
+"""As a fraction of the signals. One wrong number leaves about 0.015 of the nonlinear truck, the vehicle file of another
+truck 0.2 or more. A real truck may leave as much with its own file, but contradicts fewer priors."""
+LARGE_PULL = 2.5
+"""Of all priors together: twice their cost over its expected value. If all are right, 1 of 1000 logs exceeds it: one
+lane change informs about 16 combinations of the unknowns (chi-square)."""
 NO_TAIL = 1e-3
 """Tail of a prior, in its standard deviations, that is almost without effect."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Causes:
+    """What explains a contradiction."""
+
+    likely: list[PriorTest] = field(default_factory=list)
+    """The likeliest first; empty without a contradiction, and where no cause explains the logs."""
+    left: float | None = None
+    """The least discrepancy that any cause leaves, as a fraction of the signals, if none explains the logs."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,6 +66,7 @@ class _Alternative:
 
     test: PriorTest
     """With the change and the shifts of this fit."""
+    minimum: Minimum[Problem]
     gain: float
     """Decrease of the cost."""
     possible: bool
@@ -57,17 +80,15 @@ class _Alternative:
         return self.gain if self.usual else UNUSUAL_WEIGHT * self.gain
 
 
-def likely_causes(
-    solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None
-) -> list[PriorTest]:
+def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None) -> Causes:
     """The causes that explain a contradiction about as well as the best one, the likeliest first; none without one.
 
     A cause that is physically impossible counts only if all are. A gross error of a clock is behind others that explain
-    half as much. `tests` are those of the priors, the largest statistic
-    first.
+    half as much. Logs that contradict no single prior may contradict all of them together. `tests` are those of the
+    priors, the largest statistic first.
     """
     if not tests or tests[0].size <= UNUSUAL_CHANGE:
-        return []
+        return Causes(left=_left(solution.minimum) or None)
     least = CANDIDATE_FRACTION * abs(tests[0].statistic)
     candidates = [test for test in tests if abs(test.statistic) >= least][:MOST_CANDIDATES]
     base, found = _base(solution), []
@@ -78,7 +99,12 @@ def likely_causes(
     found = [a for a in found if a.possible] or found
     found.sort(key=lambda alternative: -alternative.rank)
     least, most = AS_LIKELY**2 * found[0].rank, max(a.gain for a in found)
-    return [a.test for a in found if a.rank >= least or a.gain == most]
+    likely = [a for a in found if a.rank >= least or a.gain == most]
+    left = [_unexplained(a.minimum) for a in likely]
+    if explaining := [a.test for a, discrepancy in zip(likely, left, strict=True) if not discrepancy]:
+        return Causes(likely=explaining)
+    left.append(_unexplained(_corrected(solution, base)))
+    return Causes(left=min(left)) if left[-1] else Causes(likely=[a.test for a in likely])
 
 
 def _base(solution: Solution) -> Minimum[Problem]:
@@ -103,10 +129,42 @@ def _without_prior(base: Minimum[Problem], test: PriorTest) -> _Alternative:
     clock_error = TIME_SCALE in unknown.moves and abs(unknown.change(implied)) > USUAL_CLOCK_ERROR
     return _Alternative(
         test=replace(test, implied=implied, shifts=shifts),
+        minimum=minimum,
         gain=base.model.cost - minimum.model.cost,
         possible=unknown.is_possible(implied),
         usual=not clock_error,
     )
+
+
+def _corrected(solution: Solution, base: Minimum[Problem]) -> Minimum[Problem]:
+    """The fit with the delays that the samples show (`time_bases`), for which the model of a delay is too simple."""
+    delays = {
+        (str(finding.log), signal): float(finding.remedy["delay"])
+        for finding in solution.dataset.findings
+        if finding.fault is Fault.TIME_OFFSET
+        for signal in (finding.signal, *finding.others)
+    }
+    return _fit(base.objective.with_delays(delays), base.z) if delays else base
+
+
+def _unexplained(minimum: Minimum[Problem]) -> float:
+    """The discrepancy that a fit leaves with the noise of its own residuals, as `_left`."""
+    return _left(_fit(minimum.objective.with_residual_noise(minimum.z, autocorrelated=True), minimum.z))
+
+
+def _left(fit: Minimum[Problem]) -> float:
+    """The discrepancy that a fit leaves, as a fraction of the signals; 0 if it explains the logs."""
+    discrepancy = fit.objective.with_residual_noise(fit.z, autocorrelated=True).relative_discrepancy
+    return discrepancy if discrepancy > LARGE_DISCREPANCY and _pull(fit) > LARGE_PULL else 0.0
+
+
+def _pull(minimum: Minimum[Problem]) -> float:
+    """Twice the cost of the prior of all unknowns but the initial states, over its expected value."""
+    problem, z = minimum.objective, minimum.z.copy()
+    z[_initial_states(problem)] = 0.0
+    gains = 1 - np.diag(np.linalg.solve(minimum.model.hessian, problem.prior.expand(minimum.z).hessian))
+    gains[_initial_states(problem)] = 0.0
+    return 2 * problem.prior.cost(z) / max(float(gains.sum()), 1.0)
 
 
 def _fit(problem: Problem, z: Array) -> Minimum[Problem]:

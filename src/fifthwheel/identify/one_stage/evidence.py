@@ -15,10 +15,11 @@ from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle.parameters import FRICTION
 
 
-def find_doubts(solution: Solution, likely: Sequence[PriorTest]) -> list[Doubt]:
+def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:
     """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
 
     `likely` are the causes of a contradiction, see `alternatives`. What the first of them explains is no further doubt.
+    `left` is the discrepancy, as a fraction of the signals, of logs that nothing explains.
     """
     problem, posterior = solution.problem, solution.linearisation.posterior
     evidence = Evidence(
@@ -28,7 +29,9 @@ def find_doubts(solution: Solution, likely: Sequence[PriorTest]) -> list[Doubt]:
         unknowns=problem.unknowns_by_name,
         parameters=solution.estimated,
     )
+    unexplained = [] if left is None else [evidence.unexplained(left)]
     return [
+        *unexplained,
         *evidence.contradicted_assumptions(likely),
         *evidence.unusual_estimates(exempt=(FRICTION, *[test.name for test in likely])),
         *_nonlinear_range(solution),

@@ -12,6 +12,7 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates
 from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.fit_evaluation import evaluate_fits
+from fifthwheel.identify.one_stage.alternatives import LARGE_DISCREPANCY, Causes
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.free_run import fits_of
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
@@ -27,17 +28,16 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 
 
-def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), note: str = "") -> Identification:
+def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
     """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs.
 
     Args:
         solution: of the logs.
-        likely: causes of a contradiction, see `alternatives`.
+        causes: of a contradiction.
         note: for the user.
     """
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
-    posterior, doubts = solution.linearisation.posterior, find_doubts(solution, likely)
-    doubtful = {name for doubt in doubts for name in doubt.parameters}
+    posterior, causes = solution.linearisation.posterior, causes or Causes()
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
@@ -47,17 +47,23 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
     vehicle_values = {name: values[name] for name in own if name in changed}
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
-    converged = minimum.converged and evaluation.trusted
+    left = causes.left
+    if not (evaluation.trusted or causes.likely) and problem.relative_discrepancy > LARGE_DISCREPANCY:
+        left = problem.relative_discrepancy
+    doubts = find_doubts(solution, causes.likely, left)
+    doubtful = {name for doubt in doubts for name in doubt.parameters}
+    converged, explained = minimum.converged and evaluation.trusted, evaluation.trusted and left is None
+    trusted = converged and explained
     estimated, uncertain = [], []
     for u in model_unknowns:
         if u.name in solution.estimated:
-            estimated.append(_estimate(solution, u, shared[u.name], converged, u.name in doubtful))
+            estimated.append(_estimate(solution, u, shared[u.name], converged, u.name in doubtful, explained))
         else:
             verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
-    joint = _doubtful_covariance(solution, likely, converged=converged)
+    joint = _doubtful_covariance(solution, causes.likely, converged=trusted)
     covariance = _covariance(dataset.vehicle, problem, minimum, joint)
     vehicle = _with_posterior_sigmas(vehicle, covariance)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
@@ -70,7 +76,7 @@ def build_identification(solution: Solution, likely: Sequence[PriorTest] = (), n
         parameters=tuple(estimated),
         derived=(
             *estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance),
-            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if converged else ()),
+            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if trusted else ()),
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
@@ -96,14 +102,22 @@ def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
     return {u.name: values[u.name] for u in problem.unknowns if u.per_log}
 
 
-def _estimate(solution: Solution, unknown: Unknown, value: float, converged: bool, doubtful: bool) -> Estimate:
-    """The estimate of an estimated parameter."""
+def _estimate(
+    solution: Solution, unknown: Unknown, value: float, converged: bool, doubtful: bool, explained: bool
+) -> Estimate:
+    """The estimate of an estimated parameter.
+
+    Where nothing explains the logs, the noise of their residuals hides what they contain: that is no lack of
+    excitation.
+    """
     name, settings = unknown.name, solution.settings
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
     uninformed = solution.uninformed.get(name)
     if uninformed and is_stated(solution.problem.vehicle, settings, name):
         uninformed = Verdict.STATED
+    elif not explained and name not in solution.problem.setup.without_roll_rate:
+        uninformed = None
     verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
     settled = None if uninformed else history.settled_row(name, settings.tolerance)
     return estimates.parameter_estimate(

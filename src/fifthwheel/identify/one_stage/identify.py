@@ -64,8 +64,8 @@ def identify_one_stage(
                 f"Begins with the information of earlier logs ({len(before.used)}, the last of them {last.name})."
             )
             notes.append(_doubtful(before.used))
-    likely = likely_causes(solution, solution.linearisation.tests, progress)
-    result = build_identification(solution, likely, " ".join(filter(None, notes)))
+    causes = likely_causes(solution, solution.linearisation.tests, progress)
+    result = build_identification(solution, causes, " ".join(filter(None, notes)))
     if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in result.parameters):
         logs = [replace(log, set_aside=log.set_aside or NOT_CONVERGED) for log in logs]
     return replace(result, knowledge=before.with_logs(with_doubts(logs, result.doubts)))

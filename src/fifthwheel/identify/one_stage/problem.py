@@ -32,7 +32,7 @@ from functools import cached_property
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, is_of, is_sensor_error, names_of
+from fifthwheel.channels import ARTICULATION, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
 from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, variances
@@ -55,6 +55,9 @@ from fifthwheel.record import Record
 
 SHORTEST_PART = 20.0
 """Of a segment in a shortened problem, s."""
+
+CLEAR_SIGNAL = 20.0
+"""A truck turns where the variance of a channel exceeds that of its white noise by this factor."""
 
 FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
@@ -93,6 +96,14 @@ class Problem:
         if fraction >= 1:
             return self
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
+        return Problem(self.setup, logs, self._earlier)
+
+    def with_delays(self, delays: Mapping[tuple[str, str], float]) -> "Problem":
+        """The problem with corrected timestamps: the delay, s, by log and signal."""
+        logs = []
+        for log in self.logs:
+            own = {signal: delay for (name, signal), delay in delays.items() if name == log.name}
+            logs.append(replace(log, segments=[_corrected(segment, own) for segment in log.segments]))
         return Problem(self.setup, logs, self._earlier)
 
     def without_prior(self, name: str, *, tail: float, wider: float) -> "Problem":
@@ -336,6 +347,20 @@ class Problem:
                 factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)
 
+    @property
+    def relative_discrepancy(self) -> float:
+        """Standard deviation of the discrepancy as a fraction of the signal; 0 without noise models.
+
+        The largest of the yaw rates and articulation angles, which the road hardly moves, where the truck turns.
+        """
+        largest = 0.0
+        for i, log in enumerate(self.logs):
+            for name, noise in log.noise_models.items():
+                signal = self._signal_variance(i, name)
+                if is_of(name, YAW_RATE, ARTICULATION) and signal > CLEAR_SIGNAL * noise.white:
+                    largest = max(largest, math.sqrt(noise.discrepancy / signal))
+        return largest
+
     def _signal_variance(self, i: int, name: str) -> float:
         """Variance of a channel of log i, without that of its noise, SI squared."""
         values = np.concatenate([present_samples(s, name)[1] for s in self.logs[i].segments if name in s.signals])
@@ -385,6 +410,19 @@ class Problem:
             self._rows = {k: rows for k, rows in self._rows.items() if k[:2] != (i, j)}
             self._rows[key] = step_rows(self.model, self.vehicle, self.logs[i].segments[j], errors=values)
         return self._rows[key]
+
+
+def _corrected(segment: Record, delays: Mapping[str, float]) -> Record:
+    """The segment with signals that are early by their delays, s, which may be negative."""
+    time, half, corrected = segment.time, 0.5 / segment.rate, {}
+    for name, delay in delays.items():
+        if name in segment.signals:
+            at = time + delay
+            rows = np.searchsorted(time + half, at).clip(max=len(time) - 1)  # the nearest samples
+            inside = (at > time[0] - half) & (at < time[-1] + half)
+            values = segment.signals[name][rows]
+            corrected[name] = values if is_input(name) else np.where(inside, values, np.nan)
+    return segment.with_signals(corrected)
 
 
 def _part(segment: Record, fraction: float) -> Record:

@@ -28,7 +28,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 VARIATION = ".variation"
@@ -251,11 +251,13 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
     Parameters in `done` have an unknown of their own; parameters that the settings fix are exact.
     """
     factor, exact = settings.consider.get("vehicle_file", 0.0), expand_names(vehicle, settings.fixed, settings)
-    unknowns = []
+    unknowns, values = list[Unknown](), vehicle.parameters()
     for change in changes(vehicle) if factor else ():
         moves = {path: factor * s for path, s in change.slopes.items() if path not in done and path not in exact}
         if moves:
-            unknowns.append(change_unknown(change.name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings)))
+            unknown = change_unknown(change.name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings))
+            given = {p: values[p] for p in moves if values[p] > 0 and ParameterPath.of(p).quantity not in POSITIONS}
+            unknowns.append(replace(unknown, given=given))
     return unknowns
 
 

@@ -57,6 +57,7 @@ class Unknown:
     per_log: bool = False  # each log has its own
     tail: float = math.inf  # where the exponential tail of its prior begins, in z; infinite: normal
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
+    given: Mapping[str, float] = field(default_factory=dict)  # values of those that are above 0, SI
 
     @property
     def is_estimated(self) -> bool:
@@ -87,14 +88,19 @@ class Unknown:
         return self.centre * math.expm1(self.scale * deviation) if self.logarithmic else self.scale * deviation
 
     def is_possible(self, deviation: float) -> bool:
-        """Whether p may be so many prior standard deviations from its prior mean: a factor of at most `BOUND_FACTOR`,
-        or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the rate of a clock by
-        `LARGEST_CLOCK_ERROR`."""
+        """Whether p may be so many prior standard deviations from its prior mean.
+
+        A factor of at most `BOUND_FACTOR`, or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the rate
+        of a clock by `LARGEST_CLOCK_ERROR`; a mass also remains above a fraction 1 / `BOUND_FACTOR`.
+        """
         if self.logarithmic:
             factor = LARGEST_FACTORS.get(self.name.rpartition(".")[2], BOUND_FACTOR)
             return abs(self.scale * deviation) <= math.log(factor)
         if TIME_SCALE in self.moves:
             return abs(self.scale * deviation) <= LARGEST_CLOCK_ERROR
+        factors = [1 + self.moves[path] * self.scale * deviation / value for path, value in self.given.items()]
+        if not all(1 / BOUND_FACTOR <= factor <= BOUND_FACTOR for factor in factors):
+            return False
         lengths = [path for path in self.moves if path.rpartition(".")[2] in POSITIONS]
         return all(abs(self.moves[path] * self.scale * deviation) <= LARGEST_SHIFT for path in lengths)
 
