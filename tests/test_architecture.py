@@ -24,6 +24,7 @@ ROOMS = (
     "_addresses",
     "errors",
     "_arguments",
+    "_contents",
     "settings",
     "options",
     "_extras",

@@ -3,7 +3,7 @@
 import json
 import pickle
 import sys
-from dataclasses import fields, replace
+from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -32,41 +32,6 @@ def published():
     return identify([RUN], GUESS, article(fixed=("tractor.front.cornering_stiffness",)))
 
 
-def same_knowledge(first, second):
-    """Whether the information of all logs is equal in every bit."""
-    for a, b in zip(first.logs, second.logs, strict=True):
-        one, two = vars(a), vars(b)
-        assert one | {"information": 0} == two | {"information": 0}
-        for name, value in vars(a.information).items():
-            assert np.array_equal(value, getattr(b.information, name)), name
-    return True
-
-
-def same(first, second):
-    """Whether two identifications are equal in every bit, also their arrays."""
-    for f in fields(Identification):
-        a, b = getattr(first, f.name), getattr(second, f.name)
-        if f.name == "covariance":
-            assert (a is None) == (b is None)
-            assert a is None or (a.names == b.names and np.array_equal(a.covariance, b.covariance))
-        elif f.name == "knowledge":
-            assert (a is None) == (b is None)
-            assert a is None or same_knowledge(a, b)
-        elif f.name == "histories":
-            assert a.keys() == b.keys()
-            for title in a:
-                assert (a[title].names, a[title].starts) == (b[title].names, b[title].starts)
-                assert all(
-                    np.array_equal(getattr(a[title], n), getattr(b[title], n)) for n in ("time", "values", "sigma")
-                )
-        elif f.name == "fits":
-            for one, two in zip(a, b, strict=True):
-                assert all(np.array_equal(getattr(one, g.name), getattr(two, g.name)) for g in fields(one))
-        else:
-            assert a == b, f.name
-    return True
-
-
 @pytest.mark.parametrize("name", ["result", "published"])
 def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
     saved = request.getfixturevalue(name)
@@ -74,12 +39,30 @@ def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
     files = {"identification.json", "vehicle.toml", "series.npz", *(["knowledge.json"] if saved.knowledge else [])}
     assert {path.name for path in (tmp_path / "out").iterdir()} == files
     loaded = Identification.load(tmp_path / "out")
-    assert same(loaded, saved)
+    assert loaded == saved == pickle.loads(pickle.dumps(saved))
     assert type(loaded.settings) is type(saved.settings)
     assert loaded.to_json() == saved.to_json()
     assert Identification.load(tmp_path / "out" / "identification.json").parameters == saved.parameters
     loaded.save(tmp_path / "again")
-    assert same(Identification.load(tmp_path / "again"), saved)
+    assert Identification.load(tmp_path / "again") == saved
+
+
+def test_results_that_differ_in_one_number_are_not_equal(result):
+    fit, knowledge = result.fits[0], result.knowledge
+    changed = fit.predicted.copy()
+    changed[5] = np.nextafter(changed[5], 1.0)
+    assert replace(fit, predicted=fit.predicted.copy()) == fit != replace(fit, predicted=changed)
+    assert replace(result, fits=(replace(fit, predicted=changed), *result.fits[1:])) != result
+    assert replace(knowledge, logs=()) != knowledge
+
+
+def test_a_result_never_replaces_a_foreign_file(result, tmp_path):
+    (tmp_path / "vehicle.toml").write_text("mine")
+    with pytest.raises(FifthwheelError, match=r"vehicle\.toml: not of an earlier result; choose another folder"):
+        result.save(tmp_path)
+    assert (tmp_path / "vehicle.toml").read_text() == "mine"
+    result.save(tmp_path / "new")
+    result.save(tmp_path / "new")
 
 
 def test_numbers_that_are_not_finite_are_kept(result, tmp_path):

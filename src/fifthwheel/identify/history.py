@@ -4,14 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 
 LAST_FRACTION = 0.1
 """An estimate that settles only within this last fraction of its history has not settled."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class ParameterHistory:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParameterHistory(ComparedByContents):
     """Estimates after each of N samples, all passes one after another, of n parameters."""
 
     names: tuple[str, ...]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._atomic import atomic_write
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
@@ -53,8 +54,8 @@ def wheel_lifts(values: Mapping[str, Any]) -> Any:
     return functools.reduce(operator.or_, [abs(values[name]) >= LIFT_LIMIT for name in names], False)
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class States:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class States(ComparedByContents):
     """States of a record of N samples.
 
     Example:

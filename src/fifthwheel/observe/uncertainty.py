@@ -14,6 +14,7 @@ from typing import Any, NamedTuple, Self
 
 import numpy as np
 
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.names import ParameterPath, split_log
@@ -49,7 +50,7 @@ class SigmaPointPair(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Uncertainty:
+class Uncertainty(ComparedByContents):
     """Joint uncertainty of parameters of a vehicle and errors of its sensors.
 
     Raises:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel import pages
 from fifthwheel._arguments import expect, expect_number
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
@@ -55,7 +56,7 @@ class ReadOnlyDict(dict[str, V]):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Record:
+class Record(ComparedByContents):
     """Measured signals of a truck in SI and ISO 8855 on one strictly increasing time base.
 
     Arrays are copied to float64 and read-only. NaN is a missing sample; infinite values are refused. Signals are named
@@ -80,17 +81,17 @@ class Record:
     """Signal name to (N,) values in SI, NaN where missing."""
     reference: Mapping[str, Array] = field(default_factory=dict)
     """Signals for comparison only, never used by an estimator: optical sideslip, INS velocity, simulated states."""
-    name: str = "record"
+    name: str = field(default="record", compare=False)
     """Name of the run in reports."""
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = field(default=(), compare=False)
     """What was left out or repaired when the log was read, one sentence each."""
-    time_bases: Mapping[str, str] = field(default_factory=dict)
+    time_bases: Mapping[str, str] = field(default_factory=dict, compare=False)
     """Signal to the name of the time base, or clock, that gave its timestamps; signals that are not listed share the
     main time base. Entries of other names are left out."""
-    sensors: Mapping[str, SensorPrior] = field(default_factory=dict)
+    sensors: Mapping[str, SensorPrior] = field(default_factory=dict, compare=False)
     """What is stated of the sensor of a signal; an identification takes the priors of its errors from it. Entries of
     other names are left out."""
-    date: datetime | None = None
+    date: datetime | None = field(default=None, compare=False)
     """UTC date and time at which `time` is 0, where the log has one."""
 
     def __post_init__(self) -> None:
@@ -320,16 +321,6 @@ class Record:
         """What a notebook shows: a table of the channels."""
         table = channel_table(self.time, self._channels())
         return notebook(pages.Document(self.name, [pages.Paragraph(self._extent()), table, pages.Items(self.notes)]))
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Record):
-            return NotImplemented
-        return np.array_equal(self.time, other.time) and all(
-            a.keys() == b.keys() and all(np.array_equal(a[n], b[n], equal_nan=True) for n in a)
-            for a, b in ((self.signals, other.signals), (self.reference, other.reference))
-        )
-
-    __hash__ = None  # type: ignore[assignment]
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}

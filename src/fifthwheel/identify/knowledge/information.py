@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._arguments import expect_optional
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
@@ -76,7 +77,7 @@ class Owned:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class SharedInformation:
+class SharedInformation(ComparedByContents):
     """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
 
     names: tuple[str, ...]
@@ -101,7 +102,7 @@ class SharedInformation:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LogKnowledge:
+class LogKnowledge(ComparedByContents):
     """The information of one log, and where it belongs."""
 
     name: str

@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 
 from fifthwheel._arguments import expect_each
+from fifthwheel._contents import ComparedByContents
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge import storage
 from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
@@ -58,7 +59,7 @@ class LogChange:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Knowledge:
+class Knowledge(ComparedByContents):
     """The information of logs on one truck, of each by itself, so that they can be combined, removed and merged.
 
     Example:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Identification(IdentificationData):
     """The result of an identification.
 
@@ -254,10 +254,14 @@ class Identification(IdentificationData):
         The folder is made if it does not exist. Each file is written atomically. `load` reads an equal identification.
 
         Raises:
+            FifthwheelError: a file of one of these names is there, but no earlier result.
             OSError: a file cannot be written.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
+        names = (storage.CONTENTS, "vehicle.toml", KNOWLEDGE, storage.SERIES)
+        if (foreign := [name for name in names if (folder / name).exists()]) and not storage.is_result(folder):
+            raise FifthwheelError(f"{folder / foreign[0]}: not of an earlier result; choose another folder, or move it")
         with atomic_write(folder / storage.CONTENTS) as temporary:
             temporary.write_text(self.to_json() + "\n", encoding="utf-8")
         self.vehicle.save(folder / "vehicle.toml")

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, PlainValidator, Strict
 
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
@@ -53,8 +54,8 @@ class SensorError:
     log: str | None  # None if all logs share it
 
 
-@dataclass(frozen=True, kw_only=True)
-class Fit:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Fit(ComparedByContents):
     """One channel of one log and the free-running model: after the initial state no measurement corrects it."""
 
     log: str
@@ -69,8 +70,8 @@ class Fit:
     """Residual at the maximum of the posterior, whitened, in standard deviations; empty if it was only predicted."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class LogSummary:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogSummary(ComparedByContents):
     """What was used of a log."""
 
     name: str
@@ -84,8 +85,8 @@ class LogSummary:
     bank: tuple[Real, Real] | None = None  # of the road in the first segment and sigma, rad, left edge higher
 
 
-@dataclass(frozen=True, kw_only=True, repr=False)
-class IdentificationData:
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class IdentificationData(ComparedByContents):
     """The data of a result."""
 
     method: str

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
@@ -30,7 +31,7 @@ def normal_quantile(level: float) -> float:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Posterior:
+class Posterior(ComparedByContents):
     """The joint posterior of the parameters of a vehicle, of its tyres, and of the errors of its sensors.
 
     It is the Laplace approximation: normal about the maximum of the posterior density, with a covariance that allows

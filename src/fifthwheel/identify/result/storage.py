@@ -151,6 +151,14 @@ def read_contents(path: Path) -> dict[str, Any]:
     return contents
 
 
+def is_result(folder: Path) -> bool:
+    """Whether a folder has an identification.json that `save` or `fifthwheel identify` wrote."""
+    try:
+        return {"method", "parameters", "version"} <= read_contents(folder / CONTENTS).keys()
+    except (OSError, SignalError):
+        return False
+
+
 def read_series(path: Path) -> dict[str, Array]:
     """The time series by name; none if there is no such file.
 
