@@ -135,6 +135,18 @@ def test_a_wheelbase_moves_all_axles_of_the_unit_together(statement: str, shift:
     assert (change is None) == (sigma == 0)
 
 
+def test_the_cog_is_as_uncertain_as_the_wheelbase_that_it_was_weighed_with() -> None:
+    """By the same fraction, beside its own uncertainty; unless it is stated too, or exact."""
+    cog, length = TRUCK.parameters()["semitrailer.cog"], TRUCK.derived()["semitrailer.wheelbase"]
+    (own,) = [change.slopes["semitrailer.cog"] for change in changes(TRUCK) if change.name == "semitrailer.cog"]
+    vehicle, _ = stated("semitrailer.wheelbase=+- 40 cm")
+    assert vehicle.stated["semitrailer.cog"] == pytest.approx(math.hypot(own, 0.4 * abs(cog) / length))
+    vehicle, _ = stated("semitrailer.wheelbase=+- 40 cm", "semitrailer.cog=+- 2 cm")
+    assert vehicle.stated["semitrailer.cog"] == pytest.approx(0.02)
+    vehicle, _ = stated("semitrailer.wheelbase=exact")
+    assert vehicle.stated["semitrailer.cog"] == pytest.approx(own)
+
+
 def test_value_and_sigma_may_be_two_statements() -> None:
     assert stated("semitrailer.mass=+- 0.5 %", "semitrailer.mass=33.6 t") == stated("semitrailer.mass=33.6 t +- 0.5 %")
     assert stated("tractor.mass=7.3 t", "tractor.mass=7300 kg") == stated("tractor.mass=7.3 t")

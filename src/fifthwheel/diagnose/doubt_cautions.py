@@ -100,13 +100,17 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
 
 
 def _options(cause: Cause, vehicle: Vehicle) -> str:
-    """The options that make positions of the vehicle file as uncertain as the logs imply; empty for other causes."""
+    """The options that make lengths of the vehicle file as uncertain as the logs imply; empty for other causes."""
     values = vehicle.parameters()
     moved = {p: d for p, d in cause.changes.items() if p in values and ParameterPath.of(p).quantity in POSITIONS}
     if not moved or moved.keys() != cause.changes.keys() & values.keys():
         return ""
     sigma = 10 * math.ceil(10 * max(map(abs, moved.values())))
-    return " ".join(f"--set {path}='+- {sigma} cm'" for path in moved)
+    names = list(moved)
+    for unit in vehicle.units[1:]:  # then the CoG by a weighbridge moves too
+        if len(unit.axle_groups) == 1 and moved.keys() == {f"{unit.name}.{axle.name}.position" for axle in unit.axles}:
+            names = [f"{unit.name}.wheelbase"]
+    return " ".join(f"--set {name}='+- {sigma} cm'" for name in names)
 
 
 def unstable_cautions(identification: Identification) -> Iterator[Caution]:

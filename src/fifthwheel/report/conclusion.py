@@ -12,6 +12,7 @@ from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
 from fifthwheel.diagnose.caution import Caution, CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
+from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
@@ -162,7 +163,8 @@ def _headline(
         return "All parameters are fixed: nothing was estimated."
     identified = f"{len(converged)} of {len(estimated)} parameters {'is' if len(converged) == 1 else 'are'} identified"
     if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
-        return f"{identified} from {logs}; {counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful."
+        doubts = f"{counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful"
+        return f"{identified} from {logs}; {doubts}.{_likely_cause(identification, first)}"
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
@@ -176,6 +178,17 @@ def _headline(
     if len(converged) == len(estimated):
         return f"All {len(estimated)} parameters are identified from {logs}.{sigma}"
     return f"{identified} from {logs}.{sigma}"
+
+
+def _likely_cause(identification: Identification, first: Sequence[Caution]) -> str:
+    """What the logs contradict, if the first caution is that they do."""
+    causes = [c for doubt in identification.doubts if doubt.kind is DoubtKind.ASSUMPTION for c in doubt.causes]
+    if not causes or [caution.kind for caution in first] != [CautionKind.ASSUMPTION]:
+        return ""
+    if len(causes) > 1:
+        return " The logs contradict the vehicle file or an assumption on a sensor: see the first caution."
+    logs = [log.name for log in identification.logs]
+    return f" The logs imply that {describe_cause(causes[0], identification.initial_vehicle, logs)}."
 
 
 def _changed_wheelbases(identification: Identification) -> Iterator[str]:

@@ -39,18 +39,17 @@ LEAST_SPEED_RANGE = 5.0
 
 def main_numbers(identification: Identification, performance: Assessment | None) -> pages.Markup:
     """CoG heights and rollover threshold, which most readers look for."""
-    numbers = [
-        (
-            spoken(e.name),
-            with_sigma(e.value, e.sigma, e.unit)
-            + ("" if e.verdict is Verdict.CONVERGED else f" ({spoken_verdict(e.verdict)})"),
-        )
-        for e in identification.derived
-        if e.name.endswith(".cog_height")
-    ]
-    numbers += [(m.title.capitalize(), m.text()) for m in performance or () if m.name == ROLLOVER]
+    heights = [e for e in identification.derived if e.name.endswith(".cog_height")]
+    numbers = [(spoken(e.name), with_sigma(e.value, e.sigma, e.unit) + _mark(e)) for e in heights]
+    mark = next(filter(None, map(_mark, heights)), "")  # it follows from the heights
+    numbers += [(m.title.capitalize(), m.text() + mark) for m in performance or () if m.name == ROLLOVER]
     terms = "".join(f"<div><dt>{text(name)}</dt><dd>{text(number)}</dd></div>" for name, number in numbers)
     return pages.Markup(f'<dl class="numbers">{terms}</dl>' if terms else "")
+
+
+def _mark(estimate: Estimate) -> str:
+    """The verdict behind a number that is not certain."""
+    return "" if estimate.verdict is Verdict.CONVERGED else f" ({spoken_verdict(estimate.verdict)})"
 
 
 def truck_and_runs(

@@ -3,7 +3,8 @@
 A statement is used or refused, never dropped.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -63,7 +64,9 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
         FifthwheelError: a name fits nothing, or more than one number that gets a value; a unit does not fit; two
             statements disagree; or the estimation cannot use a statement. The message names it with the cure.
     """
-    listed = [of_axle for statement in statements for of_axle in _of_axles(vehicle, statement)]
+    given = tuple(statements)
+    listed = [of_axle for statement in given for of_axle in _of_axles(vehicle, statement)]
+    listed += [s for statement in given for s in _of_cog(vehicle, statement, {s.name for s in listed})]
     if not listed:
         return vehicle, settings
     apply_to: Any = _apply_to_one_stage if isinstance(settings, OneStage) else _apply_to_two_stages
@@ -96,6 +99,24 @@ def _of_axles(vehicle: Vehicle, statement: Statement) -> list[Statement]:
     paths = [f"{unit_name}.{axle.name}.position" for axle in vehicle.unit(unit_name).axles]
     values = {path: f"{positions[path] + before - stated.value!r} m" if stated.has_value else "" for path in paths}
     return [replace(statement, name=path, value=value) for path, value in values.items()]
+
+
+def _of_cog(vehicle: Vehicle, statement: Statement, others: Collection[str]) -> Iterator[Statement]:
+    """What an uncertain wheelbase means for the CoG, unless `others` state it or the file has an exact one.
+
+    A weighbridge gives the CoG as a fraction of the wheelbase: it is uncertain by the same fraction.
+    """
+    unit_name, _, quantity = statement.name.rpartition(".")
+    path = f"{unit_name}.cog"
+    if quantity != "wheelbase" or {path, "cog"} & set(others) or vehicle.stated.get(path) == 0:
+        return
+    length = vehicle.derived()[statement.name]
+    stated = resolved(statement.name, "m", length, [statement])
+    sigma = WIDE_POSITION if stated.free else stated.sigma or 0.0
+    i = [unit.name for unit in vehicle.units].index(unit_name)
+    behind = vehicle.couplings[i - 1].trailing_position - vehicle.units[i].cog
+    (of_file,) = [change.slopes[path] for change in changes(vehicle) if change.name == path]
+    yield Statement(name=path, kind="sigma", sigma=f"{math.hypot(of_file, sigma * behind / length)!r} m")
 
 
 def _apply_to_one_stage(

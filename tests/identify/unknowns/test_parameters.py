@@ -334,13 +334,13 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
 
 
 def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
-    """A stiffness by a factor of eight, a track by half, a position by two metres; a mass remains above an eighth; a
+    """A stiffness by a factor of four, a track by half, a position by two metres; a mass remains above an eighth; a
     gain of a sensor has no such limit."""
     unknowns = by_name(truck, OneStage(tyres="saturating"))
     stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
     track, two_metres = unknowns["body.half_track"], 2 / cog.prior_sigma / cog.slopes["tractor.cog"]
     for unknown, limit in (
-        (stiffness, math.log(8) / stiffness.scale),
+        (stiffness, math.log(4) / stiffness.scale),
         (track, math.log(1.5) / track.scale),
         (cog, abs(two_metres)),
     ):

@@ -99,8 +99,8 @@ def mass(
     The mass follows from the force of the engine and the acceleration, on roads of unknown grade. The logs have speed,
     braking.<unit>, engine_speed and engine_torque, or drive_force in place of the engine; and if possible
     driveline_engaged, friction_torque and grade. `[driveline]` of the vehicle file states losses, scales and rotating
-    masses. The new file states how well the mass is known. Unladen masses stay; yaw inertia and tyre stiffness follow
-    the load.
+    masses. The new file states how well the mass is known. Unladen masses stay; yaw inertia, stiffness and relaxation
+    length of the tyres follow the load. If only the mass was wrong in the file, copy the masses from the new file.
     """
     from fifthwheel.report.vehicle import mass_document
     from fifthwheel.workflow import drive_vehicle, read_vehicle, vehicle_text

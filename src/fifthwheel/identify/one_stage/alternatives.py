@@ -83,9 +83,9 @@ class _Alternative:
 def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None) -> Causes:
     """The causes that explain a contradiction about as well as the best one, the likeliest first; none without one.
 
-    A cause that is physically impossible counts only if all are. A gross error of a clock is behind others that explain
-    half as much. Logs that contradict no single prior may contradict all of them together. `tests` are those of the
-    priors, the largest statistic first.
+    A cause that is physically impossible counts only if it is the only one, such as a digit too many. A gross error of
+    a clock is behind others that explain half as much. Logs that contradict no single prior may contradict all of them
+    together. `tests` are those of the priors, the largest statistic first.
     """
     if not tests or tests[0].size <= UNUSUAL_CHANGE:
         return Causes(left=_left(solution.minimum) or None)
@@ -96,11 +96,14 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
         progress(TITLE, i, len(candidates))
         found.append(_without_prior(base, test))
     progress(TITLE, len(candidates), len(candidates))
-    found = [a for a in found if a.possible] or found
+    possible = [a for a in found if a.possible]
+    found = possible or found
     found.sort(key=lambda alternative: -alternative.rank)
     least, most = AS_LIKELY**2 * found[0].rank, max(a.gain for a in found)
     likely = [a for a in found if a.rank >= least or a.gain == most]
     left = [_unexplained(a.minimum) for a in likely]
+    if not possible and len(likely) > 1:
+        return Causes(left=min(left))
     if explaining := [a.test for a, discrepancy in zip(likely, left, strict=True) if not discrepancy]:
         return Causes(likely=explaining)
     left.append(_unexplained(_corrected(solution, base)))

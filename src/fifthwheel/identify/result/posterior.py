@@ -1,12 +1,13 @@
 """The posterior of an identification in SI: a joint normal distribution, of positive parameters by their logarithm."""
 
-from collections.abc import Container
+from collections.abc import Sequence
 from dataclasses import dataclass
 from statistics import NormalDist
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from fifthwheel._arguments import expect_known, expect_names
 from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._types import Array
@@ -77,8 +78,10 @@ class Posterior(ComparedByContents):
         """Correlation matrix (k, k)."""
         return np.asarray(self.covariance / np.outer(self.sigma, self.sigma))
 
-    def among(self, names: Container[str]) -> "Posterior":
-        """The marginal posterior of some of the names."""
+    def among(self, names: Sequence[str]) -> "Posterior":
+        """The marginal posterior of some of the names; a SignalError for a name that it does not have."""
+        expect_names("names", names)
+        expect_known("names", names, self.names)
         kept = [i for i, name in enumerate(self.names) if name in names]
         units = tuple(self.units[i] for i in kept)
         return Posterior(uncertainty=self.uncertainty.among(names), mean=self.mean[kept], units=units)

@@ -22,8 +22,11 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 LARGEST_SHIFT = 2.0
 """A position differs from that of the vehicle file by at most this length, m."""
-LARGEST_FACTORS = {"half_track": 1.5, "relative_friction": 1.5}
-"""Of quantities that vary less: trucks are as wide as the road allows, and have similar tyres on all axles."""
+LARGEST_FACTOR = 4.0
+"""Of a wrong number of the vehicle file that is not a mass: that of one twin tyre, or of one axle of a tridem."""
+LARGEST_FACTORS = {"half_track": 1.5, "relative_friction": 1.5, "relaxation_length": 3.0}
+"""Of quantities that vary less: trucks are as wide as the road allows, have similar tyres on all axles, and tyres have
+lags of 0.3 to 0.7 m."""
 LARGEST_CLOCK_ERROR = 0.2
 """Fraction; larger than that of a sampling rate that was noted wrongly."""
 BOUND_SIGMAS = 8.0
@@ -90,11 +93,11 @@ class Unknown:
     def is_possible(self, deviation: float) -> bool:
         """Whether p may be so many prior standard deviations from its prior mean.
 
-        A factor of at most `BOUND_FACTOR`, or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the rate
-        of a clock by `LARGEST_CLOCK_ERROR`; a mass also remains above a fraction 1 / `BOUND_FACTOR`.
+        A factor of at most `LARGEST_FACTOR`, or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the
+        rate of a clock by `LARGEST_CLOCK_ERROR`; a mass by a factor of at most `BOUND_FACTOR`.
         """
         if self.logarithmic:
-            factor = LARGEST_FACTORS.get(self.name.rpartition(".")[2], BOUND_FACTOR)
+            factor = LARGEST_FACTORS.get(self.name.rpartition(".")[2], LARGEST_FACTOR)
             return abs(self.scale * deviation) <= math.log(factor)
         if TIME_SCALE in self.moves:
             return abs(self.scale * deviation) <= LARGEST_CLOCK_ERROR
