@@ -146,7 +146,7 @@ def _friction(identification: Identification) -> Iterator[Advice]:
         if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
             yield Advice(
                 "The logs use little of the friction of the road, so that it keeps its prior. To estimate it, add a "
-                "run with a lateral acceleration of 2 m/s² or more on a dry road, 1 m/s² on snow.",
+                "run with a larger lateral acceleration, 2 m/s² or more on a dry road, 1 m/s² on snow.",
                 parameters=(FRICTION,),
             )
 

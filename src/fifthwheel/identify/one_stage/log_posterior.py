@@ -70,7 +70,8 @@ class LogPosterior:
     A point x (k,) is in the coordinates of the estimator, in which every prior is about N(0, 1): an unknown is
     p = p_0 exp(s x) if it is positive, else p = p_0 + s x, with the prior mean p_0 and the prior standard deviation s.
     The density is that of x, so it has no Jacobian. `values` gives p in SI. Initial states, "<state>@<log>.<segment>",
-    are deviations from the steady state, and have no values.
+    are deviations from the steady state, and have no values. One unknown may move several numbers of the vehicle file,
+    such as "semitrailer.axle_positions"; samples of `Identification.posterior`, by number, are no points of this one.
 
     Example:
         >>> import fifthwheel as fw
@@ -114,9 +115,9 @@ class LogPosterior:
         return lower[self._indices], upper[self._indices]
 
     def __call__(self, x: ArrayLike | Mapping[str, float]) -> float:
-        """The logarithm of the density at x (k,), or at values in SI by name, with the maximum for other unknowns.
+        """The logarithm of the density at x (k,), or at values in SI by name.
 
-        It is -inf beyond the bounds of the unknowns, and where the vehicle is unstable.
+        Unknowns without a value keep that of the maximum; `profile` maximises over them. It is -inf beyond the bounds of the unknowns, and where the vehicle is unstable.
 
         Raises:
             SignalError: another number of elements than k, or an unknown name.
