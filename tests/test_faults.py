@@ -211,7 +211,7 @@ def run(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int
 
 
 def test_every_fault_has_a_case():
-    assert {case.fault for case in CASES} == set(Fault)
+    assert {case.fault for case in CASES} == set(Fault) - {Fault.MASS}  # of the vehicle file, not of a signal
 
 
 @cases

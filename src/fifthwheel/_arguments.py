@@ -30,7 +30,7 @@ def expect(name: str, value: object, *kinds: type) -> None:
     if isinstance(value, kinds):
         return
     got, expected = type(value).__name__, " or ".join(kind.__name__ for kind in kinds)
-    article = "an" if expected[0] in "AEIOU" else "a"
+    article = "an" if expected[0] in "AEIOU" and not expected.startswith("One") else "a"
     cure = CURES.get(kinds[0].__name__, "correct it")
     if isinstance(value, type) and issubclass(value, kinds):
         got, cure = f"the class {value.__name__}", f"write {value.__name__}()"

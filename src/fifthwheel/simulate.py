@@ -1,6 +1,7 @@
 """Simulated records of the linear model, with the noise of real sensors: for tests, demonstrations and benchmarks."""
 
 from collections.abc import Mapping
+from numbers import Real
 
 import numpy as np
 
@@ -54,15 +55,14 @@ def simulate(
     """
     expect("vehicle", vehicle, Vehicle)
     expect_number("count", count, ge=1, whole=True)
-    expect_number("speed", speed, unit="m/s")
     expect_number("rate", rate, ge=5, le=1000, unit="Hz")
     expect_number("seed", seed, ge=0, whole=True)
     if duration is not None:
         expect_number("duration", duration, ge=1, le=36000, unit="s")
     for signal, variance in (sensors or {}).items():
         expect_number(f"sensors, {signal}", variance, ge=0)
-    if not 5 <= speed <= 40:
-        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; the linear model is valid at road speeds")
+    if not isinstance(speed, Real) or not 5 <= speed <= 40:
+        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; the linear model is valid at road speeds")
     if not dynamics.is_stable(vehicle, speed, roll=roll):
         raise VehicleError(f"{vehicle.name}: unstable at {speed:.1f} m/s; simulate it below its critical speed")
     if duration is None:

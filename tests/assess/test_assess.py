@@ -119,5 +119,5 @@ def test_wrong_arguments_name_the_key_and_the_cure(arguments, error, message):
 
 
 def test_only_a_truck_can_be_assessed():
-    with pytest.raises(VehicleError, match="vehicle: expected a Vehicle, got str"):
+    with pytest.raises(VehicleError, match="truck: expected a Vehicle or Identification, got str"):
         fw.assess("truck.toml")

@@ -568,7 +568,10 @@ USAGE = {
         [*IDENTIFY, "--prior", "roll_stiffness"],
         "--prior roll_stiffness: expected NAME=FRACTION",
     ),
-    "a fraction above 1": ([*IDENTIFY, "--consider", "roll_stiffness=2"], "--consider .*; 2 is 200 %"),
+    "a fraction above 1": (
+        [*IDENTIFY, "--consider", "roll_stiffness=2"],
+        "--consider .* below 100%, got 2, which is 200%; write 5%",
+    ),
     "a fraction that is not a number": ([*IDENTIFY, "--consider", "roll_stiffness=much"], "--consider .*NAME=FRACTION"),
     "an unknown sensor error": (
         [*IDENTIFY, "--sensor", "steer_lag=5ms"],

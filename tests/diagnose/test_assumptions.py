@@ -63,7 +63,7 @@ def test_the_assumed_numbers_are_shown(numbers):
     for path in TRUCK.assumed:
         assert path in text
         assert path in html
-    assert note.startswith(f"{len(TRUCK.assumed)} numbers of the vehicle file")
+    assert note.startswith(f"{len(TRUCK.assumed)} numbers are not in the vehicle file")
     assert max(map(len, text.splitlines())) <= 80
     assert "No number is assumed" in printed(
         show, vehicle_document(get("auburn_6x4"), summarize(get("auburn_6x4")), [])

@@ -39,7 +39,7 @@ def test_the_lateral_motion_does_not_depend_on_it():
     [
         ("eficiency = 0.9", r"driveline\.eficiency: no such key; did you mean .*efficiency"),
         ('drag_area = "60 m^2"', r"driveline\.drag_area: expected 0\.5 to 20 m\^2"),
-        ("efficiency = 95", r"driveline\.efficiency: expected 0\.7 to 1 1"),
+        ("efficiency = 95", r"driveline\.efficiency: expected 0\.7 to 1, the range"),
     ],
 )
 def test_wrong_numbers_are_refused(text, message):

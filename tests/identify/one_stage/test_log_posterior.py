@@ -100,7 +100,7 @@ def test_wrong_arguments_are_refused(density: LogPosterior, truck: Vehicle) -> N
         density({"semitrailer.yaw_inerta": 4e5})
     with pytest.raises(SignalError, match=r"bank.road@run.0: not an estimated unknown"):
         density.profile("bank.road@run.0")
-    with pytest.raises(SignalError, match=r"settings: expected OneStage, got TwoStage"):
+    with pytest.raises(SignalError, match=r"settings: expected a OneStage, got TwoStage"):
         log_posterior([record], truck, article())  # type: ignore[arg-type]
     with pytest.raises(SignalError, match=r"records: expected a list .*write \[record\]"):
         log_posterior(record, truck)  # type: ignore[arg-type]

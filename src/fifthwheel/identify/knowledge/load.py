@@ -16,6 +16,10 @@ LOAD_POSITION = 0.5
 """Standard deviation of the distance between the CoG of a load and that of its laden unit, m."""
 
 
+HEAVIEST = 1e6
+"""kg; no payload of a road vehicle has more."""
+
+
 def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     """The vehicle with another payload in its only unit with one.
 
@@ -29,7 +33,8 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
         mass: of the other payload, kg; 0 for the unladen vehicle.
 
     Raises:
-        VehicleError: no unit has a payload, or several; or the mass is negative or not finite.
+        VehicleError: no unit has a payload, or several.
+        SignalError: the mass is negative or not finite.
 
     Example:
         >>> import fifthwheel as fw
@@ -38,7 +43,7 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
         13328
     """
     expect("vehicle", vehicle, Vehicle)
-    expect_number("payload", mass, ge=0, unit="kg")
+    expect_number("payload", mass, ge=0, le=HEAVIEST, unit="kg")
     laden = [unit for unit in vehicle.units if unit.payload is not None]
     if len(laden) != 1 or laden[0].payload is None:
         raise VehicleError(

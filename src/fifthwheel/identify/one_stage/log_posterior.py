@@ -117,7 +117,8 @@ class LogPosterior:
     def __call__(self, x: ArrayLike | Mapping[str, float]) -> float:
         """The logarithm of the density at x (k,), or at values in SI by name.
 
-        Unknowns without a value keep that of the maximum; `profile` maximises over them. It is -inf beyond the bounds of the unknowns, and where the vehicle is unstable.
+        Unknowns without a value keep that of the maximum; `profile` maximises over them. It is -inf beyond the bounds
+        of the unknowns, and where the vehicle is unstable.
 
         Raises:
             SignalError: another number of elements than k, or an unknown name.
