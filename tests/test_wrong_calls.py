@@ -2,7 +2,6 @@
 
 import functools
 import re
-import tempfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import fifthwheel as fw
 
 TRUCK: Any = fw.vehicle("cheng_cebon_2011")
 RECORD: Any = fw.simulate(TRUCK, count=1)
-FOLDER = Path(tempfile.gettempdir()) / "never_written"
+FOLDER = Path("out")
 
 
 @functools.cache
@@ -229,7 +228,8 @@ WRONG: dict[str, Callable[[], object]] = {
 
 @pytest.mark.parametrize("call", WRONG.values(), ids=list(WRONG))
 @pytest.mark.filterwarnings("ignore")
-def test_a_wrong_call_is_refused(call: Callable[[], object]) -> None:
+def test_a_wrong_call_is_refused(call: Callable[[], object], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     with pytest.raises(fw.FifthwheelError) as refused:
         call()
     assert re.search("; ", str(refused.value)), refused.value

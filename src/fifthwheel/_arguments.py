@@ -14,6 +14,7 @@ CURES = {
     "Knowledge": "use result.knowledge, or fw.Knowledge.load(path)",
     "Occasion": "write fw.Occasion(trailer=...)",
     "LinearSystem": "use fw.linear_system(vehicle, speed)",
+    "Real": "give a number",
     "Mapping": "write {name: value}",
     "SignalMap": "use fw.SignalMap.load(path)",
 }
@@ -69,10 +70,10 @@ def expect_known(name: str, given: Iterable[str], known: Iterable[str]) -> None:
             raise SignalError(f"{name}, {key}: no such name; {suggestion(str(key), known)}")
 
 
-def expect_sample(sample: object) -> None:
+def expect_sample(sample: Any) -> None:
     """Raise a SignalError if a live sample is not a mapping of names to numbers or None."""
     expect("sample", sample, Mapping)
-    for name, value in sample.items() if isinstance(sample, Mapping) else ():
+    for name, value in sample.items():
         if not isinstance(value, Real | None):
             raise SignalError(f"sample, {name}: expected a number or None, got {value!r}; convert it")
 
@@ -80,9 +81,9 @@ def expect_sample(sample: object) -> None:
 def expect_number(
     name: str, value: object, *, ge: float = -math.inf, le: float = math.inf, unit: str = "", whole: bool = False
 ) -> None:
-    """Raise a SignalError if an argument is not a number from `ge` to `le`."""
+    """Raise a SignalError if an argument is not a finite number from `ge` to `le`."""
     kind, word = (Integral, "a whole number") if whole else (Real, "a number")
-    if isinstance(value, kind) and not isinstance(value, bool) and ge <= float(value) <= le:
+    if isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value) and ge <= float(value) <= le:
         return
     limits = "" if ge == -math.inf else f" from {ge:g} on" if le == math.inf else f" from {ge:g} to {le:g}"
     raise SignalError(f"{name}: expected {word}{unit and ' of '}{unit}{limits}, got {value!r}; correct it")

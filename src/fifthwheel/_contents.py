@@ -15,8 +15,11 @@ class ComparedByContents:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        data: Any = self
-        return all(_equal(getattr(self, f.name), getattr(other, f.name)) for f in fields(data) if f.compare)
+        return _equal_fields(self, other)
+
+
+def _equal_fields(a: Any, b: Any) -> bool:
+    return all(_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a) if f.compare)
 
 
 def _equal(a: Any, b: Any) -> bool:
@@ -28,5 +31,5 @@ def _equal(a: Any, b: Any) -> bool:
     if isinstance(a, list | tuple) and isinstance(b, list | tuple):
         return len(a) == len(b) and all(map(_equal, a, b))
     if is_dataclass(a) and type(a) is type(b):
-        return all(_equal(getattr(a, f.name), getattr(b, f.name)) for f in fields(a) if f.compare)
+        return _equal_fields(a, b)
     return bool(a == b) or (a != a and b != b)  # NaN

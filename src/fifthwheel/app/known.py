@@ -17,7 +17,7 @@ from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow import IdentifyOptions
 from fifthwheel.workflow.settings import chosen_statements
 from fifthwheel.workflow.statement import Statement
-from fifthwheel.workflow.statements import SENSOR_PRIORS, wheelbases
+from fifthwheel.workflow.statements import SENSOR_PRIORS
 
 STATEMENTS = "statements"
 """The option whose texts `stated` turns into sentences."""
@@ -76,6 +76,6 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     signal_map = workspace.signal_map()
     signals = () if signal_map is None else tuple(signal_map.signals)
     errors = [f"{signal}.{kind}" for signal in signals if "." in signal for kind in error_kinds(signal)]
-    of_truck = (*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *wheelbases(truck))
+    of_truck = (*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *truck.moved_by_wheelbase())
     names = (*of_truck, *errors, *SENSOR_PRIORS, *MODEL_ERRORS)
     return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}

@@ -106,10 +106,8 @@ def _options(cause: Cause, vehicle: Vehicle) -> str:
     if not moved or moved.keys() != cause.changes.keys() & values.keys():
         return ""
     sigma = 10 * math.ceil(10 * max(map(abs, moved.values())))
-    names = list(moved)
-    for unit in vehicle.units[1:]:  # then the CoG by a weighbridge moves too
-        if len(unit.axle_groups) == 1 and moved.keys() == {f"{unit.name}.{axle.name}.position" for axle in unit.axles}:
-            names = [f"{unit.name}.wheelbase"]
+    wheelbases = vehicle.moved_by_wheelbase().items()  # with one of them, the CoG by a weighbridge moves too
+    names = [name for name, axles in wheelbases if moved.keys() == {*axles}] or list(moved)
     return " ".join(f"--set {name}='+- {sigma} cm'" for name in names)
 
 

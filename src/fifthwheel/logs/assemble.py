@@ -288,7 +288,8 @@ def _samples(
             values = channel.converted(_on_first_time_base(log, sources), si)
         except UnitError as error:
             place = f"{signal}: column {column} of {log.name}"
-            raise SignalError(f"{place}: {error}{relative_cure(signal, error)}") from None
+            unit = channel.unit or log.columns[column].unit
+            raise SignalError(f"{place}: {error}{relative_cure(signal, unit)}") from None
     impossible = impossible_samples(signal, values)
     notes = []
     if impossible.any():

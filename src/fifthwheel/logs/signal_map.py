@@ -226,11 +226,14 @@ class SignalSource(BaseModel):
         return self.sum or (self.column or "",)
 
 
-def relative_cure(signal: str, error: SignalError) -> str:
-    """What to do where the unit of a signal is "%", by the error that this gave; empty for another unit."""
-    si = si_unit(signal)
-    cure = f'; in percent of a reference: set unit = "{si}" and gain = reference in {si} / 100 in signals.toml'
-    return cure if "got '%'" in str(error) else ""
+def relative_keys(signal: str) -> str:
+    """How to map a column in percent of a reference value."""
+    return f'unit = "{(si := si_unit(signal))}" and gain = reference in {si} / 100'
+
+
+def relative_cure(signal: str, unit: str | None) -> str:
+    """What to do where the unit of a signal is "%"; empty for another unit."""
+    return f"; in percent of a reference: set {relative_keys(signal)} in signals.toml" if unit == "%" else ""
 
 
 Channels = Annotated[dict[Name, SignalSource], BeforeValidator(_channels)]
@@ -280,7 +283,7 @@ class SignalMap(BaseModel):
                 factor(channel.unit or si, si)
                 stated = channel.stated(name)
             except SignalError as error:
-                raise SignalError(f"{name}: {error}{relative_cure(name, error)}") from error
+                raise SignalError(f"{name}: {error}{relative_cure(name, channel.unit)}") from error
             stated.require_fits(name if self.signals.get(name) is channel else f"{REFERENCE}{name}")
         return self
 

@@ -4,13 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from numbers import Real
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel import pages
-from fifthwheel._arguments import expect, expect_number
+from fifthwheel._arguments import expect
 from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
@@ -207,8 +208,8 @@ class Record(ComparedByContents):
 
     def cut(self, start: float = -np.inf, stop: float = np.inf) -> "Record":
         """The record of the samples with start <= time <= stop, s; a SignalError for fewer than two."""
-        expect_number("start", start)
-        expect_number("stop", stop)
+        expect("start", start, Real)
+        expect("stop", stop, Real)
         inside = (self.time >= start) & (self.time <= stop)
         if inside.sum() < 2:
             first, last = self.span
@@ -378,10 +379,13 @@ def _numbers(name: str, column: "pd.Series") -> Array:
 
 def _frozen(name: str, values: ArrayLike) -> Array:
     try:
-        array = np.array(values, dtype=np.float64)
+        given = np.asarray(values)
+        if given.dtype.kind == "c":  # NumPy would drop the imaginary part
+            raise TypeError("complex")
+        array = given.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise SignalError(f"{name}: not numbers; give one number for each sample") from error
-    if np.asarray(values).dtype.kind in "Mm":
+    if given.dtype.kind in "Mm":
         raise SignalError(f"{name}: dates or durations; give seconds")
     if array.ndim != 1:
         raise SignalError(f"{name}: {array.ndim} dimensions, 1 expected; give one value for each sample")

@@ -10,7 +10,7 @@ from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.causes import ranked
-from fifthwheel.diagnose.caution import Caution, CautionKind
+from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
@@ -119,7 +119,8 @@ def conclude_identification(
     validation = {log.name for result in validated for log in result.logs}
     contradicted = {c.log for c in found if c.log in validation and c.kind is CautionKind.CONTRADICTION}
     poor = [p.log for p in predicted_logs(identification) if p.poor and p.log not in contradicted]
-    headline = _headline(identification, converged, estimated, contradicted, cautions[:1])
+    first = cautions[0].kind if cautions else None
+    headline = _headline(identification, converged, estimated, contradicted, first)
     if poor:
         headline += f" {enumerated(poor)} (validation) {'is' if len(poor) == 1 else 'are'} predicted poorly."
     repaired = [f for f in identification.findings if is_repaired(f)]
@@ -149,12 +150,12 @@ def _headline(
     converged: Sequence[Estimate],
     estimated: Sequence[Estimate],
     contradicted: Collection[str],
-    first: Sequence[Caution],
+    first: CautionKind | None,
 ) -> str:
-    """The first line; `first` is the first caution."""
+    """The first line; `first` is the kind of the first caution."""
     logs = _logs(identification)
     unexplained = any(doubt.kind is DoubtKind.NOISE for doubt in identification.doubts)
-    if unexplained and [caution.kind for caution in first] == [CautionKind.ASSUMPTION]:
+    if unexplained and first is CautionKind.ASSUMPTION:
         return f"The vehicle file or the signal map does not fit: the model does not explain {logs}."
     if contradicted:
         verb = "contradicts" if len(contradicted) == 1 else "contradict"
@@ -164,7 +165,9 @@ def _headline(
     identified = f"{len(converged)} of {len(estimated)} parameters {'is' if len(converged) == 1 else 'are'} identified"
     if doubtful := sum(e.verdict is Verdict.DOUBTFUL for e in estimated):
         doubts = f"{counted(doubtful, 'estimate')} {'is' if doubtful == 1 else 'are'} doubtful"
-        return f"{identified} from {logs}; {doubts}.{_likely_cause(identification, first)}"
+        return f"{identified} from {logs}; {doubts}." + (
+            _likely_cause(identification) if first is CautionKind.ASSUMPTION else ""
+        )
     if not converged:
         unexcited = all(e.verdict is Verdict.NOT_EXCITED for e in estimated)
         return f"No parameter is identified from {logs}" + (": the excitation is too small." if unexcited else ".")
@@ -180,12 +183,10 @@ def _headline(
     return f"{identified} from {logs}.{sigma}"
 
 
-def _likely_cause(identification: Identification, first: Sequence[Caution]) -> str:
-    """What the logs contradict, if the first caution is that they do."""
+def _likely_cause(identification: Identification) -> str:
+    """What the logs contradict."""
     causes = [c for doubt in identification.doubts if doubt.kind is DoubtKind.ASSUMPTION for c in doubt.causes]
-    if not causes or [caution.kind for caution in first] != [CautionKind.ASSUMPTION]:
-        return ""
-    if len(causes) > 1:
+    if len(causes) != 1:
         return " The logs contradict the vehicle file or an assumption on a sensor: see the first caution."
     logs = [log.name for log in identification.logs]
     return f" The logs imply that {describe_cause(causes[0], identification.initial_vehicle, logs)}."

@@ -389,6 +389,15 @@ class Vehicle(Component):
             values[f"{unit.name}.wheelbase"] = coupling.trailing_position - sum(axles) / len(axles)
         return values
 
+    def moved_by_wheelbase(self) -> dict[str, tuple[str, ...]]:
+        """Paths of the positions of all axles by <unit>.wheelbase, of the units behind a coupling with one axle group:
+        of these the wheelbase says where the axles are."""
+        return {
+            f"{unit.name}.wheelbase": tuple(f"{unit.name}.{axle.name}.position" for axle in unit.axles)
+            for unit in self.units[1:]
+            if len(unit.axle_groups) == 1
+        }
+
 
 def _require_within(path: str, position: float, low: float, high: float) -> None:
     """Raise a VehicleError where a coupling is not between low and high on a unit, m."""

@@ -4,7 +4,7 @@ A statement is used or refused, never dropped.
 """
 
 import math
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -65,8 +65,7 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
             statements disagree; or the estimation cannot use a statement. The message names it with the cure.
     """
     given = tuple(statements)
-    listed = [of_axle for statement in given for of_axle in _of_axles(vehicle, statement)]
-    listed += [s for statement in given for s in _of_cog(vehicle, statement, {s.name for s in listed})]
+    listed = [s for statement in given for s in _of_wheelbase(vehicle, statement, [s.name for s in given])]
     if not listed:
         return vehicle, settings
     apply_to: Any = _apply_to_one_stage if isinstance(settings, OneStage) else _apply_to_two_stages
@@ -74,49 +73,40 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
     return changed
 
 
-def wheelbases(vehicle: Vehicle) -> list[str]:
-    """Names of the wheelbases that a statement can name: those of units behind a coupling with one axle group."""
-    return [f"{unit.name}.wheelbase" for unit in vehicle.units[1:] if len(unit.axle_groups) == 1]
+def _of_wheelbase(vehicle: Vehicle, statement: Statement, names: Sequence[str]) -> list[Statement]:
+    """A statement on the wheelbase of a unit as statements on the positions of its axles, which move together, and on
+    its CoG; others as they are.
 
-
-def _of_axles(vehicle: Vehicle, statement: Statement) -> list[Statement]:
-    """A statement on the wheelbase of a unit as statements on the positions of its axles, which move together."""
+    A weighbridge gives the CoG as a fraction of the wheelbase: it is uncertain by the same fraction, unless one of the
+    `names` of all statements is the CoG, or the file has an exact one.
+    """
     unit_name, _, quantity = statement.name.rpartition(".")
     if quantity != "wheelbase":
         return [statement]
-    positions = {path: x for path, x in vehicle.parameters().items() if ParameterPath.of(path).quantity == "position"}
-    of_unit = {path: x for path, x in positions.items() if ParameterPath.of(path).unit == unit_name}
-    if statement.name not in wheelbases(vehicle):
-        axles = ", ".join(path for path in of_unit or positions if "accelerometer" not in path)
+    known, moved = vehicle.parameters(), vehicle.moved_by_wheelbase()
+    if statement.name not in moved:
+        positions = [path for path in known if ParameterPath.of(path).quantity == "position"]
+        of_unit = [path for path in positions if ParameterPath.of(path).unit == unit_name] or positions
         raise VehicleError(
             f"--set {statement}: expected the wheelbase of a unit with a front coupling and one axle group, one of "
-            f"{', '.join(wheelbases(vehicle)) or 'none'}; or state the positions {axles}"
+            f"{', '.join(moved) or 'none'}; or state the positions "
+            f"{', '.join(path for path in of_unit if 'accelerometer' not in path)}"
         )
-    before = vehicle.derived()[statement.name]
-    stated = resolved(statement.name, "m", before, [statement])
-    sigma = WIDE_POSITION if stated.free else stated.sigma
-    statement = replace(statement, kind="sigma", sigma=f"{sigma!r} m") if sigma else statement
-    paths = [f"{unit_name}.{axle.name}.position" for axle in vehicle.unit(unit_name).axles]
-    values = {path: f"{positions[path] + before - stated.value!r} m" if stated.has_value else "" for path in paths}
-    return [replace(statement, name=path, value=value) for path, value in values.items()]
-
-
-def _of_cog(vehicle: Vehicle, statement: Statement, others: Collection[str]) -> Iterator[Statement]:
-    """What an uncertain wheelbase means for the CoG, unless `others` state it or the file has an exact one.
-
-    A weighbridge gives the CoG as a fraction of the wheelbase: it is uncertain by the same fraction.
-    """
-    unit_name, _, quantity = statement.name.rpartition(".")
-    path = f"{unit_name}.cog"
-    if quantity != "wheelbase" or {path, "cog"} & set(others) or vehicle.stated.get(path) == 0:
-        return
-    length = vehicle.derived()[statement.name]
+    length, cog = vehicle.derived()[statement.name], f"{unit_name}.cog"
     stated = resolved(statement.name, "m", length, [statement])
-    sigma = WIDE_POSITION if stated.free else stated.sigma or 0.0
-    i = [unit.name for unit in vehicle.units].index(unit_name)
-    behind = vehicle.couplings[i - 1].trailing_position - vehicle.units[i].cog
-    (of_file,) = [change.slopes[path] for change in changes(vehicle) if change.name == path]
-    yield Statement(name=path, kind="sigma", sigma=f"{math.hypot(of_file, sigma * behind / length)!r} m")
+    sigma = WIDE_POSITION if stated.free else stated.sigma
+    of_axles = replace(statement, kind="sigma", sigma=f"{sigma!r} m") if sigma else statement
+    shift = length - stated.value
+    listed = [
+        replace(of_axles, name=path, value=f"{known[path] + shift!r} m" if stated.has_value else "")
+        for path in moved[statement.name]
+    ]
+    if vehicle.stated.get(cog) != 0 and not any(ends_with(cog, name) for name in names):
+        (of_file,) = [change.slopes[cog] for change in changes(vehicle) if change.name == cog]
+        front = length + vehicle.unit(unit_name).axle_groups[0].position
+        of_length = (sigma or 0.0) * (front - known[cog]) / length
+        listed.append(Statement(name=cog, kind="sigma", sigma=f"{math.hypot(of_file, of_length)!r} m"))
+    return listed
 
 
 def _apply_to_one_stage(

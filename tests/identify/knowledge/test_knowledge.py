@@ -154,7 +154,7 @@ def test_knowledge_of_a_file(records, tmp_path):
 
 @pytest.mark.parametrize("mass", [-1.0, np.nan, np.inf])
 def test_a_payload_that_does_not_exist(mass):
-    with pytest.raises(fw.SignalError, match=r"payload: expected a number of kg from 0 to 1e\+06, got"):
+    with pytest.raises(fw.SignalError, match=r"payload: expected a number of kg from 0 on, got"):
         fw.with_payload(TRUCK, mass)
 
 

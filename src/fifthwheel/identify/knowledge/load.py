@@ -16,10 +16,6 @@ LOAD_POSITION = 0.5
 """Standard deviation of the distance between the CoG of a load and that of its laden unit, m."""
 
 
-HEAVIEST = 1e6
-"""kg; no payload of a road vehicle has more."""
-
-
 def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     """The vehicle with another payload in its only unit with one.
 
@@ -43,7 +39,7 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
         13328
     """
     expect("vehicle", vehicle, Vehicle)
-    expect_number("payload", mass, ge=0, le=HEAVIEST, unit="kg")
+    expect_number("payload", mass, ge=0, unit="kg")
     laden = [unit for unit in vehicle.units if unit.payload is not None]
     if len(laden) != 1 or laden[0].payload is None:
         raise VehicleError(

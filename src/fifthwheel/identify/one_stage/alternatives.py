@@ -42,7 +42,7 @@ UNUSUAL_WEIGHT = 0.5
 """Of the decrease of the cost by a larger one: a wrong number of the vehicle is the more common error by far."""
 LARGE_DISCREPANCY = 0.1
 """As a fraction of the signals. One wrong number leaves about 0.015 of the nonlinear truck, the vehicle file of another
-truck 0.2 or more. A real truck may leave as much with its own file, but contradicts fewer priors."""
+truck 0.12 or more. A real truck may leave as much with its own file, but contradicts fewer priors."""
 LARGE_PULL = 2.5
 """Of all priors together: twice their cost over its expected value. If all are right, 1 of 1000 logs exceeds it: one
 lane change informs about 16 combinations of the unknowns (chi-square)."""
@@ -57,7 +57,7 @@ class Causes:
     likely: list[PriorTest] = field(default_factory=list)
     """The likeliest first; empty without a contradiction, and where no cause explains the logs."""
     left: float | None = None
-    """The least discrepancy that any cause leaves, as a fraction of the signals, if none explains the logs."""
+    """The least discrepancy that any cause leaves, as a fraction of the signals, if no possible one explains them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

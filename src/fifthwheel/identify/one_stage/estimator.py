@@ -70,7 +70,7 @@ def solve_one_stage(
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
     if settings.tyre_law == "saturating":
-        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate, earlier)
+        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate, earlier, findings=False)
         estimator = replace(estimator, start=linear.start_of_saturating(progress))
     minimum = estimator.minimise(progress)
     if minimum.objective.output_error and minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY:
@@ -87,8 +87,11 @@ def _estimator(
     settings: OneStage,
     validate: Sequence[Record],
     earlier: Earlier | None,
+    *,
+    findings: bool = True,
 ) -> "_Estimator":
-    dataset = prepare_dataset(records, vehicle, settings, validate)
+    """With `findings=False` the signals have been checked."""
+    dataset = prepare_dataset(records, vehicle, settings, validate, findings=findings)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:

@@ -28,7 +28,7 @@ from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
 from fifthwheel.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_rate_by_unit, is_speed_by_unit
 from fifthwheel.logs.mapping.survey import ColumnContent, LogSurvey
-from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
+from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn, relative_keys
 from fifthwheel.logs.source import LogSource
 from fifthwheel.record.record import Record
 from fifthwheel.units import factor
@@ -169,9 +169,8 @@ def _candidates(
         if hint.channel is AXLE_LOAD and not hint.trailing:
             axle_loads.append(name)
         elif hint.is_relative:
-            unit = hint.channel.unit
-            cure = f'map it with unit = "{unit}" and gain = reference in {unit} / 100'
-            relative[signal] = f"{signal}: {name} is in percent of a reference that the log does not have; {cure}"
+            problem = f"{signal}: {name} is in percent of a reference that the log does not have"
+            relative[signal] = f"{problem}; map it with {relative_keys(signal)}"
         else:
             candidates.setdefault(signal, []).append(hint)
     return candidates, axle_loads, relative
