@@ -380,11 +380,11 @@ def _numbers(name: str, column: "pd.Series") -> Array:
 def _frozen(name: str, values: ArrayLike) -> Array:
     try:
         given = np.asarray(values)
-        if given.dtype.kind == "c":  # NumPy would drop the imaginary part
-            raise TypeError("complex")
         array = given.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise SignalError(f"{name}: not numbers; give one number for each sample") from error
+    if given.dtype.kind == "c":  # NumPy drops the imaginary part
+        raise SignalError(f"{name}: complex numbers; give the part or the magnitude that is the signal")
     if given.dtype.kind in "Mm":
         raise SignalError(f"{name}: dates or durations; give seconds")
     if array.ndim != 1:
