@@ -41,7 +41,8 @@ def main_numbers(identification: Identification, performance: Assessment | None)
     """CoG heights and rollover threshold, which most readers look for."""
     heights = [e for e in identification.derived if e.name.endswith(".cog_height")]
     numbers = [(spoken(e.name), with_sigma(e.value, e.sigma, e.unit) + _mark(e)) for e in heights]
-    mark = next(filter(None, map(_mark, heights)), "")  # it follows from the heights
+    uncertain = [e for e in heights if e.verdict is not Verdict.STATED]
+    mark = next(filter(None, map(_mark, uncertain)), "")  # it follows from the heights
     numbers += [(m.title.capitalize(), m.text() + mark) for m in performance or () if m.name == ROLLOVER]
     terms = "".join(f"<div><dt>{text(name)}</dt><dd>{text(number)}</dd></div>" for name, number in numbers)
     return pages.Markup(f'<dl class="numbers">{terms}</dl>' if terms else "")
