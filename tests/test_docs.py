@@ -15,6 +15,7 @@ import pytest
 import typer
 from pydantic import BaseModel
 
+import fifthwheel
 from fifthwheel import cli, dynamics, plant, vehicle
 from fifthwheel.channels import CHANNELS, MODELLED
 from fifthwheel.checks import Fault
@@ -163,6 +164,17 @@ def test_every_setting_has_its_line_in_the_tables_of_the_site(monkeypatch: pytes
     two_stage = {cells[0].strip("`"): cells[1:3] for cells in rows(section(tables, "TwoStage"))[2:]}
     assert two_stage["forgetting"] == ["`1`", "`0.999`"]
     assert two_stage["gate"] == ["`6`", "`1000000.0`"]
+
+
+def test_every_public_name_is_on_a_page_of_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_extensions")
+    entries = [entry for page in importlib.import_module("python_reference").pages().values() for entry in page]
+    assert len({entry.name for entry in entries}) == len(entries)
+    names = {entry.name.partition(".")[0] for entry in entries} | {entry.name for entry in entries}
+    assert set(fifthwheel.__all__) - {"__version__"} <= names
+    assert {"identify", "vehicle", "identify.doubts.Doubt", "dynamics.summary.VehicleSummary"} <= names
+    assert [entry.name for entry in entries if not entry.summary()] == []
 
 
 def test_every_key_of_the_maps_is_told() -> None:
