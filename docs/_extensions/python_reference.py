@@ -1,14 +1,16 @@
-"""The reference of the public Python names: a page for each idea, and the table of all names on the page `api`."""
+"""The reference of the public Python names: a page for each idea, and the list of all names on the page `api`."""
 
 import inspect
 import re
 from collections.abc import Iterator
 from dataclasses import is_dataclass
 from enum import Enum
-from functools import cache
+from functools import cache, reduce
 from importlib import import_module
+from operator import or_
 from pathlib import Path
-from typing import Any, NamedTuple, get_args, get_type_hints
+from types import UnionType
+from typing import Annotated, Any, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from pydantic import BaseModel
 from sphinx.application import Sphinx
@@ -68,7 +70,10 @@ class Entry(NamedTuple):
 
     def directive(self) -> str:
         if inspect.isclass(self.value):
-            return f".. autoclass:: {self.path}\n   :members:\n   :member-order: bysource"
+            hidden = "model_config, plausible, si_units" if issubclass(self.value, BaseModel) else ""
+            return (
+                f".. autoclass:: {self.path}\n   :members:\n   :member-order: bysource\n   :exclude-members: {hidden}"
+            )
         if inspect.isroutine(self.value):
             return f".. autofunction:: {self.path}"
         if inspect.ismodule(self.value):
@@ -165,21 +170,21 @@ def write_pages(app: Sphinx) -> None:
             file.write_text(text, encoding="utf-8")
 
 
-def tables() -> Iterator[str]:
-    """Markdown of the names of all pages."""
+def lists() -> Iterator[str]:
+    """Markdown of the list of names of all pages."""
     listed = "\n".join(f"api/{file_of(title)}" for title in IDEAS)
     yield f"```{{toctree}}\n:hidden:\n\n{listed}\n```\n"
     for title, entries in pages().items():
-        yield f"## {title}\n\n| name | meaning |\n|---|---|"
+        yield f"## {title}\n"
         for entry in entries:
             link = f"api/{file_of(title)}.md#{entry.name.lower().replace('.', '')}"
-            yield f"| [`{entry.name}`]({link}) | {entry.summary()} |"
+            yield f"- [`{entry.name}`]({link}): {entry.summary()}"
         yield ""
 
 
-def add_tables(app: Sphinx, document: str, source: list[str]) -> None:
+def add_lists(app: Sphinx, document: str, source: list[str]) -> None:
     if document == "api":
-        source[0] += "\n" + "\n".join(tables())
+        source[0] += "\n" + "\n".join(lists())
 
 
 def quote_blocks(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
@@ -208,24 +213,45 @@ def restore_sentences(app: Sphinx, what: str, name: str, obj: Any, options: Any,
 def plain_types(
     app: Sphinx, what: str, name: str, obj: Any, options: Any, signature: str | None, result: str | None
 ) -> None:
-    """Show the types of settings without their limits."""
-    if isinstance(obj, type) and issubclass(obj, Settings):
-        shown, hints = app.env.temp_data["annotations"][name], get_type_hints(obj)
-        shown |= {key: stringify_annotation(hints[key], "smart") for key in shown if key in hints}
+    """Show the types of settings and vehicles without their limits."""
+    if isinstance(obj, type) and issubclass(obj, (Settings, BaseModel)):
+        shown, types = app.env.temp_data["annotations"][name], hints(obj)
+        shown |= {key: stringify_annotation(without_limits(types[key]), "smart") for key in shown if key in types}
 
 
-def describe_options(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Describe the settings that are options by their help."""
-    if isinstance(obj, type) and issubclass(obj, Settings) and options_of(obj):
-        lines += ["", "Args:", *(f"    {key}: {option.help}" for key, option in options_of(obj).items())]
+def without_limits(hint: Any) -> Any:
+    """A type without metadata, also within a union."""
+    if get_origin(hint) is Annotated:
+        return without_limits(hint.__origin__)
+    if get_origin(hint) in (Union, UnionType):
+        return reduce(or_, map(without_limits, get_args(hint)))
+    return hint
+
+
+def describe_fields(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
+    """Describe settings that are options by their help, and numbers of a vehicle by their description and SI unit."""
+    if not isinstance(obj, type):
+        return
+    found: dict[str, str | None] = {}
+    if issubclass(obj, Settings):
+        found = {key: option.help for key, option in options_of(obj).items()}
+    elif issubclass(obj, BaseModel):
+        units = getattr(obj, "si_units", {})
+        found = {
+            key: field.description + (f" SI unit: {units[key]}." if key in units else "")
+            for key, field in obj.model_fields.items()
+            if field.description
+        }
+    if found:
+        lines += ["", "Args:", *(f"    {key}: {text}" for key, text in found.items())]
 
 
 def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("builder-inited", write_pages)
-    app.connect("source-read", add_tables)
+    app.connect("source-read", add_lists)
     app.connect("autodoc-process-docstring", quote_blocks, priority=400)  # before napoleon
     app.connect("autodoc-process-docstring", keep_sentences, priority=499)
     app.connect("autodoc-process-docstring", restore_sentences, priority=501)
-    app.connect("autodoc-process-docstring", describe_options, priority=401)
+    app.connect("autodoc-process-docstring", describe_fields, priority=401)
     app.connect("autodoc-process-signature", plain_types, priority=900)  # after the types are recorded
     return {"parallel_read_safe": True}
