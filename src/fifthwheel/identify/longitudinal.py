@@ -40,6 +40,9 @@ SETTLING = 2
 COASTING = 0.6
 """m/s^2; a truck that coasts loses 0.1 to 0.3 m/s^2, engine and air included, and more on a climb only, where it is
 driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
+SLIPPING = 0.02
+"""Fraction of the largest torque; while the driveline is not engaged and the engine gives more, as in a start or a
+manoeuvre, the clutch slips and transmits an unknown part of it. Offset and quantisation are 1 % each."""
 RATIO_RATE = 0.03
 """1/s; where engine speed over speed changes faster, the clutch is open or slips."""
 TORQUE_OFFSET = 0.01
@@ -167,6 +170,8 @@ def _rows(
         if "driveline_engaged" in record.signals:
             engaged = _held(means.of("driveline_engaged"), hold)
             interrupted = interrupted | ~np.isin(engaged, (0, 1)) | (np.diff(engaged, append=engaged[-1]) != 0)
+            slips = np.abs(torque) > SLIPPING * np.nanmax(np.abs(torque), initial=0.0)
+            interrupted = interrupted | ((engaged == 0) & slips)
             force, ratio, offset = (np.where(engaged > 0, x, 0.0) for x in (force, ratio, offset))
         else:
             rate = (np.roll(ratio, -3) - np.roll(ratio, 3)) / (6 * STEP * np.maximum(ratio, 1e-3))

@@ -115,7 +115,7 @@ def changed_table(changed: Mapping[str, Mapping[str, float | None]], label: str 
     rows = []
     for path, number in changed.items():
         unit, new, old = unit_of(path), number["value"], number["before"]
-        if new is not None and old is not None:
+        if new is not None and old is not None and new != old:
             change = (
                 f"{new - old:+.3f} m"
                 if path.endswith(("cog", "position")) or not old
