@@ -1,5 +1,6 @@
 """A vehicle file with what was measured: axle loads of a log, weighbridge slips, a roll test, ordinary driving."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from statistics import fmean
@@ -229,9 +230,12 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
 
 
 def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
-    """The numbers that differ from those before with 6 significant digits, and their standard deviations with 3."""
+    """The numbers that differ from those before with 6 significant digits, unless that changes one by more than 0.01
+    sigma, and their standard deviations with 3."""
     values, old = vehicle.parameters(), before.parameters()
-    fields = vehicle.fields_with({p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)})
+    short = {p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)}
+    exact = {p for p, v in short.items() if abs(v - values[p]) > 0.01 * vehicle.stated.get(p, math.inf)}
+    fields = vehicle.fields_with({p: v for p, v in short.items() if p not in exact})
     fields["stated"] = {p: s if s == before.stated.get(p) else float(f"{s:.3g}") for p, s in vehicle.stated.items()}
     return Vehicle(**fields)
 
@@ -259,7 +263,7 @@ def weigh_vehicle(
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
     source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
-    weighed = weighed.model_copy(update={"source": source})
+    weighed = _rounded(weighed.model_copy(update={"source": source}), vehicle)
     return WeighedVehicle(vehicle=weighed, loads=loads, text=None if text is None else edited(text, weighed))
 
 
@@ -278,7 +282,8 @@ def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
             sigmas[path] = relative[key] * value
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
-    return tested.model_copy(update={"source": f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")})
+    source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")
+    return _rounded(tested.model_copy(update={"source": source}), vehicle)
 
 
 def changed_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float | None]]:
