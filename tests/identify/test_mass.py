@@ -98,6 +98,24 @@ def test_driving_that_contradicts_the_loads_is_refused_and_found():
     assert "correct the scales in [driveline]" in finding.message
 
 
+def test_exchanged_loads_are_refused():
+    loads = TRUCK.axle_loads()
+    exchanged = {"front": loads["tractor.drive"], "drive": loads["tractor.front"]}
+    signals = {f"axle_load.tractor.{name}": load for name, load in exchanged.items()}
+    record = parked(signals | {"axle_load.semitrailer": loads["semitrailer"]})
+    assert fw.gross_mass([record], TRUCK).verdict is fw.Verdict.DOUBTFUL
+    with pytest.raises(fw.SignalError, match=r"parked: axle_load\.tractor\.\w+ differs by \d+\.\d sigma .* exchanged"):
+        drive_vehicle([record], TRUCK)
+
+
+def test_a_parked_truck_with_all_signals_has_the_mass_of_its_loads():
+    """It does not drive: only the loads count."""
+    still = {"speed": 0.0, "engine_speed": 60.0, "engine_torque": 200.0, "braking.tractor": 1.0}
+    result = fw.gross_mass([parked(loads_of(TRUCK) | still)], TRUCK)
+    assert result.sources.keys() == {"weights"}
+    assert result.used == 0
+
+
 def test_a_stated_gain_replaces_the_usual_error_of_a_scale():
     signals = {"gross_weight": GROSS * STANDARD_GRAVITY}
     result = fw.gross_mass([parked(signals, gains={"gross_weight": 0.01})], TRUCK)

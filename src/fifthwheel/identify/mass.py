@@ -18,10 +18,10 @@ from fifthwheel._types import Array
 from fifthwheel.channels import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS, SignalName, is_of, missing_for_mass
 from fifthwheel.checks.axle_loads import PREFIX, mean_weights
 from fifthwheel.checks.findings import Fault, Finding, warning
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import enumerated, with_sigma
 from fifthwheel.identify.knowledge.load import LOAD_POSITION
-from fifthwheel.identify.longitudinal import DrivingMass, driving_mass
+from fifthwheel.identify.longitudinal import LOWEST_SPEED, DrivingMass, driving_mass
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
@@ -60,7 +60,7 @@ class GrossMass:
     """Standard deviation, kg."""
     verdict: Verdict
     """CONVERGED; NOT_EXCITED where the logs leave more than `CommonSettings.excited` of the prior sigma; DOUBTFUL where
-    driving and weights differ by more than `CONTRADICTION` joint standard deviations."""
+    driving, weights and vehicle file contradict each other: chi squared is as improbable as `CONTRADICTION`."""
     parts: Mapping[str, float]
     """Contributions to sigma, kg: "driving" is that of the grade and the noise of the logs; of the scales of the force;
     "weights" of the scales on board; "vehicle_file" of positions and unladen masses."""
@@ -70,6 +70,9 @@ class GrossMass:
     """Gross mass and its standard deviation, kg, by "driving" and by "weights" alone."""
     units: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Value and standard deviation, SI, of masses and CoG of the laden units by path: "semitrailer.mass"."""
+
+    residuals: Mapping[str, float] = field(default_factory=dict)
+    """Of each measurement from the estimate, in its standard deviations."""
 
     def deviation(self, mass: float, sigma: float) -> float:
         """Difference from another mass, in joint standard deviations."""
@@ -107,13 +110,15 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
         >>> round(fw.gross_mass([fw.Record(time=range(5), signals=weights)], truck).mass, -2)
         30000.0
     """
+    from scipy.stats import chi2  # slow to import
+
     expect("vehicle", vehicle, Vehicle)
     expect_each("records", records, Record)
     if not records:
         raise SignalError("records: expected at least one, got none; give a log")
     weights = mean_weights(records)
     _require_known(weights, vehicle)
-    driven = [record for record in records if not (weights and missing_for_mass(record.signals))]
+    driven = [record for record in records if not weights or _drives(record)]
     driving = driving_mass(driven, vehicle) if driven else None
     measured = {**weights, **({DRIVING: (driving.mass, driving.sigma)} if driving else {})}
     fit = _least_squares(vehicle, measured)
@@ -121,7 +126,8 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
     if weights:
         sources["weights"] = _least_squares(vehicle, weights).results[DRIVING]
     mass, sigma = fit.results.pop(DRIVING)
-    agree = _deviation(*sources.values()) <= CONTRADICTION if len(sources) == 2 else True
+    redundant = len(measured) - len(fit.results) // 2
+    agree = redundant < 1 or fit.cost <= chi2.isf(math.erfc(CONTRADICTION / math.sqrt(2)), redundant)
     excited = sigma < CommonSettings.excited * PRIOR * mass
     return GrossMass(
         mass=mass,
@@ -131,6 +137,7 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
         used=driving.used if driving else 0.0,
         sources=sources,
         units=fit.results,
+        residuals=fit.residuals,
     )
 
 
@@ -145,12 +152,12 @@ def mass_findings(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Findi
     """The difference of the gross mass in logs of one load from that of the vehicle file, or of driving from weights,
     above `CONTRADICTION`.
 
-    None where the logs do not determine the mass.
+    None where the logs do not determine the mass, or statics not the axle loads of the vehicle.
     """
     used = [r for r in records if not missing_for_mass(r.signals) or any(is_of(name, *WEIGHTS) for name in r.signals)]
     try:
         result = gross_mass(used, vehicle) if used else None
-    except SignalError:
+    except (SignalError, VehicleError):
         return
     file = mass_of_file(vehicle)
     if result is None or result.verdict is Verdict.NOT_EXCITED:
@@ -173,7 +180,14 @@ def mass_findings(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Findi
 
 
 def contradiction(result: GrossMass) -> str:
-    """The sentence on a gross mass in driving that is not that of the weights, with its cure."""
+    """The sentence on measurements that contradict each other or the vehicle file, with its cure."""
+    if DRIVING not in result.sources or _deviation(*result.sources.values()) <= CONTRADICTION:
+        worst = max(result.residuals, key=lambda name: abs(result.residuals[name]))
+        return (
+            f"{worst} differs by {abs(result.residuals[worst]):.1f} sigma from the other loads and the statics of the"
+            " vehicle file; check that no loads are exchanged, their gain in signals.toml, and the masses and positions"
+            " in the vehicle file"
+        )
     driving, weights = (_tonnes(*result.sources[key]) for key in (DRIVING, "weights"))
     return (
         f"the gross mass is {driving} by driving, and {weights} by axle loads and weights; correct the scales in"
@@ -197,6 +211,10 @@ class _Fit(NamedTuple):
     """Gross mass as "driving", and masses and CoG of the laden units, with their standard deviations."""
     parts: dict[str, float]
     """Contribution of each measurement to the standard deviation of the gross mass, and "vehicle_file", kg."""
+    residuals: dict[str, float]
+    """Of each measurement, in its standard deviations."""
+    cost: float
+    """Sum of squares of the residuals, and of the changes of the vehicle file in their standard deviations."""
 
 
 def _least_squares(vehicle: Vehicle, measured: Mapping[str, tuple[float, float]]) -> _Fit:
@@ -230,11 +248,14 @@ def _least_squares(vehicle: Vehicle, measured: Mapping[str, tuple[float, float]]
         inverse = np.linalg.pinv(np.vstack([jacobian[:n] / sigma[:, None], np.eye(x.size)]))
         x = prior * (inverse[:, :n] @ ((z - now[:n] + jacobian[:n] @ (x / prior)) / sigma))
     gains = jacobian[n:] @ inverse  # of each measurement and each prior to the results
-    values, sigmas = predicted(x)[n:].tolist(), np.linalg.norm(gains, axis=1).tolist()
+    now, sigmas = predicted(x), np.linalg.norm(gains, axis=1).tolist()
+    residuals = (z - now[:n]) / sigma
     parts = dict(zip(measured, np.abs(gains[0, :n]).tolist(), strict=True))
     return _Fit(
-        dict(zip(results, zip(values, sigmas, strict=True), strict=True)),
+        dict(zip(results, zip(now[n:].tolist(), sigmas, strict=True), strict=True)),
         parts | {"vehicle_file": float(np.linalg.norm(gains[0, n:]))},
+        dict(zip(measured, residuals.tolist(), strict=True)),
+        float(residuals @ residuals + (x / prior) @ (x / prior)),
     )
 
 
@@ -251,6 +272,11 @@ def _weights(vehicle: Vehicle, p: Mapping[str, float], *, has_loads: bool) -> di
             found[f"{PREFIX}{unit.name}"] = sum(groups.values())
             found |= {f"{PREFIX}{path}": load for path, load in groups.items()}
     return found
+
+
+def _drives(record: Record) -> bool:
+    """Whether a record has the signals of driving, and the vehicle moves."""
+    return not missing_for_mass(record.signals) and bool((record.signals["speed"] > LOWEST_SPEED).any())
 
 
 def _require_known(names: Iterable[str], vehicle: Vehicle) -> None:
