@@ -48,8 +48,8 @@ if TYPE_CHECKING:
     from fifthwheel.identify.knowledge.information import Occasion as Occasion
     from fifthwheel.identify.knowledge.knowledge import Knowledge as Knowledge
     from fifthwheel.identify.knowledge.load import with_payload as with_payload
-    from fifthwheel.identify.longitudinal import GrossMass as GrossMass
-    from fifthwheel.identify.longitudinal import gross_mass as gross_mass
+    from fifthwheel.identify.mass import GrossMass as GrossMass
+    from fifthwheel.identify.mass import gross_mass as gross_mass
     from fifthwheel.identify.online import Learner as Learner
     from fifthwheel.identify.online import LearnerSettings as LearnerSettings
     from fifthwheel.logs import LiveMap as LiveMap
@@ -94,7 +94,7 @@ _NAMES = {
     "identify.knowledge.information": ("Occasion",),
     "identify.knowledge.knowledge": ("Knowledge",),
     "identify.knowledge.load": ("with_payload",),
-    "identify.longitudinal": ("GrossMass", "gross_mass"),
+    "identify.mass": ("GrossMass", "gross_mass"),
     "identify.online": ("Learner", "LearnerSettings"),
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),

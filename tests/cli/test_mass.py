@@ -13,7 +13,7 @@ from fifthwheel import cli
 from fifthwheel.diagnose.caution import CautionKind
 from fifthwheel.diagnose.cautions import signal_cautions
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.longitudinal import mass_findings
+from fifthwheel.identify.mass import mass_findings
 from fifthwheel.plant.driving import DrivenTruck, drive
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

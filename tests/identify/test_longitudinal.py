@@ -96,6 +96,16 @@ def test_gear_changes_are_found_without_their_signal(log):
     assert abs(without.mass - MASS) < 2.5 * without.sigma
 
 
+def test_a_slipping_clutch_leaves_samples_out(log, result):
+    """A driveline that is not engaged while the engine gives torque transmits an unknown force, and not none."""
+    torque = log.signals["engine_torque"] - log.signals["friction_torque"]
+    slips = (log.time % 40 > 20) & (log.time % 40 < 26) & (torque > 200)
+    record = changed(log, driveline_engaged=np.where(slips, 0.0, log.signals["driveline_engaged"]))
+    other = fw.gross_mass([record], TRUCK)
+    assert other.used < result.used - 5
+    assert abs(other.mass - result.mass) < 1.5 * other.parts["driving"]
+
+
 def test_gaps_and_reversing_are_left_out(log, result):
     """A fifth of the log without torque, a tenth without speed, and a reversing manoeuvre with a wrong force."""
     torque, speed, time = log.signals["engine_torque"].copy(), log.signals["speed"].copy(), log.time

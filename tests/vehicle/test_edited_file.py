@@ -38,6 +38,19 @@ def test_the_comment_of_a_new_number_says_what_it_was() -> None:
     assert '# was "1273 kN/rad": published, (11)' in text
 
 
+def test_the_comment_behind_an_inline_table_says_what_it_was() -> None:
+    file = catalogue.text("a_double").replace(
+        '{ name = "drive_front", position = "-5 m" },', '{ name = "drive_front", position = "-5 m" }, # by tape'
+    )
+    changed = Vehicle.loads(file).replace(
+        {f"tractor.drive_{k}.position": x for k, x in (("front", -5.05), ("rear", -6.3))}
+    )
+    text = edited(file, changed)
+    assert Vehicle.loads(text) == changed
+    assert '{ name = "drive_front", position = "-5.05 m" }, # was "-5 m": by tape\n' in text
+    assert '{ name = "drive_rear", position = "-6.3 m" },\n' in text
+
+
 def test_the_same_vehicle_has_the_same_text() -> None:
     assert edited(FILE, TRUCK) == FILE
 

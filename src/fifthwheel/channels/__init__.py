@@ -16,7 +16,6 @@ from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
     ARTICULATION_RATE,
-    AXLE_LOAD,
     BANK,
     COMPUTED,
     COUPLING_FORCE,
@@ -33,11 +32,12 @@ from fifthwheel.channels.others import (
     YAW_ACCELERATION,
 )
 from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
+from fifthwheel.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
 from fifthwheel.errors import SignalError
 from fifthwheel.units import is_unit
 
 _ALL = (
-    *(AXLE_LOAD, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
+    *(*WEIGHTS, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
     *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
     *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
     *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
@@ -235,6 +235,7 @@ __all__ = [
     "CHANNELS",
     "DRIVING",
     "ENGINE_SPEED",
+    "GROSS_WEIGHT",
     "GYROS",
     "IDENTIFIED",
     "INPUTS",
@@ -252,6 +253,8 @@ __all__ = [
     "SPEED",
     "STEER",
     "USUAL",
+    "WEIGHT",
+    "WEIGHTS",
     "WHEEL_SPEED",
     "YAW",
     "YAW_RATE",

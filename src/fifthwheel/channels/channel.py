@@ -231,6 +231,8 @@ class Channel:
     accelerometer: bool = False
     """Whether the vibration of the truck is part of its noise. Its offset would decide if nothing else were measured,
     so estimators use it only beside other channels."""
+    scale: float | None = None
+    """Standard deviation of the scale of a sensor that weighs, as a fraction; the signal map may state another one."""
     of_roll: bool = False
     """Whether it contains the roll of the body: an observer then uses the yaw-roll model. An uneven road moves it on a
     vehicle that drives straight."""

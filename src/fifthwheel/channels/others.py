@@ -4,14 +4,6 @@ from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorMod
 from fifthwheel.channels.lateral import ACCELERATION_WORDS
 from fifthwheel.channels.rotation import AXIS_WORDS
 
-AXLE_LOAD = Channel(
-    quantity="axle_load",
-    unit="N",
-    of="part",
-    patterns=(NamePattern(pattern="axle_(weight|load)|achslast"),),
-    proposed="signal",
-    limit=SignalLimits(magnitude=5e5, jump=1e5, may_be_constant=True),
-)
 WHEEL_SPEED = Channel(
     quantity="wheel_speed",
     unit="m/s",

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from math import radians
 from typing import Annotated, Self
 
-from fifthwheel.channels import IDENTIFIED, SignalName, error_kinds, is_of
+from fifthwheel.channels import IDENTIFIED, WEIGHTS, SignalName, error_kinds, is_of
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.settings import Cure, Finite, FiniteNonNegative, FinitePositive, Settings
 
@@ -129,7 +129,7 @@ class SensorPrior(Settings):
         Raises:
             SignalError: the signal has no such error or noise, or no such class of sensors.
         """
-        kinds = error_kinds(signal)
+        kinds = ("gain",) if is_of(signal, *WEIGHTS) else error_kinds(signal)
         known = (*kinds, "noise") if is_of(signal, *IDENTIFIED) else kinds
         for key in (*self.errors, *(() if self.noise is None else ("noise",))):
             if key not in known:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import DRIVING, SPEED, SignalName, is_input, is_of, limit_of, si_unit
+from fifthwheel.channels import DRIVING, SPEED, WEIGHTS, SignalName, is_input, is_of, limit_of, si_unit
 from fifthwheel.checks.findings import Fault, Finding, error, warning
 from fifthwheel.record.record import Record
 from fifthwheel.record.timestamps import missing_steps
@@ -50,12 +50,13 @@ def impossible_samples(name: str, values: Array) -> NDArray[np.bool_]:
 def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
     """A gap above 0.5 s, or more than 5 % missing within `window` s; an error if more than half of all is missing.
 
-    Missing samples are those of `missing_steps`. A signal that only the mass from driving uses is never an error.
+    Missing samples are those of `missing_steps`. A signal that only the mass from driving uses is never an error. A
+    weight is static, and SAE J1939 sends it every 10 s: it has no gaps.
     """
     severe, cure = (warning, _LEFT_OUT) if is_of(name, *DRIVING) else (error, _MAP_OR_CUT)
     present = int(np.isfinite(record.signals[name]).sum())
     first, last = record.span
-    if present == len(record):
+    if present == len(record) or (present >= 2 and is_of(name, *WEIGHTS)):
         return
     if present < 2:
         problem = f"{present} samples in {len(record)} rows, at least 2 expected"

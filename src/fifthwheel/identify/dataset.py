@@ -23,7 +23,7 @@ from fifthwheel.checks import Finding, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
-from fifthwheel.identify.longitudinal import mass_findings
+from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.sensor_priors import common_sensors
 from fifthwheel.identify.settings import CommonSettings

@@ -11,28 +11,22 @@ separate mass and grade.
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from fifthwheel._arguments import expect, expect_each
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, missing_for_mass, names_of
-from fifthwheel.checks.findings import Fault, Finding, warning
 from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.kalman import joseph
 from fifthwheel.filters.model import pack, partitioned, unpack
-from fifthwheel.formatting import enumerated, with_sigma
-from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.identify.verdict import Verdict
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import driveline_numbers
-from fifthwheel.vehicle.uncertainty import changes
 from fifthwheel.vehicle.vehicle import Vehicle
 
 STEP = 0.2
@@ -46,6 +40,9 @@ SETTLING = 2
 COASTING = 0.6
 """m/s^2; a truck that coasts loses 0.1 to 0.3 m/s^2, engine and air included, and more on a climb only, where it is
 driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
+SLIPPING = 0.02
+"""Fraction of the largest torque; while the driveline is not engaged and the engine gives more, as in a start or a
+manoeuvre, the clutch slips and transmits an unknown part of it. Offset and quantisation are 1 % each."""
 RATIO_RATE = 0.03
 """1/s; where engine speed over speed changes faster, the clutch is open or slips."""
 TORQUE_OFFSET = 0.01
@@ -67,10 +64,6 @@ MEAN_GRADE = 0.01
 """Standard deviation of the mean grade of a log without a grade."""
 UNKNOWN = 10.0
 """Standard deviation of the speed after a step with unknown force, m/s: nothing is known."""
-CONTRADICTION = 3.0
-"""Joint standard deviations by which another mass differs from the vehicle file."""
-PRIOR = 0.5
-"""Standard deviation of ln(mass) without a log, for the verdict: an unladen vehicle has 40 % of the laden mass."""
 NOISE_PRIOR = {
     "speed": (0.01, 1.0),  # m/s, white noise of a sample
     "acceleration": (0.01, 1.5),  # m/s^2 sqrt(s), white: gusts, driveline torsion
@@ -82,63 +75,27 @@ NOISE_PRIOR = {
 """Median, and standard deviation of the logarithm, of the standard deviations and length that the noise has."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class GrossMass:
-    """Result of `gross_mass`.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> result = fw.GrossMass(mass=40e3, sigma=1e3, verdict=fw.Verdict.CONVERGED, parts={}, used=300.0)
-        >>> result.deviation(36e3, 360.0) > 3
-        True
-    """
+class DrivingMass(NamedTuple):
+    """Gross mass by the balance of the longitudinal forces."""
 
     mass: float
-    """Of the whole vehicle, kg."""
-    sigma: float
-    """Standard deviation, kg."""
-    verdict: Verdict
-    """CONVERGED, or NOT_EXCITED where the logs leave more than `CommonSettings.excited` of the prior sigma."""
+    """kg"""
     parts: Mapping[str, float]
-    """Contributions to sigma, kg: "driving" is that of the logs, and those of the scales of the force."""
+    """Contributions to its standard deviation, kg: "driving" is that of the logs, and those of the scales of the force.
+    """
     used: float
     """Time with known force, s."""
 
-    def deviation(self, mass: float, sigma: float) -> float:
-        """Difference from another mass, in joint standard deviations."""
-        return abs(self.mass - mass) / math.hypot(self.sigma, sigma)
+    @property
+    def sigma(self) -> float:
+        """Standard deviation, kg."""
+        return math.hypot(*self.parts.values())
 
 
-def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
-    """Gross mass of a vehicle from logs of ordinary driving with one load.
-
-    The logs need "speed", "braking.<unit>", and either "drive_force" or "engine_speed" and "engine_torque" (with
-    "friction_torque" where the torque includes it). "driveline_engaged" makes gear changes informative, "grade"
-    replaces the unknown grade. Of the vehicle only the number of tyres and the driveline count; its mass is a start.
-
-    Samples count where the force is known: not while braking, below 1.5 m/s, near gear changes, or in gaps.
-
-    Args:
-        records: of one load.
-        vehicle: with its `[driveline]` if there is one; see `vehicle.driveline`.
-
-    Raises:
-        SignalError: a signal is missing, the brakes are never on although the vehicle brakes, or the force is known
-            for less than 20 s.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> from fifthwheel.plant.driving import DrivenTruck, drive
-        >>> result = fw.gross_mass([drive(DrivenTruck(mass=30e3), seed=2)], fw.vehicle("cheng_cebon_2011"))
-        >>> result.deviation(30e3, 0.0) < 3
-        True
-    """
+def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
+    """The mass of a vehicle from the signals of driving; `mass.gross_mass` describes arguments and errors."""
     from scipy.optimize import minimize  # slow to import
 
-    expect("vehicle", vehicle, Vehicle)
-    expect_each("records", records, Record)
-    if not records:
-        raise SignalError("records: expected at least one, got none; give a log")
     numbers, start = driveline_numbers(vehicle.driveline, vehicle.stated), sum(unit.mass for unit in vehicle.units)
     wheels, names = sum(vehicle.tyres().values()), ", ".join(record.name for record in records)
     prior, mass, delay = _noise_prior(has_grade="grade" in records[0].signals), start, 0.0
@@ -168,42 +125,7 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
     )
     relative = {"driving": sigma / beta}
     relative |= {key: power * numbers[key][1] / numbers[key][0] for key, power in powers.items()}
-    total = math.hypot(*relative.values())
-    excited = total < CommonSettings.excited * PRIOR
-    return GrossMass(
-        mass=mass,
-        sigma=total * mass,
-        verdict=Verdict.CONVERGED if excited else Verdict.NOT_EXCITED,
-        parts={key: fraction * mass for key, fraction in relative.items()},
-        used=used,
-    )
-
-
-def mass_of_file(vehicle: Vehicle) -> tuple[float, float]:
-    """Mass of the whole vehicle by its file, kg, and its standard deviation."""
-    totals = [f"{unit.name}.mass" for unit in vehicle.units]
-    sigmas = [sum(change.slopes.get(path, 0.0) for path in totals) for change in changes(vehicle)]
-    return sum(unit.mass for unit in vehicle.units), math.hypot(*sigmas)
-
-
-def mass_findings(records: Sequence[Record], vehicle: Vehicle) -> Iterator[Finding]:
-    """The difference of the gross mass in logs of one load from that of the vehicle file, above `CONTRADICTION`.
-
-    None where the logs do not determine the mass.
-    """
-    driven = [record for record in records if not missing_for_mass(record.signals)]
-    try:
-        result = gross_mass(driven, vehicle) if driven else None
-    except SignalError:
-        return
-    file = mass_of_file(vehicle)
-    if result is None or result.verdict is not Verdict.CONVERGED or result.deviation(*file) <= CONTRADICTION:
-        return
-    masses = [with_sigma(mass / 1e3, sigma / 1e3, "t") for mass, sigma in ((result.mass, result.sigma), file)]
-    signal = "drive_force" if "drive_force" in driven[0].signals else "engine_torque"
-    problem = f"with it the gross mass is {masses[0]}, and {masses[1]} by the vehicle file; stiffnesses scale with it"
-    cure = "correct the payload with fifthwheel mass, or the scales in [driveline] of the vehicle file"
-    yield warning(signal, Fault.MASS, f"{problem}; {cure}", log=enumerated([record.name for record in driven]))
+    return DrivingMass(mass=mass, parts={key: fraction * mass for key, fraction in relative.items()}, used=used)
 
 
 def _rows(
@@ -248,6 +170,8 @@ def _rows(
         if "driveline_engaged" in record.signals:
             engaged = _held(means.of("driveline_engaged"), hold)
             interrupted = interrupted | ~np.isin(engaged, (0, 1)) | (np.diff(engaged, append=engaged[-1]) != 0)
+            slips = np.abs(torque) > SLIPPING * np.nanmax(np.abs(torque), initial=0.0)
+            interrupted = interrupted | ((engaged == 0) & slips)
             force, ratio, offset = (np.where(engaged > 0, x, 0.0) for x in (force, ratio, offset))
         else:
             rate = (np.roll(ratio, -3) - np.roll(ratio, 3)) / (6 * STEP * np.maximum(ratio, 1e-3))

@@ -7,7 +7,7 @@ from fifthwheel.checks.axle_loads import StaticLoad
 from fifthwheel.diagnose.assumptions import AssumedNumber
 from fifthwheel.dynamics.summary import VehicleSummary
 from fifthwheel.formatting import enumerated, percent, with_sigma
-from fifthwheel.identify.longitudinal import CONTRADICTION, GrossMass
+from fifthwheel.identify.mass import CONTRADICTION, GrossMass
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
@@ -68,45 +68,63 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
     return pages.Document(after.name, [pages.Table(heads, rows), pages.Table(of_units, units)])
 
 
-def mass_document(result: GrossMass, before: tuple[float, float], deviation: float) -> pages.Document:
-    """The gross mass in ordinary driving with its parts of sigma, and that of the vehicle file."""
-    agrees, difference = deviation <= CONTRADICTION, result.mass - before[0]
+def mass_document(
+    result: GrossMass, before: tuple[float, float], changed: Mapping[str, Mapping[str, float | None]]
+) -> pages.Document:
+    """The gross mass by each measurement and by the vehicle file, its parts of sigma, and the numbers of the file that
+    follow the load."""
+    deviation, difference = result.deviation(*before), result.mass - before[0]
+    agrees, measured = deviation <= CONTRADICTION, enumerated([SOURCES[key] for key in result.sources])
     side = f"{abs(difference) / 1e3:.1f} t too {'light' if difference > 0 else 'heavy'}"
-    verdict = "The vehicle file agrees with the driving" if agrees else f"The vehicle file is {side}"
+    verdict = (
+        f"The vehicle file agrees with the {measured.removeprefix('ordinary ')}"
+        if agrees
+        else f"The vehicle file is {side}"
+    )
     found, file = (with_sigma(m / 1e3, s / 1e3, "t") for m, s in ((result.mass, result.sigma), before))
-    rows = [
-        (
-            "ordinary driving",
-            with_sigma(result.mass, result.sigma, "kg"),
-            f"{result.verdict.value}, {result.used:.0f} s with known force",
-        ),
-        ("vehicle file", with_sigma(*before, "kg"), f"differs by {deviation:.1f} joint sigma"),
-    ]
+    remarks = {"driving": f"{result.used:.0f} s with known force"}
+    rows = [(SOURCES[key], with_sigma(*mass, "kg"), remarks.get(key, "")) for key, mass in result.sources.items()]
+    rows += [("all", with_sigma(result.mass, result.sigma, "kg"), result.verdict.value)] if len(rows) > 1 else []
+    rows += [("vehicle file", with_sigma(*before, "kg"), f"differs by {deviation:.1f} joint sigma")]
     parts = [(PARTS_OF_MASS[key], with_sigma(sigma, None, "kg")) for key, sigma in result.parts.items()]
     return pages.Document(
         "Gross mass",
         [
             pages.Headline(f"{verdict}: the gross mass is {found}, in the file {file}.", agrees),
             pages.Table(("Gross mass by", "Mass>", ""), rows),
+            changed_table(changed, "Numbers that follow the load"),
             pages.Table(("Sigma comes from", "Part>"), parts, label="Parts of sigma"),
         ],
     )
 
 
+SOURCES = {"driving": "ordinary driving", "weights": "axle loads and weights"}
+"""Name of each measurement of a gross mass."""
 PARTS_OF_MASS = {
     "driving": "the log: grade, wind, noise",
     "torque_scale": "scale of the torque or force",
     "efficiency": "efficiency of the driveline",
     "speed_scale": "scale of the speed",
+    "weights": "scales on board",
+    "vehicle_file": "positions and unladen masses in the file",
 }
 
 
-def roll_test_document(before: Vehicle, after: Vehicle) -> pages.Document:
+def changed_table(changed: Mapping[str, Mapping[str, float | None]], label: str = "") -> pages.Table:
+    """The numbers that a measurement has set, by path: of the new vehicle file, of the former one, and their change."""
+    rows = []
+    for path, number in changed.items():
+        unit, new, old = unit_of(path), number["value"], number["before"]
+        if new is not None and old is not None and new != old:
+            change = (
+                f"{new - old:+.3f} m"
+                if path.endswith(("cog", "position")) or not old
+                else f"{100 * (new / old - 1):+.1f} %"
+            )
+            rows.append((path, with_sigma(new, number["sigma"], unit), with_sigma(old, None, unit), change))
+    return pages.Table(("Parameter", "New>", "File>", "Change>"), rows, label=label)
+
+
+def roll_test_document(vehicle: Vehicle, changed: Mapping[str, Mapping[str, float | None]]) -> pages.Document:
     """The numbers that a roll test has set: before it, by the vehicle file, and after it."""
-    old = before.parameters()
-    rows = [
-        (path, with_sigma(value, after.stated[path], unit_of(path)), with_sigma(old[path], None, unit_of(path)))
-        for path, value in after.parameters().items()
-        if value != old[path]
-    ]
-    return pages.Document(after.name, [pages.Table(("Parameter", "New>", "File>"), rows)])
+    return pages.Document(vehicle.name, [changed_table(changed)])

@@ -38,13 +38,15 @@ def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
     values, locations, stated = vehicle.parameters(), vehicle.locations(), {} if vehicle.is_exact else vehicle.stated
     for path in paths:
         table: Any = document
+        comment: Any = None
         *keys, last = locations[path]
         name = str(last)
         for key in keys:
             if key == "axles" and "axles" not in table:  # a single axle: its position stands in the group
                 break
+            comment = _comment_behind(table, key)
             table = table[toml_format.FILE_KEYS.get(key, key) if isinstance(key, str) else key]
-        _replace(table, name, toml_format.text(values[path], unit_of(path), stated.get(path)))
+        _replace(table, name, toml_format.text(values[path], unit_of(path), stated.get(path)), comment)
         if path in vehicle.assumed:
             document.setdefault("assumed", tomlkit.table())[path] = vehicle.assumed[path]
         elif path in document.get("assumed", {}):
@@ -52,17 +54,30 @@ def with_numbers(text: str, vehicle: Vehicle, paths: Iterable[str]) -> str:
     return tomlkit.dumps(document)
 
 
-def _replace(table: Any, key: str, text: str) -> None:
+def _comment_behind(array: Any, key: str | int) -> Any:
+    """The comment behind an inline table in an array; None where there is none."""
+    from tomlkit.items import InlineTable
+
+    groups = getattr(array, "_value", ()) if isinstance(key, int) else ()  # tomlkit has no public access to it
+    tables = [group for group in groups if isinstance(group.value, InlineTable)]
+    return tables[int(key)].comment if tables else None
+
+
+def _replace(table: Any, key: str, text: str, behind: Any = None) -> None:
     """Give a key another text; the comment says what it was, because it is the source of the former number. An assumed
-    number behind a # becomes a key."""
+    number behind a # becomes a key. An inline table has its comment behind it."""
     import tomlkit
-    from tomlkit.items import Comment
+    from tomlkit.items import Comment, InlineTable
 
     item = tomlkit.string(text)
     if key in table:
         former = table.item(key)
-        comment = former.trivia.comment.removeprefix("#").strip()
-        item.comment(f"was {former.as_string()}" + (f": {comment}" if comment else ""))
+        comment = (behind or former).trivia.comment.removeprefix("#").strip()
+        was = f"was {former.as_string()}" + (f": {comment}" if comment else "")
+        if behind:
+            behind.trivia.comment = f"# {was}"
+        elif not isinstance(table, InlineTable):
+            item.comment(was)
         table[key] = item
         return
     for name, assumed in getattr(getattr(table, "value", table), "body", ()):

@@ -2,21 +2,21 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from statistics import fmean
 from typing import Any
 
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.formatting import with_sigma
-from fifthwheel.identify.knowledge.load import with_payload
-from fifthwheel.identify.longitudinal import GrossMass, gross_mass, mass_of_file
+from fifthwheel.formatting import enumerated, with_sigma
+from fifthwheel.identify.knowledge.load import laden_unit, with_payload
+from fifthwheel.identify.mass import GrossMass, contradiction, gross_mass, mass_of_file
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import DEFAULT_SIGMAS, Change, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
+from fifthwheel.vehicle import DEFAULT_SIGMAS, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.vehicle.edited_file import edited, with_numbers
 from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
@@ -158,7 +158,7 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
 
 @dataclass(frozen=True, kw_only=True)
 class DrivenVehicle:
-    """A vehicle with the payload that follows from its gross mass in ordinary driving."""
+    """A vehicle with the payload that follows from its gross mass, by ordinary driving, axle loads and weights."""
 
     vehicle: Vehicle
     result: GrossMass
@@ -166,6 +166,9 @@ class DrivenVehicle:
     """Gross mass and its standard deviation by the vehicle file, kg."""
     text: str | None = None
     """The vehicle file with the new numbers, and its comments; None without a file."""
+
+    changed: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    """The numbers of the vehicle file that follow the load; see `changed_numbers`."""
 
     @property
     def deviation(self) -> float:
@@ -175,60 +178,66 @@ class DrivenVehicle:
     def as_dict(self) -> dict[str, Any]:
         """Masses and standard deviations, for JSON."""
         file = {"mass": self.before[0], "sigma": self.before[1], "deviation": self.deviation}
-        return {"gross_mass": asdict(self.result), "vehicle_file": file}
+        return {"gross_mass": asdict(self.result), "vehicle_file": file, "changed": self.changed}
 
 
 def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | None = None) -> DrivenVehicle:
-    """The vehicle with the payload that follows from its gross mass in ordinary driving; see `identify.longitudinal`.
+    """The vehicle with the payload, and with axle loads the CoG, of its laden unit in logs; see `identify.mass`.
 
     The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
-    deviation of the gross mass and the other units; its body keeps its own.
+    deviation of the measurements and the other units; its body keeps its own.
 
     Args:
         text: the vehicle file, for the text of the result.
 
     Raises:
-        SignalError: the logs do not determine the mass.
+        SignalError: the logs do not determine the mass, or driving and weights contradict each other.
         VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
     """
     result, before = gross_mass(records, vehicle), mass_of_file(vehicle)
+    if result.verdict is Verdict.DOUBTFUL:
+        raise SignalError(f"{enumerated([record.name for record in records])}: {contradiction(result)}")
     if result.verdict is not Verdict.CONVERGED:
         raise SignalError(
             f"{records[0].name}: the gross mass is {with_sigma(result.mass / 1e3, result.sigma / 1e3, 't')}, which is"
             " not better than a guess; log a drive with gear changes and accelerations"
         )
-    payload = sum(unit.payload.mass for unit in vehicle.units if unit.payload) + result.mass - before[0]
+    unit, load = laden_unit(vehicle)
+    (mass, of_mass), (cog, of_cog) = (result.units[f"{unit.name}.{key}"] for key in ("mass", "cog"))
+    payload, stated = load + mass - unit.mass, {f"{unit.name}.mass": of_mass}
     if payload <= 0:
         raise VehicleError(
-            f"{vehicle.name}: the gross mass is {result.mass:.0f} kg, less than the {result.mass - payload:.0f} kg"
+            f"{vehicle.name}: the gross mass is {result.mass:.0f} kg, less than the {before[0] - load:.0f} kg"
             " without payload in the vehicle file; correct its unladen masses, or remove the payload"
         )
-    loaded = with_payload(vehicle, payload)
-    (unit,) = [unit for unit in loaded.units if unit.payload]
-    others = [s for change in changes(vehicle) if (s := _mass_of_others(change, unit.name, vehicle))]
-    body, stated = f"{unit.name}.sprung.mass", {f"{unit.name}.mass": math.hypot(result.sigma, *others)}
+    loaded = with_payload(vehicle, payload, cog=cog if "weights" in result.sources else None)
+    if "weights" in result.sources:
+        stated[f"{unit.name}.cog"] = of_cog
+    body = f"{unit.name}.sprung.mass"
     if body not in loaded.stated:
         stated[body] = DEFAULT_SIGMAS["mass"].sigma * unit.sprung.mass
     source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
-    assumed = {path: reason for path, reason in loaded.assumed.items() if path != f"{unit.name}.mass"}
+    assumed = {path: reason for path, reason in loaded.assumed.items() if path not in stated or path == body}
     loaded = loaded.with_stated(stated).model_copy(update={"source": source, "assumed": assumed})
     loaded = _rounded(loaded, vehicle)
     return DrivenVehicle(
-        vehicle=loaded, result=result, before=before, text=None if text is None else edited(text, loaded)
+        vehicle=loaded,
+        result=result,
+        before=before,
+        changed=changed_numbers(vehicle, loaded),
+        text=None if text is None else edited(text, loaded),
     )
 
 
 def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
-    """The numbers that differ from those before with 6 significant digits, and their standard deviations with 3."""
+    """The numbers that differ from those before with 6 significant digits, unless that changes one by more than 0.01
+    sigma, and their standard deviations with 3."""
     values, old = vehicle.parameters(), before.parameters()
-    fields = vehicle.fields_with({p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)})
+    short = {p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)}
+    exact = {p for p, v in short.items() if abs(v - values[p]) > 0.01 * vehicle.stated.get(p, math.inf)}
+    fields = vehicle.fields_with({p: v for p, v in short.items() if p not in exact})
     fields["stated"] = {p: s if s == before.stated.get(p) else float(f"{s:.3g}") for p, s in vehicle.stated.items()}
     return Vehicle(**fields)
-
-
-def _mass_of_others(change: Change, laden: str, vehicle: Vehicle) -> float:
-    """Mass that a change alters on all units but one, kg."""
-    return sum(change.slopes.get(f"{unit.name}.mass", 0.0) for unit in vehicle.units if unit.name != laden)
 
 
 def weigh_vehicle(
@@ -254,7 +263,7 @@ def weigh_vehicle(
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
     source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
-    weighed = weighed.model_copy(update={"source": source})
+    weighed = _rounded(weighed.model_copy(update={"source": source}), vehicle)
     return WeighedVehicle(vehicle=weighed, loads=loads, text=None if text is None else edited(text, weighed))
 
 
@@ -273,11 +282,12 @@ def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
             sigmas[path] = relative[key] * value
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
-    return tested.model_copy(update={"source": f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")})
+    source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")
+    return _rounded(tested.model_copy(update={"source": source}), vehicle)
 
 
-def tested_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float]]:
-    """Value and sigma, SI, of every number by its path that a roll test has set."""
+def changed_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float | None]]:
+    """Value and sigma, SI, of every number by its path that a measurement has changed, and its value before."""
     old, new = before.parameters(), after.parameters()
-    changed = [path for path in new if (new[path], after.stated.get(path)) != (old[path], before.stated.get(path))]
-    return {path: {"value": new[path], "sigma": after.stated[path]} for path in changed}
+    changed = [path for path in new if (new[path], after.stated.get(path)) != (old.get(path), before.stated.get(path))]
+    return {p: {"value": new[p], "sigma": after.stated.get(p), "before": old.get(p)} for p in changed}

@@ -341,7 +341,11 @@ def test_a_channel_is_mapped_to_its_signal(column, unit, signal):
         ("ay1", "g", "lateral_acceleration", False),
         ("vy", "m/s", "lateral_velocity", None),
         ("beta", "deg", "sideslip", None),
-        ("VW.axle_weight_1@EE", "kg", "axle_load", False),
+        ("VW.axle_weight_1@EE", "kg", "axle_load", None),
+        ("VW.axle_weight_2@EE", "kg", "axle_load", None),  # of the tractor, not of the second unit
+        ("VW.trailer_weight@EE", "kg", "weight", True),
+        ("CVW.gross_combination_vehicle_weight@EE", "kg", "gross_weight", None),
+        ("CVW.powered_vehicle_weight@EE", "kg", "axle_load", None),
         ("v_kmh", None, "speed", None),
         ("LWI_Winkel_deg", None, "steer", None),
         ("yawTrl", "deg/s", "yaw_rate", True),

@@ -94,13 +94,15 @@ def mass(
     force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
-    """Set the payload of a vehicle file from the gross mass in logs of ordinary driving with one load.
+    """Set the payload of a vehicle file from logs of ordinary driving with one load, and from axle loads in them.
 
     The mass follows from the force of the engine and the acceleration, on roads of unknown grade. The logs have speed,
     braking.<unit>, engine_speed and engine_torque, or drive_force in place of the engine; and if possible
     driveline_engaged, friction_torque and grade. `[driveline]` of the vehicle file states losses, scales and rotating
-    masses. The new file states how well the mass is known. Unladen masses stay; yaw inertia, stiffness and relaxation
-    length of the tyres follow the load. If only the mass was wrong in the file, copy the masses from the new file.
+    masses. Axle loads and weights (axle_load.<axle group>, weight.<unit>, gross_weight) add to that or replace it; with
+    axle loads the CoG of the laden unit follows, too. The new file states how well mass and CoG are known. Unladen
+    masses stay; yaw inertia, stiffness and relaxation length of the tyres follow the load. If only the mass was wrong
+    in the file, copy the masses from the new file.
     """
     from fifthwheel.report.vehicle import mass_document
     from fifthwheel.workflow import drive_vehicle, read_vehicle, vehicle_text
@@ -112,7 +114,7 @@ def mass(
         driven = drive_vehicle(records, truck, text=text)
         with atomic_write(out) as temporary:
             temporary.write_text(driven.text or driven.vehicle.to_toml(), encoding="utf-8")
-    document = partial(mass_document, driven.result, driven.before, driven.deviation)
+    document = partial(mass_document, driven.result, driven.before, driven.changed)
     terminal.print_result(driven.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
 
@@ -143,7 +145,7 @@ def roll_test(
     """
     from fifthwheel.report.vehicle import roll_test_document
     from fifthwheel.vehicle import RollTest
-    from fifthwheel.workflow import read_vehicle, roll_tested_vehicle, tested_numbers
+    from fifthwheel.workflow import changed_numbers, read_vehicle, roll_tested_vehicle
 
     truck = read_vehicle(vehicle)
     test = RollTest(
@@ -157,9 +159,9 @@ def roll_test(
     with reserved(out, force=force):
         tested = roll_tested_vehicle(truck, test)
         tested.save(out)
-    contents = {"parameters": tested_numbers(truck, tested)}
-    document = partial(roll_test_document, truck, tested)
-    terminal.print_result(contents, document, {"vehicle": out}, as_json=as_json)
+    changed = changed_numbers(truck, tested)
+    document = partial(roll_test_document, tested, changed)
+    terminal.print_result({"parameters": changed}, document, {"vehicle": out}, as_json=as_json)
 
 
 def _measured(option: str, text: str, si: str) -> "Measured":

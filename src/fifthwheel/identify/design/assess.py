@@ -16,7 +16,7 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
-from fifthwheel.identify.longitudinal import mass_findings
+from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage

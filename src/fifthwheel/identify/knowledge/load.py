@@ -7,6 +7,7 @@ from fifthwheel._arguments import expect, expect_number
 from fifthwheel.dynamics.tyres import stiffness_at_load
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle
+from fifthwheel.vehicle.unit import Unit
 
 OF_TYRE_LOAD = ("cornering_stiffness", "relaxation_length", "pneumatic_trail")
 """Quantities of an axle group that follow the load of its tyres as the cornering stiffness does
@@ -16,17 +17,18 @@ LOAD_POSITION = 0.5
 """Standard deviation of the distance between the CoG of a load and that of its laden unit, m."""
 
 
-def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
+def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None) -> Vehicle:
     """The vehicle with another payload in its only unit with one.
 
     The unladen masses stay. The yaw inertia follows the mass of the unit, and `OF_TYRE_LOAD` the load of the tyres,
     whether measured, stated or assumed from a class: the tyres are the same. Their standard deviations keep their
-    fraction of the value, and what is assumed stays assumed. The CoG stays, with the uncertainty of a load whose CoG is
-    `LOAD_POSITION` from that of the unit.
+    fraction of the value, and what is assumed stays assumed. Unless it is given, the CoG stays, with the uncertainty of
+    a load whose CoG is `LOAD_POSITION` from that of the unit.
 
     Args:
         vehicle: with a payload in one unit.
         mass: of the other payload, kg; 0 for the unladen vehicle.
+        cog: x of the CoG of the unit with it, m.
 
     Raises:
         VehicleError: no unit has a payload, or several.
@@ -40,18 +42,14 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     """
     expect("vehicle", vehicle, Vehicle)
     expect_number("payload", mass, ge=0, unit="kg")
-    laden = [unit for unit in vehicle.units if unit.payload is not None]
-    if len(laden) != 1 or laden[0].payload is None:
-        raise VehicleError(
-            f"{vehicle.name}: expected one unit with a payload, got {len(laden)}; give a vehicle file of this load"
-        )
-    (unit,), before = laden, laden[0].payload.mass
-    if mass == before:
+    unit, before = laden_unit(vehicle)
+    cog = unit.cog if cog is None else cog
+    if (mass, cog) == (before, unit.cog):
         return vehicle
     after = unit.mass - before + mass
     content = vehicle.model_dump(mode="json")
     (changed,) = [u for u in content["units"] if u["name"] == unit.name]
-    changed |= {"mass": after, "yaw_inertia": unit.yaw_inertia * after / unit.mass}
+    changed |= {"mass": after, "cog": cog, "yaw_inertia": unit.yaw_inertia * after / unit.mass}
     changed["payload"] = changed["payload"] | {"mass": mass} if mass else None
     content["stated"] = _stated(vehicle, unit.name, abs(before - mass) / after, laden=mass > 0)
     other = Vehicle(**content)
@@ -61,6 +59,20 @@ def with_payload(vehicle: Vehicle, mass: float) -> Vehicle:
     factors[f"{unit.name}.yaw_inertia"] = after / unit.mass
     content["stated"] = {path: sigma * factors.get(path, 1.0) for path, sigma in other.stated.items()}
     return Vehicle(**content)
+
+
+def laden_unit(vehicle: Vehicle) -> tuple[Unit, float]:
+    """The only unit with a payload, and its payload, kg.
+
+    Raises:
+        VehicleError: no unit has a payload, or several.
+    """
+    laden = [(unit, unit.payload.mass) for unit in vehicle.units if unit.payload]
+    if len(laden) != 1:
+        raise VehicleError(
+            f"{vehicle.name}: expected one unit with a payload, got {len(laden)}; give a vehicle file of this load"
+        )
+    return laden[0]
 
 
 def _stated(vehicle: Vehicle, unit: str, fraction: float, *, laden: bool) -> dict[str, Any]:

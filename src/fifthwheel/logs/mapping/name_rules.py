@@ -101,7 +101,7 @@ _UNIT_ENDINGS = {
 _TOWED = re.compile("trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d")
 _LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
 _NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
-_NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "wheel", "channel", "can", "bus", "sensor")
+_NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")
 """Words before a number that does not count the units of a vehicle."""
 _LEAST_TOP_SPEED = 8.0
 """m/s; a truck on the road drives faster."""
