@@ -1,6 +1,7 @@
 """The examples of own estimators, on short runs: against each other where they must agree, and with the truth."""
 
 import importlib
+import re
 import sys
 from pathlib import Path
 
@@ -28,6 +29,22 @@ def example():
 @pytest.fixture(scope="module")
 def record() -> fw.Record:
     return simulated(TRUCK, SHORT).record(1)
+
+
+def test_the_page_on_tyre_laws_shows_the_example() -> None:
+    page = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
+    law = re.search(r"```python\n(def .*?)```", page, re.DOTALL)
+    assert law
+    assert law[1] in (EXAMPLES / "tyre_laws.py").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+def test_own_tyre_law(capsys, monkeypatch) -> None:
+    """The page shows what the example prints."""
+    monkeypatch.syspath_prepend(str(EXAMPLES))
+    importlib.import_module("tyre_laws").main()
+    page = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
+    assert capsys.readouterr().out in page
 
 
 def test_both_are_estimators(example) -> None:

@@ -197,7 +197,7 @@ def test_axle_loads_are_needed() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating' or 'auto'"),
+        ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law"),
         ({"friction": 0.0}, "friction: expected between"),
         ({"friction": 80.0}, "friction: expected between"),
         ({"friction_prior": 0.0}, "friction_prior: expected a number above 0"),

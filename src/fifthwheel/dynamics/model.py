@@ -15,10 +15,11 @@ import numpy as np
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName, channel_of
-from fifthwheel.dynamics import chain, sensors
+from fifthwheel.dynamics import chain, sensors, tyre_law
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
-from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
+from fifthwheel.dynamics.tyre_law import Tyres
+from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor
 from fifthwheel.vehicle import Vehicle
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
@@ -37,7 +38,7 @@ class ChainModel:
     roll: bool  # yaw and roll, or yaw only
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
-    tyres: TyreLaw  # saturating: with the parameters of `tyres.saturation_parameters`
+    tyres: Tyres  # not linear: with the parameters of `tyres.saturation_parameters`
     braking: bool  # whether `SPEED_RATE` is an input
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
@@ -63,7 +64,7 @@ class ChainModel:
     @lazy
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        laws = self.bank, self.extended, self.tyres, self.braking
+        laws = self.bank, self.extended, tyre_law.identity(self.tyres), self.braking
         return topology(self.vehicle), self.outputs, self.roll, self.free, *laws
 
     @property
@@ -121,7 +122,7 @@ class ChainModel:
 
     @lazy
     def _motion(self) -> "_Motion":
-        return (_saturating if self.tyres == "saturating" else _linear)(self, self._symbols)
+        return (_linear if self.tyres == "linear" else _saturating)(self, self._symbols)
 
     @lazy
     def _y(self) -> ca.SX:
@@ -191,12 +192,12 @@ def rate_input(steer: str) -> str:
 
 
 def all_parameters(
-    vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: TyreLaw = "linear"
+    vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: Tyres = "linear"
 ) -> dict[str, float]:
     """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
-    if tyres == "saturating":
-        values |= saturation_parameters(vehicle)
+    if tyres != "linear":
+        values |= saturation_parameters(vehicle, tyres)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
     return values | extension_parameters(vehicle, outputs) if extended else values
@@ -220,7 +221,7 @@ def model(
     free: Sequence[str] = (),
     bank: bool = False,
     extended: bool = False,
-    tyres: TyreLaw = "linear",
+    tyres: Tyres = "linear",
     braking: bool = False,
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
@@ -232,7 +233,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
-        tyres: law of their side forces; see `dynamics.tyres`.
+        tyres: law of their side forces, see `dynamics.tyres`, or a user's own, see `dynamics.tyre_law`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`, which changes the forces of saturating
             tyres; without it, the speed changes slowly.
 
@@ -366,13 +367,15 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
-    k, d, steering = len(model.inputs), s.d, s.steering
+    k, d, steering, law = len(model.inputs), s.d, s.steering, law_of(model.tyres)
     _, softened = _softening(model, s, d[k])
 
     def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
         steer = dict(zip(steering.now, ca.vertsplit(angles), strict=True)) if steering.now else {}
         vehicle, roll, bank = model.vehicle, model.roll, model.bank
-        return large_angles(softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate)
+        return large_angles(
+            softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate, law=law
+        )
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
     mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steering.now))
