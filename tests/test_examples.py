@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -31,20 +32,20 @@ def record() -> fw.Record:
     return simulated(TRUCK, SHORT).record(1)
 
 
-def test_the_page_on_tyre_laws_shows_the_example() -> None:
-    page = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
-    law = re.search(r"```python\n(def .*?)```", page, re.DOTALL)
-    assert law
-    assert law[1] in (EXAMPLES / "tyre_laws.py").read_text(encoding="utf-8")
+EXTENSIONS = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
+
+
+def test_the_page_on_extensions_shows_the_examples() -> None:
+    shown = re.findall(r"```python\n(def .*?)```", EXTENSIONS, re.DOTALL)
+    for code, name in zip(shown, ("tyre_laws", "optical_sensor"), strict=True):
+        assert code in (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
-def test_own_tyre_law(capsys, monkeypatch) -> None:
-    """The page shows what the example prints."""
-    monkeypatch.syspath_prepend(str(EXAMPLES))
-    importlib.import_module("tyre_laws").main()
-    page = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
-    assert capsys.readouterr().out in page
+@pytest.mark.parametrize("name", ["tyre_laws", "optical_sensor"])
+def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
+    done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
+    assert done.stdout in EXTENSIONS
 
 
 def test_both_are_estimators(example) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import SignalName, channel_of
+from fifthwheel.channels import SignalName, channel_of, own_channels
 from fifthwheel.dynamics import chain, sensors, tyre_law
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
@@ -65,7 +65,8 @@ class ChainModel:
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
         laws = self.bank, self.extended, tyre_law.identity(self.tyres), self.braking
-        return topology(self.vehicle), self.outputs, self.roll, self.free, *laws
+        own = own_channels(self.outputs)  # no plain values: the step is built in every process
+        return topology(self.vehicle), self.outputs, self.roll, self.free, *laws, own
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -77,13 +78,13 @@ class ChainModel:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
         s, m = self._symbols, self._motion
         change = m.B @ (s.steering.end - s.steering.start)
-        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order))
+        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order), "x_next")
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
         s = self._symbols
-        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order))
+        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order), "F")
 
     @lazy
     def steer_offset_jacobian(self) -> ca.Function:
@@ -91,30 +92,31 @@ class ChainModel:
         s, m = self._symbols, self._motion
         rate = -m.B @ ca.diag(s.steering.gain)
         nothing = ca.SX(*rate.shape)
-        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order))
+        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order), "F_steer")
 
     @lazy
     def rates(self) -> ca.Function:
         """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
-        s, rates = self._symbols, self._motion.rates
-        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in rates])
+        s, rates = self._symbols, list(map(ca.densify, self._motion.rates))
+        arguments, names = [s.x, s.later, s.dt, s.d, s.p, s.c], ["x", "x_next", "dt", "d", "p", "c"]
+        return ca.Function("rates", arguments, rates, names, ["rate", "rate_next"])
 
     @lazy
     def observation(self) -> ca.Function:
         """(x, d, p, c) -> y"""
-        return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)))
+        return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)), "y")
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
         """(x, d, p, c) -> dy/dx"""
         s = self._symbols
-        return s.instant("observation_jacobian", self._motion.stages.jacobian(self._y, s.x))
+        return s.instant("observation_jacobian", self._motion.stages.jacobian(self._y, s.x), "H")
 
     @lazy
     def observation_sensitivity(self) -> ca.Function:
         """(x, d, p, c) -> dy/dp"""
         s = self._symbols
-        return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p))
+        return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p), "H_p")
 
     @lazy
     def _symbols(self) -> "_Symbols":
@@ -296,13 +298,14 @@ class _Symbols(NamedTuple):
     steering: _Steering
     duration: ca.SX  # true one of dt, s
 
-    def step(self, name: str, result: ca.SX) -> ca.Function:
-        """(x, dt, d, p, c) -> result"""
-        return ca.Function(name, [self.x, self.dt, self.d, self.p, self.c], [result])
+    def step(self, name: str, result: ca.SX, output: str) -> ca.Function:
+        """(x, dt, d, p, c) -> result, named"""
+        arguments = [self.x, self.dt, self.d, self.p, self.c]
+        return ca.Function(name, arguments, [result], ["x", "dt", "d", "p", "c"], [output])
 
-    def instant(self, name: str, result: ca.SX) -> ca.Function:
-        """(x, d, p, c) -> result"""
-        return ca.Function(name, [self.x, self.d, self.p, self.c], [result])
+    def instant(self, name: str, result: ca.SX, output: str) -> ca.Function:
+        """(x, d, p, c) -> result, named"""
+        return ca.Function(name, [self.x, self.d, self.p, self.c], [result], ["x", "d", "p", "c"], [output])
 
 
 def _symbols(model: ChainModel) -> _Symbols:
