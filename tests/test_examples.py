@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,6 +47,16 @@ def test_the_page_on_extensions_shows_the_examples() -> None:
 def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
     done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
     assert done.stdout in EXTENSIONS
+
+
+def test_the_posterior_in_jax() -> None:
+    pytest.importorskip("jax")
+    page = (EXAMPLES.parent / "docs" / "own-estimators.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(import jax.*?)```", page, re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["value"] == names["density"](names["x"])
+    assert (names["gradient"] == names["density"].gradient(names["x"])).all()
 
 
 def test_both_are_estimators(example) -> None:

@@ -17,7 +17,7 @@ from fifthwheel.channels.channel import Channel, ErrorKind, SensorModel, SignalL
 from fifthwheel.dynamics import linear_system, model
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.observe import Observer, ObserverSettings
+from fifthwheel.observe import Observer, ObserverSettings, offline
 from fifthwheel.record import Record
 from fifthwheel.report import write_report
 from fifthwheel.simulate import simulate
@@ -165,6 +165,22 @@ def test_c_code(example: ModuleType, record: Record, tmp_path: Path) -> None:
     observer = Observer(TRUCK, record.signals)
     replay = compiled(observer, tmp_path)
     assert_equal(replayed(replay, observer, record), pushed(observer, record), 1e-12)
+
+
+def test_an_unscented_filter_uses_the_sensor(example: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It agrees with the extended one but for the curvature of the measurement, and of the sensor only."""
+    monkeypatch.syspath_prepend(str(Path(__file__).parents[2] / "benchmarks"))
+    observer_model = importlib.import_module("filters").observer_model
+    truck = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})
+    variances = {"yaw_rate.tractor": 1e-6, example.SIGNAL: 4e-6}
+    record = simulate(truck, count=1, sensors=variances, roll=False)
+    extended, unscented = (
+        offline.states(record, observer_model(truck, record.signals, ObserverSettings(), kind), None, smooth=False)
+        for kind in ("extended", "square root")
+    )
+    for name, values in extended.values.items():
+        error = np.abs(unscented.values[name] - values).max()
+        assert 0 < error < 1e-3 * np.median(extended.sigma[name])
 
 
 def test_names(example: ModuleType) -> None:

@@ -15,7 +15,6 @@ friction coefficient. It returns the side force (N), which
   the stiffness and in the friction, which the law receives.
 """
 
-import functools
 import inspect
 import math
 import sys
@@ -53,14 +52,12 @@ def law_name(law: SideForce) -> str:
     return f"{getattr(law, '__module__', None)}:{getattr(law, '__qualname__', law)}"
 
 
-@functools.cache
 def side_force(law: SideForce) -> ca.Function:
     """(slip, load, stiffness, friction) -> side force, N."""
     symbols = [ca.SX.sym(name) for name in ARGUMENTS]
     return ca.Function("side_force", symbols, [law(*symbols)], [*ARGUMENTS], ["side_force"])
 
 
-@functools.cache
 def force_fraction(law: SideForce) -> ca.Function:
     """(slip, load, stiffness, friction) -> side force over that of a linear tyre, 1 at the slip angle 0.
 
@@ -74,7 +71,6 @@ def force_fraction(law: SideForce) -> ca.Function:
     return ca.Function("fraction", symbols, [fraction(away, load, stiffness, friction)])
 
 
-@functools.cache
 def identity(tyres: Tyres) -> str:
     """All that determines a law: machine code of one is never that of another."""
     if isinstance(tyres, str):
