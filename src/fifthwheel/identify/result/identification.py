@@ -96,8 +96,9 @@ class Identification(IdentificationData):
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
         law = getattr(self.settings, "tyre_law", "linear")
-        tyres = {"friction": self.friction, "tyres": "auto" if isinstance(law, str) else law}
-        return {"sensor_errors": errors, "noise": noise} | tyres | self._uncertainties(log)
+        own_law = {} if isinstance(law, str) else {"tyres": law}
+        road = {"friction": self.friction} | self._uncertainties(log)
+        return {"sensor_errors": errors, "noise": noise} | own_law | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
         """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
