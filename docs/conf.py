@@ -23,6 +23,7 @@ extensions = [
     "contents",
     "mathml",
     "python_reference",
+    "settings_reference",
 ]
 exclude_patterns = ["_build", "_extensions", "_figures", "gallery/*.ipynb", "sg_execution_times.rst"]
 

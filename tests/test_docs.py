@@ -1,13 +1,13 @@
 """The documentation is complete, its tables say what the code does, its examples run and its links lead somewhere."""
 
+import importlib
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
-from ast import literal_eval
-from dataclasses import fields, is_dataclass
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -15,10 +15,11 @@ import pytest
 import typer
 from pydantic import BaseModel
 
+import fifthwheel
 from fifthwheel import cli, dynamics, plant, vehicle
 from fifthwheel.channels import CHANNELS, MODELLED
 from fifthwheel.checks import Fault
-from fifthwheel.cheng_cebon_2011 import TwoStage, article
+from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
 from fifthwheel.identify import OneStage
@@ -150,51 +151,30 @@ def test_ranges_are_those_of_the_code() -> None:
             assert told[quantity] == f"{channel.limit.magnitude:g} {channel.unit}"
 
 
-def same(written: str, value: object) -> bool:
-    """Whether a cell shows a value; numbers may be rounded to a hundredth."""
-    shown = literal_eval(written.strip("`"))
-    if isinstance(value, float):
-        return bool(shown == pytest.approx(value, rel=0.01))
-    return bool((tuple(shown) if isinstance(shown, list) else shown) == value)
+def test_every_setting_has_its_line_in_the_tables_of_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_extensions")
+    tables = "\n".join(importlib.import_module("settings_reference").reference())
+    for settings in (OneStage(), TwoStage(), LearnerSettings(), ObserverSettings()):
+        kind = type(settings).__name__
+        assert f"`{kind}`" in page("settings.md")
+        lines = {cells[0].strip("`"): cells[1:] for cells in rows(section(tables, kind))[2:]}
+        assert list(lines) == [field.name for field in fields(settings)]
+        assert all(meaning for *_, meaning in lines.values())
+    two_stage = {cells[0].strip("`"): cells[1:3] for cells in rows(section(tables, "TwoStage"))[2:]}
+    assert two_stage["forgetting"] == ["`1`", "`0.999`"]
+    assert two_stage["gate"] == ["`6`", "`1000000.0`"]
 
 
-def test_every_setting_is_told_with_its_default_and_the_articles() -> None:
-    table = {
-        cells[0].strip("`"): cells[1:] for cells in rows(section(page("method.md"), "Settings")) if len(cells) == 4
-    }
-    ours, theirs = TwoStage(), article()
-    for field in fields(TwoStage):
-        default, preset, _ = table[field.name]
-        assert same(default, getattr(ours, field.name)), field.name
-        assert same(preset or default, getattr(theirs, field.name)), field.name
-    assert set(table) - {"field", "---"} == {field.name for field in fields(TwoStage)}
-
-
-def test_every_setting_of_one_stage_is_told_with_its_default() -> None:
-    text = section(page("one-stage.md"), "Settings")
-    table = {cells[0].strip("`"): cells[1] for cells in rows(text) if len(cells) == 3}
-    for field in fields(OneStage):
-        assert same(table[field.name], getattr(OneStage(), field.name)), field.name
-    assert set(table) - {"field", "---"} == {field.name for field in fields(OneStage)}
-
-
-def test_every_setting_of_the_learner_is_documented_with_its_default() -> None:
-    text = section(page("one-stage.md"), "Settings of the learner")
-    table = {cells[0].strip("`"): cells[1] for cells in rows(text)[2:]}
-    for field in fields(LearnerSettings):
-        value = getattr(LearnerSettings(), field.name)
-        if is_dataclass(value):
-            assert table[field.name] == f"`{type(value).__name__}()`"
-        else:
-            assert same(table[field.name], value), field.name
-    assert set(table) == {field.name for field in fields(LearnerSettings)}
-
-
-def test_every_setting_of_the_observer_is_told_with_its_default() -> None:
-    table = {cells[0].strip("`"): cells[1] for cells in rows(section(page("method.md"), "Settings")) if len(cells) == 3}
-    for field in fields(ObserverSettings):
-        assert same(table[field.name], getattr(ObserverSettings(), field.name)), field.name
-    assert set(table) - {"field", "---"} == {field.name for field in fields(ObserverSettings)}
+def test_every_public_name_is_on_a_page_of_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_extensions")
+    entries = [entry for page in importlib.import_module("python_reference").pages().values() for entry in page]
+    assert len({entry.name for entry in entries}) == len(entries)
+    names = {entry.name.partition(".")[0] for entry in entries} | {entry.name for entry in entries}
+    assert set(fifthwheel.__all__) - {"__version__"} <= names
+    assert {"identify", "vehicle", "identify.doubts.Doubt", "dynamics.summary.VehicleSummary"} <= names
+    assert [entry.name for entry in entries if not entry.summary()] == []
 
 
 def test_every_key_of_the_maps_is_told() -> None:

@@ -3,6 +3,7 @@
 import ast
 import doctest
 import inspect
+import pydoc
 import subprocess
 import sys
 from pathlib import Path
@@ -118,3 +119,13 @@ def test_one_output_may_be_a_name() -> None:
     system = fw.linear_system(fw.vehicle("cheng_cebon_2011"), 20.0, "yaw_rate.tractor")
     assert system.outputs == ("yaw_rate.tractor",)
     assert len(repr(system)) < 120
+
+
+@pytest.mark.parametrize("name", ["assess", "identify", "simulate", "vehicle"])
+def test_help_shows_the_function_of_a_module_that_is_called(name):
+    text = pydoc.plain(pydoc.render_doc(getattr(fw, name)))
+    start = text.partition("DESCRIPTION\n")[2]
+    assert start.startswith(f"    {name}(")
+    assert start.index("    Example:") < start.index(
+        "\n\n" + ("PACKAGE CONTENTS" if "PACKAGE CONTENTS" in text else "FUNCTIONS")
+    )

@@ -191,6 +191,8 @@ WRONG: dict[str, Callable[[], object]] = {
     "export_fmu": lambda: fw.export_fmu(result(), FOLDER / "c.fmu"),
     "export_fmu fmi": lambda: fw.export_fmu(TRUCK, FOLDER / "c.fmu", fmi=1),
     "export_fmu outputs": lambda: fw.export_fmu(TRUCK, FOLDER / "c.fmu", outputs=["yaw"]),
+    "compare records": lambda: fw.compare([RECORD, RECORD]),
+    "compare one path": lambda: fw.compare({"a": "out/a", "b": "out/b"}),
     "study trucks": lambda: fw.study(["none"], {"one": fw.OneStage()}, FOLDER / "s"),
     "study trucks str": lambda: fw.study("cheng_cebon_2011", {"one": fw.OneStage()}, FOLDER / "s"),
     "study estimators list": lambda: fw.study(["cheng_cebon_2011"], [fw.OneStage()], FOLDER / "s"),

@@ -4,7 +4,8 @@ A real truck
 
 Two logs of a 6x4 tractor with a two-axle semitrailer, measured by GAVLab of Auburn University. They are not part of
 fifthwheel. Put ``run01_s_bend.csv`` and ``run02_exit_ramp.csv`` into a folder ``real_truck``, and name its parent
-folder in the environment variable ``FIFTHWHEEL_DATA``. Without them this page shows only the signal map.
+folder in the environment variable ``FIFTHWHEEL_DATA``. Without them this page shows the same with simulated logs of
+such a truck. The page *Accuracy and speed* has the results of the real ones.
 """
 
 import os
@@ -15,6 +16,7 @@ import numpy as np
 
 import fifthwheel as fw
 
+truck = fw.vehicle("auburn_6x4")
 signal_map = fw.SignalMap.parse("""
 [time]
 column = "t"
@@ -28,26 +30,31 @@ speed = "vx"
 """)
 
 # %%
-# The bend identifies the truck, the exit ramp validates it.
+# The first log identifies the truck, the second one validates it.
 
 folder = Path(os.environ.get("FIFTHWHEEL_DATA", "")) / "real_truck"
-figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
 if folder.is_dir():
-    bend, ramp = (fw.read_log(folder / f"{name}.csv", signal_map) for name in ("run01_s_bend", "run02_exit_ramp"))
-    result = fw.identify([bend], fw.vehicle("auburn_6x4"), validate=[ramp])
-    for estimate in result.parameters:
-        print(
-            f"{estimate.name:36} {estimate.value:10.4g} +- {estimate.sigma:8.2g} {estimate.unit:8} {estimate.verdict}"
-        )
-    fit = next(fit for fit in result.fits if fit.log == ramp.name and fit.signal == "yaw_rate.tractor")
-    axes.plot(fit.time, np.degrees(fit.measured), label="measured")
-    axes.plot(fit.time, np.degrees(fit.predicted), label="predicted with the truck of the bend")
-    axes.set(
-        title=f"Exit ramp: {fit.explained:.0%} explained", xlabel="time, s", ylabel="yaw rate of the tractor, deg/s"
-    )
-    axes.legend()
+    first, second = (fw.read_log(folder / f"{name}.csv", signal_map) for name in ("run01_s_bend", "run02_exit_ramp"))
+    source = "measured"
 else:
-    print("no logs: set FIFTHWHEEL_DATA to the folder that contains real_truck/")
-    axes.text(0.5, 0.5, "no logs: FIFTHWHEEL_DATA is not set", ha="center")
-    axes.set_axis_off()
+    first = fw.simulate(truck, manoeuvre="lane_changes", count=2, seed=1)
+    second = fw.simulate(truck, manoeuvre="bend", duration=15.0, seed=2, name="bend")
+    source = "simulated"
+result = fw.identify([first], truck, validate=[second])
+for estimate in result.parameters:
+    print(f"{estimate.name:36} {estimate.value:10.4g} +- {estimate.sigma:8.2g} {estimate.unit:8} {estimate.verdict}")
+
+# %%
+# Prediction of the second log, from its speed and steer angle alone.
+
+fit = next(fit for fit in result.fits if fit.log == second.name and fit.signal == "yaw_rate.tractor")
+figure, axes = plt.subplots(figsize=(7, 3), layout="constrained")
+axes.plot(fit.time, np.degrees(fit.measured), label=source)
+axes.plot(fit.time, np.degrees(fit.predicted), label="predicted with the truck of the first log")
+axes.set(
+    title=f"Second log, {source}: {fit.explained:.0%} explained",
+    xlabel="time, s",
+    ylabel="yaw rate of the tractor, deg/s",
+)
+axes.legend()
 plt.show()

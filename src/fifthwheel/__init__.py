@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from fifthwheel.assess import Body as Body
     from fifthwheel.cheng_cebon_2011 import TwoStage as TwoStage
     from fifthwheel.cheng_cebon_2011 import article as article
+    from fifthwheel.diagnose.comparison import compare as compare
     from fifthwheel.dynamics import LinearSystem as LinearSystem
     from fifthwheel.dynamics import linear_system as linear_system
     from fifthwheel.dynamics.summary import summarize as summarize
@@ -60,6 +61,7 @@ if TYPE_CHECKING:
     from fifthwheel.observe import States as States
     from fifthwheel.observe import Status as Status
     from fifthwheel.observe import Uncertainty as Uncertainty
+    from fifthwheel.pages.terminal import progress_bar as progress_bar
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
     from fifthwheel.record import SensorPrior as SensorPrior
@@ -82,6 +84,7 @@ _NAMES = {
     "": ("assess", "fleet", "identify", "plot", "simulate", "vehicle"),
     "assess": ("Assessment", "Body"),
     "cheng_cebon_2011": ("TwoStage", "article"),
+    "diagnose.comparison": ("compare",),
     "dynamics": ("LinearSystem", "linear_system"),
     "dynamics.summary": ("summarize",),
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
@@ -95,6 +98,7 @@ _NAMES = {
     "identify.online": ("Learner", "LearnerSettings"),
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
     "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
+    "pages.terminal": ("progress_bar",),
     "plots": ("Plot",),
     "record": ("Record", "SensorPrior"),
     "report": ("write_report",),

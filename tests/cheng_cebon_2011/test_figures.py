@@ -57,7 +57,7 @@ def test_legend_names_levels_and_arms(simulation):
     kept = [o for o in outcomes if o.histories]
     figure = figures._stage_1(experiments["simulation"], kept, "title")
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert labels == [*figures.LEVELS, "article's preset", "default settings"]
+    assert labels == [*figures.LEVELS, "article's preset", "two stages, default settings"]
 
 
 def test_dots_show_the_end_of_each_pass(simulation):

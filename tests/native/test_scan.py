@@ -10,10 +10,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from llvmlite import binding as llvm
 
 from fifthwheel.native import Scan, compile_in_background, llvm_ir
-from fifthwheel.native import scan as native_scan
 from tests.native.conftest import Array, interpreted, max_difference, oscillator, times
 
 STEP = oscillator()
@@ -234,17 +232,6 @@ def test_divisions_by_one_number_share_its_reciprocal() -> None:
     assert llvm_ir.module(step).count("fdiv") == 1
     _, output = Scan(step)(np.array([1.0, 2.0, 4.0]), np.array([[0.7]]), np.zeros(1))
     np.testing.assert_allclose(output[0], np.array([12.0, 6.0, 3.0]) / 0.7, rtol=1e-15)
-
-
-def test_a_compilation_restores_the_passes_of_llvm(monkeypatch: pytest.MonkeyPatch) -> None:
-    options: list[str] = []
-    monkeypatch.setattr(llvm, "set_option", lambda _, option: options.append(option))
-    native_scan._compile(llvm_ir.module(STEP))
-    assert options[len(options) // 2 :] == [
-        "--enable-misched=true",
-        "--disable-machine-licm=false",
-        "--disable-machine-sink=false",
-    ]
 
 
 def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fifthwheel.cheng_cebon_2011.settings import TwoStage, article
+from fifthwheel.identify import OneStage
+from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.manoeuvres import lane_changes, lane_changes_on_test_track
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors
@@ -87,7 +89,7 @@ class Arm:
     """One way to identify."""
 
     name: str
-    settings: TwoStage
+    settings: CommonSettings
     assumed: Vehicle  # the vehicle that the estimator assumes, before the initial values are drawn
     fixed: Mapping[str, float] = field(default_factory=dict)  # values of the fixed parameters
 
@@ -144,6 +146,7 @@ def section_3(*, repetitions: int, truck: Vehicle | None = None, point: bool = F
         arms=(
             Arm(name="article", settings=article(), assumed=assumed),
             Arm(name="default", settings=TwoStage(), assumed=assumed),
+            Arm(name="one stage", settings=OneStage(), assumed=assumed),
         ),
         stiffness=effective_stiffness(assumed, properties, SPEED),
         published=truck is None,
@@ -167,6 +170,7 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
     arms = [
         Arm(name="article", settings=preset, assumed=assumed, fixed=front),
         Arm(name="default", settings=TwoStage(), assumed=assumed),
+        Arm(name="one stage", settings=OneStage(), assumed=assumed),
         Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
     ]
     name = "test vehicle with errors" if errors else "test vehicle"
@@ -177,7 +181,7 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
         case="test vehicle",
         run=run,
         sensors=sensors,
-        arms=tuple(arms[:2] if errors else arms),
+        arms=tuple(arms[:3] if errors else arms),
         stiffness=effective_stiffness(truck, run.properties, TEST_SPEED, (0.1, largest)),
     )
 

@@ -47,13 +47,14 @@ MEASURED: dict[str, Any] = {
 ARMS: dict[str, dict[str, Any]] = {
     "article": {"color": "#D55E00", "linestyle": (0, (4, 1.6)), "linewidth": 1.4},
     "default": {"color": "#0072B2", "linestyle": "-", "linewidth": 1.5},
+    "one stage": {"color": "#CC79A7", "linestyle": (0, (1, 1)), "linewidth": 1.5},
 }
 OTHER_ARM: dict[str, Any] = {"color": "#009E73", "linestyle": (0, (4, 1, 1, 1)), "linewidth": 2.4, "zorder": 1.9}
 """Colours of Okabe and Ito; line styles and grey values differ too, for print without colour."""
 FIRST_FIGURE = {"simulation": (4, "simulated truck"), "test vehicle": (7, "truck similar to the test vehicle")}
 """Number of the first figure of an experiment, and how the title names its truck."""
 LEVELS = ("true value", "range of effective stiffness", "published")
-NAMES = {"article": "article's preset", "default": "default settings"}
+NAMES = {"article": "article's preset", "default": "two stages, default settings", "one stage": "one stage"}
 STYLE: dict[Any, Any] = {
     "font.size": 8.5,
     "axes.titlesize": 8.5,

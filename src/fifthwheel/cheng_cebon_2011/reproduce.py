@@ -19,7 +19,7 @@ from fifthwheel.vehicle import Vehicle, get
 _FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]
 FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories.parquet", *_FIGURES)
 """Files of a reproduction."""
-ARMS = ("article", "default", "default, front fixed")
+ARMS = ("article", "default", "one stage", "default, front fixed")
 """Names of the arms; section 4 without errors has all of them."""
 
 

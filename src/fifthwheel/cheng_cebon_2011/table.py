@@ -35,7 +35,8 @@ REMARKS = (
 LEGEND = """\
 - **Published**: the number in the article, with the error that the article states against its own reference.
 - **Method**: `article` is the two-stage method with the article's preset, `default` with its default settings;
-  `front fixed` fixes the front cornering stiffness at the manufacturer's value.
+  `front fixed` fixes the front cornering stiffness at the manufacturer's value. `one stage` estimates all unknowns
+  together, with saturating tyres: its cornering stiffness is the slope at zero slip, the upper end of the range.
 - **Estimate**: the mean over the seeds ± the standard deviation over the seeds. Each seed has its own sensor noise and
   its own initial values; all methods use the same seeds.
 - **True value**: that of the nonlinear truck. Its tyres are not linear, so a cornering stiffness has a range, as in

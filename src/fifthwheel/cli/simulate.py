@@ -159,7 +159,9 @@ def reproduce(
     ] = None,
     arms: Annotated[
         list[str] | None,
-        typer.Option(help="article, default, or 'default, front fixed'; may be repeated. Default: all."),
+        typer.Option(
+            help="article, default (two stages), 'one stage', or 'default, front fixed'; may be repeated. Default: all."
+        ),
     ] = None,
     vehicle: Annotated[
         str | None,

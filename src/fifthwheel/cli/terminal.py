@@ -2,9 +2,8 @@
 
 import json
 import shlex
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -105,24 +104,8 @@ def reading_bar(paths: list[Path]) -> "Iterator[Callable[[str, int, int], None]]
         yield show
 
 
-@contextmanager
-def progress_bar(*, quiet: bool) -> "Iterator[Callable[[str, int, int], None]]":
-    """A progress bar on the terminal, called with title, work done and total; nothing without a terminal."""
-    if quiet or not sys.stderr.isatty():
-        yield lambda title, done, total: None
-        return
-    from rich.console import Console
-    from rich.markup import escape
-    from rich.progress import Progress
+def progress_bar(*, quiet: bool) -> "AbstractContextManager[Callable[[str, int, int], None]]":
+    """`fw.progress_bar`, imported where it is used."""
+    from fifthwheel.pages.terminal import progress_bar as shown
 
-    from fifthwheel.errors import printable
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        tasks: dict[str, Any] = {}
-
-        def show(title: str, done: int, total: int) -> None:
-            if title not in tasks:
-                tasks[title] = bar.add_task(escape(printable(title)), total=total)
-            bar.update(tasks[title], completed=done, total=total)
-
-        yield show
+    return shown(quiet=quiet)

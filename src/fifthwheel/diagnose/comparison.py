@@ -21,6 +21,7 @@ from dataclasses import asdict, dataclass
 from statistics import NormalDist
 from typing import Any
 
+from fifthwheel._arguments import expect
 from fifthwheel.assess.assess import rollover_threshold
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.formatting import enumerated, percent, shown, with_sigma
@@ -187,8 +188,21 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
         runs: by name; the first is the reference.
 
     Raises:
+        FifthwheelError: not identifications by name.
         SignalError: fewer than two identifications.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> records = {f"seed {seed}": fw.simulate(truck, count=1, seed=seed) for seed in (0, 1)}
+        >>> runs = {name: fw.identify([record], truck, settings) for name, record in records.items()}
+        >>> fw.compare(runs).parameters[0].name
+        'tractor.front.cornering_stiffness'
     """
+    expect("runs", runs, Mapping)
+    for name, run in runs.items():
+        expect(f"runs, {name}", run, Identification)
     if len(runs) < 2:
         raise SignalError(f"runs: expected at least two identifications, got {len(runs)}; give another one")
     compared, derived = list(runs.values()), [_derived(run) for run in runs.values()]

@@ -38,7 +38,8 @@ def identify(
         knowledge: the information of earlier logs of this truck, such as `Identification.knowledge`; one stage only.
         occasion: trailer, load and date of the logs. What belongs to another trailer or load is not taken over.
         validate: logs that are only predicted.
-        progress: called with a title, the number of passes or steps done and the largest number.
+        progress: called with a title, the number of passes or steps done and the largest number; see
+            `fifthwheel.progress_bar`.
 
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.

@@ -241,7 +241,7 @@ class OneStage(CommonSettings):
     """Prior standard deviation of the road's bank, rad; each segment has its own. In the prediction-error form: of the
     bank at the start of a segment."""
     bank_walk: float = 0.002
-    """Standard deviation that the bank gains in one second, rad; prediction-error form only."""
+    """Standard deviation that the bank gains in one second, rad; prediction-error form and `Learner` only."""
     outlier: Positive = 4.0
     """Residuals beyond this number of standard deviations get less weight (Huber 1964)."""
     iterations: Count = 50

@@ -92,6 +92,7 @@ class OpenLoop:
 
 
 Course = Path | OpenLoop
+"""What the nonlinear truck drives: a path that a driver follows, or a steer angle over time."""
 
 
 def braked(course: Course, deceleration: float) -> Course:

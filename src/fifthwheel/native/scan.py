@@ -16,8 +16,9 @@ from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
 from fifthwheel.native.step import Step, compiling
 
-_OPTIMISATION = 1
-"""Level of LLVM's code generator, 0 to 3; above 1 compilation takes longer and the code is not faster."""
+_OPTIMISATION = 0
+"""Level of LLVM's code generator, 0 to 3; at 1 compilation takes five times as long, and the code is not faster: a step
+is a long list of operations, whose values do not fit into registers, and which are in a good order already."""
 
 
 class Scan:
@@ -254,21 +255,6 @@ def _key(source: str) -> bytes:
 
 def _compile(source: str) -> bytes:
     """Object code of LLVM assembly, without IR passes: CasADi shares subexpressions, `llvm_ir` hoists invariants."""
-    machine = _machine()
     parsed = llvm.parse_assembly(source)
     parsed.verify()
-    _switch_passes(on=False)
-    try:
-        return bytes(machine.emit_object(parsed))
-    finally:
-        _switch_passes(on=True)
-
-
-def _switch_passes(*, on: bool) -> None:
-    """Switch passes of LLVM's code generator, for all its users in this process.
-
-    They move instructions, which takes half of the time of a compilation. The code of a step is faster without: in its
-    own order fewer values are needed at the same time. LLVM ignores options that it does not know.
-    """
-    for option, value in (("enable-misched", on), ("disable-machine-licm", not on), ("disable-machine-sink", not on)):
-        llvm.set_option("fifthwheel", f"--{option}={str(value).lower()}")
+    return bytes(_machine().emit_object(parsed))

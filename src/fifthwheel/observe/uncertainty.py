@@ -10,15 +10,19 @@ parameters: if it contains information on them, the variance is too large.
 
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
 from fifthwheel._contents import ComparedByContents
+from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.vehicle.parameters import POSITIONS
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 NEGLIGIBLE = 1e-6
 """Columns with a smaller fraction of the trace of the correlation matrix are omitted."""
@@ -121,6 +125,16 @@ class Uncertainty(ComparedByContents):
             raise SignalError(
                 f"uncertainty: expected names and a covariance in rows of numbers, got {error!r}; write it by as_dict"
             ) from None
+
+    def to_pandas(self) -> "pd.DataFrame":
+        """The covariance in SI, by name.
+
+        Raises:
+            FifthwheelError: pandas is not installed.
+        """
+        names = list(self.names)
+        frame: pd.DataFrame = require("pandas", "pandas").DataFrame(self.covariance, index=names, columns=names)
+        return frame
 
     def of_log(self, log: str) -> "Uncertainty":
         """The uncertainty for one log: names of other logs are removed, and its own names lose "@<log>".

@@ -1,10 +1,11 @@
-"""A document on a terminal, in Unicode or ASCII."""
+"""A document on a terminal, in Unicode or ASCII, and a progress bar."""
 
-from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any, Literal
 
 from fifthwheel import pages
-from fifthwheel.errors import printable_lines
+from fifthwheel.errors import printable, printable_lines
 from fifthwheel.formatting import plain_ascii
 
 if TYPE_CHECKING:
@@ -31,6 +32,36 @@ def show(document: pages.Document, console: "Console | None" = None) -> None:
     from rich.console import Console  # slow to import
 
     _Printer(console or Console()).show(document.blocks)
+
+
+@contextmanager
+def progress_bar(*, quiet: bool = False) -> "Iterator[Callable[[str, int, int], None]]":
+    """A progress bar on the terminal or in a notebook, called with title, work done and total; else nothing.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> with fw.progress_bar() as progress:
+        ...     result = fw.identify([fw.simulate(truck, count=1)], truck, settings, progress=progress)
+    """
+    from rich.console import Console
+    from rich.markup import escape
+    from rich.progress import Progress
+
+    console = Console(stderr=True)
+    if quiet or not (console.is_terminal or console.is_jupyter):
+        yield lambda title, done, total: None
+        return
+    with Progress(console=console, transient=True) as bar:
+        tasks: dict[str, Any] = {}
+
+        def show(title: str, done: int, total: int) -> None:
+            if title not in tasks:
+                tasks[title] = bar.add_task(escape(printable(title)), total=total)
+            bar.update(tasks[title], completed=done, total=total)
+
+        yield show
 
 
 class _Printer:

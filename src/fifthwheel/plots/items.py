@@ -148,6 +148,7 @@ class Span:
 
 
 Item = Line | Band | Points | Bars | Area | Label | Guide | Span
+"""What a panel shows."""
 
 
 def as_array(values: ArrayLike) -> Array:

@@ -80,7 +80,7 @@ def study(
         jobs: processes; by default one per core. More than one needs functions at the top level of a module.
         scheduler: address of a Dask scheduler that runs the estimators instead, as of `fifthwheel.cluster.connected`;
             its workers import the functions from the same modules.
-        progress: called while trucks are simulated and runs end.
+        progress: called while trucks are simulated and runs end; see `fifthwheel.progress_bar`.
 
     Returns:
         The content of `out`.

@@ -44,7 +44,7 @@ class LearnerSettings(Settings):
     offset_time: Positive = 3600.0
     """After this time without information, s, the offset of a sensor is about as uncertain as its prior."""
     parameter_time: Positive = 30 * 86400.0
-    """The same for all other unknowns, s: tyres wear, and their pressure changes."""
+    """The same for all other unknowns, s (30 days): tyres wear, and their pressure changes."""
     max_innovation_ratio: Positive = 2.0
     """All parameters are doubtful while the innovations of a channel have a mean square, relative to the variance that
     the filter predicts, above this."""
