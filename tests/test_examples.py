@@ -1,8 +1,11 @@
 """The examples of own estimators, on short runs: against each other where they must agree, and with the truth."""
 
 import importlib
+import re
+import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +31,32 @@ def example():
 @pytest.fixture(scope="module")
 def record() -> fw.Record:
     return simulated(TRUCK, SHORT).record(1)
+
+
+EXTENSIONS = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encoding="utf-8")
+
+
+def test_the_page_on_extensions_shows_the_examples() -> None:
+    shown = re.findall(r"```python\n(def .*?)```", EXTENSIONS, re.DOTALL)
+    for code, name in zip(shown, ("tyre_laws", "optical_sensor"), strict=True):
+        assert code in (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["tyre_laws", "optical_sensor"])
+def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
+    done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
+    assert done.stdout in EXTENSIONS
+
+
+def test_the_posterior_in_jax() -> None:
+    pytest.importorskip("jax")
+    page = (EXAMPLES.parent / "docs" / "own-estimators.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(import jax.*?)```", page, re.DOTALL)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    assert names["value"] == names["density"](names["x"])
+    assert (names["gradient"] == names["density"].gradient(names["x"])).all()
 
 
 def test_both_are_estimators(example) -> None:

@@ -390,3 +390,11 @@ def test_impossible_models_are_refused() -> None:
     for name in ("articulation.tractor", "coupling_force.tractor"):
         with pytest.raises(SignalError, match="first unit"):
             model(ARTICLE, (name,), roll=True)
+
+
+def test_functions_have_named_arguments_and_results() -> None:
+    chain = model(TRUCK, ["yaw_rate.tractor"], roll=False)
+    assert str(chain.transition).startswith("transition:(x[7],dt,d[")
+    for function, outputs in ((chain.transition, ["x_next"]), (chain.rates, ["rate", "rate_next"])):
+        assert function.name_out() == outputs
+    assert (chain.observation.name_in(), chain.observation.name_out()) == (["x", "d", "p", "c"], ["y"])

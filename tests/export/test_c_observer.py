@@ -18,6 +18,7 @@ from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.dynamics.test_lagrangian import b_double
+from tests.dynamics.test_tyre_law import brush, tanh_law
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -31,6 +32,7 @@ SETTINGS = {
     "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
     "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
     "saturating": ObserverSettings(friction=0.5),
+    "own tyre law": ObserverSettings(friction=0.5, tyres=tanh_law),
     "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
 }
 TOLERANCE = {"double": 1e-12, "float": 1e-4}
@@ -168,6 +170,13 @@ def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane:
         seen |= set(expected[:, 1].tolist())
     assert {Status.OK, Status.INPUT_MISSING, Status.TOO_SLOW} <= seen
     assert seen & {Status.COASTING, Status.INCONSISTENT}
+
+
+def test_brush_tyres(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    """A law with the sign function, which derivatives of abs have."""
+    observer = Observer(truck, lane.signals, ObserverSettings(friction=0.5, tyres=brush))
+    replay = compiled(observer, tmp_path)
+    assert_equal(replayed(replay, observer, lane), pushed(observer, lane), TOLERANCE["double"])
 
 
 def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:

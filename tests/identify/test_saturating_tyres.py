@@ -154,7 +154,7 @@ def test_a_known_friction_replaces_the_estimate(snow: Identification) -> None:
     sensors = log_sensors(snow, response(1.5, 0.5), snow.vehicle, 0.5)
     assert sensors.settings["friction"] == 0.5
     assert FRICTION not in sensors.uncertainty.names
-    assert Observer(snow.vehicle, snow.signals, ObserverSettings(**sensors.settings)).settings.tyres == "saturating"
+    assert Observer(snow.vehicle, snow.signals, ObserverSettings(**sensors.settings)).settings.tyre_law == "saturating"
 
 
 def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
@@ -197,7 +197,7 @@ def test_axle_loads_are_needed() -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating' or 'auto'"),
+        ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law"),
         ({"friction": 0.0}, "friction: expected between"),
         ({"friction": 80.0}, "friction: expected between"),
         ({"friction_prior": 0.0}, "friction_prior: expected a number above 0"),

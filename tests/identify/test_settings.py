@@ -116,7 +116,7 @@ def test_the_settings_of_the_article() -> None:
     ("kind", "changes", "message"),
     [
         (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
-        (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating' or 'auto', got 'round'"),
+        (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 'round'"),
         (OneStage, {"friction": 30.0}, "friction: expected between 0.05 and 6, got 30.0; a dry road has 0.75"),
         (OneStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
         (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),

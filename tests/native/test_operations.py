@@ -19,6 +19,8 @@ UNARY = {
     "sin": ca.OP_SIN,
     "cos": ca.OP_COS,
     "atan": ca.OP_ATAN,
+    "tanh": ca.OP_TANH,
+    "sign": ca.OP_SIGN,
     "not": ca.OP_NOT,
 }
 BINARY = {
@@ -143,7 +145,7 @@ def test_branches() -> None:
     assert carry == 3
 
 
-@pytest.mark.parametrize("function", [ca.tan, ca.asin, ca.floor, ca.sign, lambda x: ca.atan2(x, 2)])
+@pytest.mark.parametrize("function", [ca.tan, ca.asin, ca.floor, ca.asinh, lambda x: ca.atan2(x, 2)])
 def test_unknown_operation_is_refused(function: object) -> None:
     carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
     step = ca.Function("unknown", [carry, sample, constant], [carry, function(sample)])  # type: ignore[operator]

@@ -61,6 +61,13 @@ def test_an_argument_is_identified_by_its_identity() -> None:
     assert result(Factor(3.0, ("three", (1, None))), built) == 18
 
 
+def test_an_identity_that_is_no_plain_value_is_none() -> None:
+    """Also inside another one: two such arguments must not share machine code."""
+    built: list[object] = []
+    assert [result(Factor(value, ("model", object())), built) for value in (2.0, 3.0)] == [12, 18]
+    assert len(built) == 2
+
+
 def test_without_an_identity_a_step_is_built_in_every_process() -> None:
     built: list[object] = []
     assert [result(Factor(2.0), built), result(Factor(3.0), built), result(2.5, built)] == [12, 18, 15]

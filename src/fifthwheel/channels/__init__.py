@@ -5,7 +5,7 @@ a module of this room and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if ob
 """
 
 import re
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Sequence
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
@@ -43,13 +43,13 @@ _ALL = (
     *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
 )
 """In the order in which their patterns are compared with the name of a column: special ones first."""
-CHANNELS: Mapping[str, Channel] = {channel.quantity: channel for channel in _ALL}
-"""By quantity."""
+CHANNELS: dict[str, Channel] = {channel.quantity: channel for channel in _ALL}
+"""By quantity; `register` adds to this and to the lists below."""
 INPUTS = (SPEED, STEER)
 """Of the model, which needs them at every instant."""
-MEASURED = (YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION)
+MEASURED = [YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION]
 """Measurements that an observer compares with the model, in its order."""
-IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
+IDENTIFIED = [YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION]
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
 """Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
@@ -57,7 +57,7 @@ MOTION = (YAW_RATE, ARTICULATION, LATERAL_ACCELERATION)
 """Those of which one, of any unit, is enough for an identification; roll rates alone are not."""
 GYROS = (YAW_RATE, ROLL_RATE)
 """Those whose delay is the latency of a gyro."""
-MODELLED = tuple(channel for channel in _ALL if channel.model and channel.of == "unit")
+MODELLED = [channel for channel in _ALL if channel.model and channel.of == "unit"]
 """What the model gives for a sensor on a unit."""
 PLACE_KINDS = ("position", "height")
 """Errors of a sensor whose output depends on its place: where it is, absolute."""
@@ -66,6 +66,59 @@ REFERENCE = "reference."
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
 _ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "play": "rad", "position": "m", "height": "m"}
 _ERROR_KINDS = ("offset", *_ERROR_UNITS)
+
+
+def register(channel: Channel) -> None:
+    """Add a quantity of your own that observers and identifications compare with the model.
+
+    It stays registered in this process; a later one of the same quantity replaces it. See docs/howto/extend.md.
+
+    Args:
+        channel: of a unit, with `limit`, `noise` and `model`, whose `value` returns an expression of CasADi; each of
+            `errors` is an offset, a gain, with `rate` of the model a delay, or with `cross_axis` a misalignment, and
+            has a `prior`.
+
+    Raises:
+        SignalError: something is missing, or the quantity is one of fifthwheel.
+
+    Example:
+        >>> from fifthwheel.channels import register
+        >>> from fifthwheel.channels.channel import Channel
+        >>> try:
+        ...     register(Channel(quantity="yaw_rate", unit="rad/s"))
+        ... except ValueError as error:
+        ...     print(error)
+        yaw_rate: is a quantity of fifthwheel; give yours another name
+    """
+    quantity, model = channel.quantity, channel.model
+    if any(quantity == own.quantity for own in _ALL):
+        raise SignalError(f"{quantity}: is a quantity of fifthwheel; give yours another name")
+    if not _NAME.fullmatch(quantity) or "." in quantity:
+        raise SignalError(f"quantity: expected small letters, digits and _, got {quantity!r}; correct it")
+    if not is_unit(channel.unit):
+        raise SignalError(f"{quantity}, unit: expected a unit in SI, got {channel.unit!r}; correct it")
+    if channel.of != "unit" or model is None or model.has_place:
+        raise SignalError(f"{quantity}, model: expected a value of a unit without parameters of a place; correct it")
+    for field in ("limit", "noise"):
+        if getattr(channel, field) is None:
+            raise SignalError(f"{quantity}, {field}: expected a value, got none; add it")
+    possible = ["offset", "gain", *["delay"] * bool(model.rate), *["misalignment"] * bool(model.cross_axis)]
+    for error in channel.errors:
+        if error.kind not in possible:
+            raise SignalError(f"{quantity}, errors: expected {' or '.join(possible)}, got {error.kind!r}; correct it")
+        if error.prior is None or error.prior < 0:
+            raise SignalError(
+                f"{quantity}, {error.kind}: expected a prior of 0 or more, got {error.prior}; give it in SI"
+            )
+    for listed in (MEASURED, IDENTIFIED, MODELLED):
+        listed[:] = [*[other for other in listed if other.quantity != quantity], channel]
+    CHANNELS[quantity] = channel
+
+
+def own_channels(names: Iterable[str]) -> tuple[Channel, ...]:
+    """The registered channels of some signals."""
+    channels = {channel_of(name): None for name in names}
+    return tuple(channel for channel in channels if channel and channel not in _ALL)
 
 
 def channel_of(name: str) -> Channel | None:
@@ -130,7 +183,7 @@ def checked_name(name: str) -> str:
         elif similar:
             cure = f"did you mean {'.'.join([similar[0], signal.place]) if signal.unit else similar[0]!r}?"
         else:
-            cure = "expected quantity.unit[.part], such as 'yaw_rate.tractor' or 'steer.tractor.front'"
+            cure = "expected quantity.unit[.part], such as 'yaw_rate.tractor'; a quantity of yours: register it"
         raise SignalError(f"{name}: not the name of a signal; {cure}")
     return name
 
@@ -273,6 +326,8 @@ __all__ = [
     "measured_signals",
     "missing_for_mass",
     "names_of",
+    "own_channels",
+    "register",
     "sensor_error_settings",
     "si_unit",
     "split_header",

@@ -175,7 +175,7 @@ class ErrorKind:
 
     kind: str
     """offset, gain, delay, misalignment, play, position or height."""
-    setting: str
+    setting: str = ""
     """Its prior standard deviation is the field <setting>_prior of the settings; settings without it have no such
     error, unless it has a `prior`."""
     prior: float | None = None

@@ -14,11 +14,12 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import SignalName, channel_of
-from fifthwheel.dynamics import chain, sensors
+from fifthwheel.channels import SignalName, channel_of, own_channels
+from fifthwheel.dynamics import chain, sensors, tyre_law
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
-from fifthwheel.dynamics.tyres import NO_CHANGE, TyreLaw, saturation_parameters, softening_factor
+from fifthwheel.dynamics.tyre_law import Tyres
+from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor
 from fifthwheel.vehicle import Vehicle
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
@@ -37,7 +38,7 @@ class ChainModel:
     roll: bool  # yaw and roll, or yaw only
     bank: bool  # whether the bank of the road is a state
     extended: bool  # whether it has the parameters of `extension_parameters`
-    tyres: TyreLaw  # saturating: with the parameters of `tyres.saturation_parameters`
+    tyres: Tyres  # not linear: with the parameters of `tyres.saturation_parameters`
     braking: bool  # whether `SPEED_RATE` is an input
     outputs: tuple[str, ...]  # names of y
     free: tuple[str, ...]  # names of p
@@ -63,8 +64,9 @@ class ChainModel:
     @lazy
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        laws = self.bank, self.extended, self.tyres, self.braking
-        return topology(self.vehicle), self.outputs, self.roll, self.free, *laws
+        laws = self.bank, self.extended, tyre_law.identity(self.tyres), self.braking
+        own = own_channels(self.outputs)  # no plain values: the step is built in every process
+        return topology(self.vehicle), self.outputs, self.roll, self.free, *laws, own
 
     @property
     def sizes(self) -> tuple[int, int, int, int, int]:
@@ -76,13 +78,13 @@ class ChainModel:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
         s, m = self._symbols, self._motion
         change = m.B @ (s.steering.end - s.steering.start)
-        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order))
+        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order), "x_next")
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
         s = self._symbols
-        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order))
+        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order), "F")
 
     @lazy
     def steer_offset_jacobian(self) -> ca.Function:
@@ -90,30 +92,31 @@ class ChainModel:
         s, m = self._symbols, self._motion
         rate = -m.B @ ca.diag(s.steering.gain)
         nothing = ca.SX(*rate.shape)
-        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order))
+        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order), "F_steer")
 
     @lazy
     def rates(self) -> ca.Function:
         """(x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step."""
-        s, rates = self._symbols, self._motion.rates
-        return ca.Function("rates", [s.x, s.later, s.dt, s.d, s.p, s.c], [ca.densify(end) for end in rates])
+        s, rates = self._symbols, list(map(ca.densify, self._motion.rates))
+        arguments, names = [s.x, s.later, s.dt, s.d, s.p, s.c], ["x", "x_next", "dt", "d", "p", "c"]
+        return ca.Function("rates", arguments, rates, names, ["rate", "rate_next"])
 
     @lazy
     def observation(self) -> ca.Function:
         """(x, d, p, c) -> y"""
-        return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)))
+        return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)), "y")
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
         """(x, d, p, c) -> dy/dx"""
         s = self._symbols
-        return s.instant("observation_jacobian", self._motion.stages.jacobian(self._y, s.x))
+        return s.instant("observation_jacobian", self._motion.stages.jacobian(self._y, s.x), "H")
 
     @lazy
     def observation_sensitivity(self) -> ca.Function:
         """(x, d, p, c) -> dy/dp"""
         s = self._symbols
-        return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p))
+        return s.instant("observation_sensitivity", self._motion.stages.jacobian(self._y, s.p), "H_p")
 
     @lazy
     def _symbols(self) -> "_Symbols":
@@ -121,7 +124,7 @@ class ChainModel:
 
     @lazy
     def _motion(self) -> "_Motion":
-        return (_saturating if self.tyres == "saturating" else _linear)(self, self._symbols)
+        return (_linear if self.tyres == "linear" else _saturating)(self, self._symbols)
 
     @lazy
     def _y(self) -> ca.SX:
@@ -191,12 +194,12 @@ def rate_input(steer: str) -> str:
 
 
 def all_parameters(
-    vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: TyreLaw = "linear"
+    vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: Tyres = "linear"
 ) -> dict[str, float]:
     """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
     values = vehicle.parameters() | steer_parameters(vehicle)
-    if tyres == "saturating":
-        values |= saturation_parameters(vehicle)
+    if tyres != "linear":
+        values |= saturation_parameters(vehicle, tyres)
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
     return values | extension_parameters(vehicle, outputs) if extended else values
@@ -220,7 +223,7 @@ def model(
     free: Sequence[str] = (),
     bank: bool = False,
     extended: bool = False,
-    tyres: TyreLaw = "linear",
+    tyres: Tyres = "linear",
     braking: bool = False,
 ) -> ChainModel:
     """The discrete-time model of a vehicle; vehicles of equal topology share one model.
@@ -232,7 +235,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
-        tyres: law of their side forces; see `dynamics.tyres`.
+        tyres: law of their side forces, see `dynamics.tyres`, or a user's own, see `dynamics.tyre_law`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`, which changes the forces of saturating
             tyres; without it, the speed changes slowly.
 
@@ -295,13 +298,14 @@ class _Symbols(NamedTuple):
     steering: _Steering
     duration: ca.SX  # true one of dt, s
 
-    def step(self, name: str, result: ca.SX) -> ca.Function:
-        """(x, dt, d, p, c) -> result"""
-        return ca.Function(name, [self.x, self.dt, self.d, self.p, self.c], [result])
+    def step(self, name: str, result: ca.SX, output: str) -> ca.Function:
+        """(x, dt, d, p, c) -> result, named"""
+        arguments = [self.x, self.dt, self.d, self.p, self.c]
+        return ca.Function(name, arguments, [result], ["x", "dt", "d", "p", "c"], [output])
 
-    def instant(self, name: str, result: ca.SX) -> ca.Function:
-        """(x, d, p, c) -> result"""
-        return ca.Function(name, [self.x, self.d, self.p, self.c], [result])
+    def instant(self, name: str, result: ca.SX, output: str) -> ca.Function:
+        """(x, d, p, c) -> result, named"""
+        return ca.Function(name, [self.x, self.d, self.p, self.c], [result], ["x", "d", "p", "c"], [output])
 
 
 def _symbols(model: ChainModel) -> _Symbols:
@@ -366,13 +370,15 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
-    k, d, steering = len(model.inputs), s.d, s.steering
+    k, d, steering, law = len(model.inputs), s.d, s.steering, law_of(model.tyres)
     _, softened = _softening(model, s, d[k])
 
     def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
         steer = dict(zip(steering.now, ca.vertsplit(angles), strict=True)) if steering.now else {}
         vehicle, roll, bank = model.vehicle, model.roll, model.bank
-        return large_angles(softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate)
+        return large_angles(
+            softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate, law=law
+        )
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
     mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steering.now))

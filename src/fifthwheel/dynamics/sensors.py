@@ -170,6 +170,11 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
         return inputs.motion.bank
     (model, i, of_group), p = sensor_of(inputs.vehicle, name), inputs.p
     value: ca.SX = model.value(inputs, i, name)
+    if not isinstance(value, ca.SX) or not value.is_scalar() or value.is_constant():
+        raise SignalError(
+            f"{name}: expected one expression of CasADi from the value of its channel, got {value}; return one, with "
+            "functions of casadi in place of those of math"
+        )
     if of_group:
         return value
     if model.rate and f"{name}.delay" in p:

@@ -21,6 +21,10 @@ In PAC2002 the friction is linear in the load, and the sensitivity of the stiffn
 The side force of a side acts t = t_0 / (1 + s^2) behind the middle of the contact: t_0 at small slip angles, 0 at full
 sliding. The cosine of the arctangent of the slip is that of Pacejka's trail; its square also has the second limit.
 
+Own laws. The function `root_law` gives 1 / sqrt(1 + s^2). A user's own function (`tyre_law`) replaces it: then the
+factor of C alpha is F / (C alpha) of that function for the stiffness C k and the friction of a side, its square is that
+of the trail, and c is 1, so that mu_0 is the peak friction of the law.
+
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
 
@@ -44,11 +48,13 @@ the friction that both forces use.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics.symbolic import Expressions
+from fifthwheel.dynamics.tyre_law import SideForce, Tyres, force_fraction
 from fifthwheel.options import TyreLaw as TyreLaw
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -103,11 +109,15 @@ def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> di
     return {f"{path}.braked_mass": scale * brakes.get(path, 0.0) for path in loads}
 
 
-def saturation_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """Parameters of saturating tyres by name, with their defaults, SI; a VehicleError as in `braked_masses`."""
+def saturation_parameters(vehicle: Vehicle, tyres: Tyres = "saturating") -> dict[str, float]:
+    """Parameters of saturating tyres by name, with their defaults, SI; a VehicleError as in `braked_masses`.
+
+    A user's own law has no shape: it tends to the peak friction.
+    """
     loads, numbers = vehicle.axle_loads(), vehicle.tyres()
     falling, rising = vehicle.axle_loads(SLOPE), vehicle.axle_loads(-SLOPE)
-    values = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()} | braked_masses(vehicle)
+    names = [name for name in TYRE_PARAMETERS if name != SHAPE or tyres == "saturating"]
+    values = {name: TYRE_PARAMETERS[name].default for name in names} | braked_masses(vehicle)
     for path, load in loads.items():
         values |= {
             f"{path}.static_load": load,
@@ -204,14 +214,20 @@ def longitudinal_forces(
     }
 
 
-def saturating(p: Expressions, path: str, contact: Contact) -> ca.SX:
-    """The saturating law; see `Law`."""
+def root_law(slip: ca.SX, load: ca.SX, stiffness: ca.SX, friction: ca.SX) -> ca.SX:
+    """C alpha / sqrt(1 + s^2), s = C alpha / (mu N); see `tyre_law`."""
+    return stiffness * slip / ca.sqrt(1 + (stiffness * slip / (load * friction)) ** 2)
+
+
+def saturating(p: Expressions, path: str, contact: Contact, side_force: SideForce = root_law) -> ca.SX:
+    """The saturating law, or with the side force of another one; see `Law`."""
+    fraction = force_fraction(side_force)
     slip, suspension, roll_axis_height, load_change, longitudinal = contact
     C, N = p[f"{path}.cornering_stiffness"], p[f"{path}.static_load"]
-    mu = p[SHAPE] * p[f"{path}.relative_friction"] * p[FRICTION]
+    mu = p.get(SHAPE, 1) * p[f"{path}.relative_friction"] * p[FRICTION]
     q = N / p[f"{path}.tyres"] / NOMINAL_LOAD
     stiffness_sensitivity, friction_sensitivity = p[STIFFNESS_SENSITIVITY] * q**2, p[FRICTION_SENSITIVITY]
-    even = 1 / ca.sqrt(1 + (C * slip / (N * mu)) ** 2)  # secant without load transfer
+    even = fraction(slip, N, C, mu)  # without load transfer
     moment = suspension + roll_axis_height * even * C * slip
     forward = ca.fmax(ca.fmin(load_change / N, 1), -1)
     transfer = ca.fmax(ca.fmin(moment / (N * p[HALF_TRACK]), 1 + forward), -1 - forward)
@@ -222,13 +238,19 @@ def saturating(p: Expressions, path: str, contact: Contact) -> ca.SX:
         limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
         used = longitudinal / (limit * ca.fmax(1 + change, SMALL_LOAD))
         e = _braked_factor(p[COMBINED_SLIP] * used**2)
-        sliding = 1 + (C * k / limit * slip) ** 2
-        secant = C / 2 * (1 + change) * k / ca.sqrt(sliding) * e
-        secants += ca.vertcat(secant) if trail is None else ca.vertcat(secant, trail * e**2 / sliding * secant)
+        friction = limit / N
+        reduction = 1 / fraction(slip, 1 / friction, C * k / limit, friction)  # at a limit of 1 N, for any load
+        secant = C / 2 * (1 + change) * k / reduction * e
+        secants += ca.vertcat(secant) if trail is None else ca.vertcat(secant, trail * e**2 / reduction**2 * secant)
     return secants
 
 
 LAWS: Mapping[TyreLaw, Law] = {"linear": linear, "saturating": saturating}
+
+
+def law_of(tyres: Tyres) -> Law:
+    """The law of a model."""
+    return LAWS[tyres] if isinstance(tyres, str) else partial(saturating, side_force=tyres)
 
 
 def _braked_factor(loss: ca.SX) -> ca.SX:

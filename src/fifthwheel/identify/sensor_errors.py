@@ -7,6 +7,7 @@ import numpy as np
 
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
@@ -33,6 +34,7 @@ def estimate_sensor_errors(
     friction: float | None = None,
     *,
     exact_friction: bool = False,
+    tyres: Tyres = "saturating",
     bank_variation: float = MODEL_ERRORS["bank_variation"],
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
@@ -48,6 +50,7 @@ def estimate_sensor_errors(
         friction: prior median of the peak friction of the road, at which tyres saturate; None: linear tyres. It is
             estimated too, because another log may be of another road.
         exact_friction: whether the friction is known instead.
+        tyres: their law with a friction.
         bank_variation: standard deviation of the bank within the log about its mean, rad.
 
     Returns:
@@ -60,7 +63,7 @@ def estimate_sensor_errors(
     settings = OneStage(free=(), priors={}, consider=consider, tyres="linear", check=False)
     if friction is not None:
         exact = (FRICTION,) if exact_friction else ()
-        settings = replace(settings, tyres="saturating", friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
+        settings = replace(settings, tyres=tyres, friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
         settings = replace(settings, consider=consider | (_known_within(vehicle, known, settings) if known else {}))
     identification = identify_one_stage([record], vehicle, settings)
     estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)
@@ -106,6 +109,8 @@ def log_sensors(
         friction: known peak friction of the road; None: as identified, and if tyres saturate, that of another log is
             estimated too.
     """
+    law = getattr(identification.settings, "tyre_law", "linear")
+    tyres: Tyres = "saturating" if isinstance(law, str) else law
     note, uncertainty, exact = "", identification.covariance, friction is not None
     if exact and uncertainty is not None:
         uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
@@ -115,7 +120,7 @@ def log_sensors(
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
             estimated = estimate_sensor_errors(
-                record, vehicle, uncertainty, friction, exact_friction=exact, bank_variation=variation
+                record, vehicle, uncertainty, friction, exact_friction=exact, tyres=tyres, bank_variation=variation
             )
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:

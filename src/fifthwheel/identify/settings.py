@@ -6,10 +6,12 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Annotated, Any, ClassVar, Literal
 
+from fifthwheel.dynamics import tyre_law
+from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
-from fifthwheel.options import Friction, TyreChoice, TyreLaw
+from fifthwheel.options import Friction
 from fifthwheel.settings import Count, Cure, Finite, FiniteNonNegative, FinitePositive, NonNegative, Positive, Settings
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
 
@@ -99,6 +101,15 @@ def refuse_suspension(contents: Mapping[str, Any]) -> None:
     """A ValueError for settings in an older file that contain the suspension of another result."""
     if contents.get("changes"):
         raise ValueError("changes: the suspension of another result, for which this version has --knowledge")
+
+
+def require_tyre_law(contents: Mapping[str, Any], path: str) -> None:
+    """A SignalError for settings in a file whose own tyre law is not imported."""
+    if isinstance(stored := contents.get("tyres"), dict):
+        try:
+            tyre_law.restored(stored)
+        except SignalError as error:
+            raise SignalError(f"{path}: {error}") from None
 
 
 MODEL_ERRORS: Mapping[str, float] = {
@@ -191,10 +202,10 @@ class OneStage(CommonSettings):
     roll_inertia_prior: Positive = 0.6
     """Prior standard deviation of that roll inertia, as a fraction of the inertia of a uniform payload: a payload of
     the same height may be a point, or stand along the sides."""
-    tyres: TyreChoice = "auto"
+    tyres: ChosenTyres = "auto"
     """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
-    road, which all logs share and which is estimated too (`dynamics.tyres`); or auto: saturating if the static axle
-    loads are determined."""
+    road, which all logs share and which is estimated too (`dynamics.tyres`); an own function that saturates
+    (`dynamics.tyre_law`); or auto: saturating if the static axle loads are determined."""
     friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: Positive = 0.4
@@ -245,6 +256,10 @@ class OneStage(CommonSettings):
                 )
 
     @property
-    def tyre_law(self) -> TyreLaw:
+    def tyre_law(self) -> Tyres:
         """Law of the side forces of one fit; linear with auto."""
-        return "saturating" if self.tyres == "saturating" else "linear"
+        return "linear" if self.tyres == "auto" else self.tyres
+
+    def as_dict(self) -> dict[str, Any]:
+        """All fields by name, for JSON."""
+        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}

@@ -158,7 +158,7 @@ class Setup:
             free=tuple(self._parameters),
             extended=True,
             tyres=tyres,
-            braking=tyres == "saturating",
+            braking=tyres != "linear",
         )
 
     @cached_property

@@ -1,7 +1,7 @@
 """C99 of a symbolic step: one statement for each CasADi instruction, without loops, branches or memory of its own.
 
 The real type is `fw_real`; literals are wrapped in `FW_REAL(...)`, and functions are `FW_SQRT`, `FW_EXP`, `FW_LOG`,
-`FW_ABS`, `FW_SIN`, `FW_COS` and `FW_ATAN`, so that one text serves float and double.
+`FW_ABS`, `FW_SIN`, `FW_COS`, `FW_ATAN` and `FW_TANH`, so that one text serves float and double.
 """
 
 import math
@@ -21,6 +21,7 @@ _FUNCTIONS = {
     ca.OP_SIN: "FW_SIN",
     ca.OP_COS: "FW_COS",
     ca.OP_ATAN: "FW_ATAN",
+    ca.OP_TANH: "FW_TANH",
 }
 ONE, ZERO = "FW_REAL(1.0)", "FW_REAL(0.0)"
 
@@ -93,6 +94,8 @@ def function(
                 return assign(f"({a} > {b}) ? {a} : {b}")
             case ca.OP_IF_ELSE_ZERO:
                 return assign(f"({a} != {ZERO}) ? {b} : {ZERO}")
+            case ca.OP_SIGN:
+                return assign(f"({a} > {ZERO}) ? {ONE} : ({a} < {ZERO}) ? -{ONE} : {a}")
             case ca.OP_NOT:
                 return assign(f"({a} == {ZERO}) ? {ONE} : {ZERO}")
             case ca.OP_AND:

@@ -26,7 +26,7 @@ _INTRINSIC = {
     ca.OP_FMAX: "maxnum",
 }
 # functions of the C library, called for each lane; older LLVM has no intrinsic for them
-_LIBRARY = {ca.OP_ATAN: "atan"}
+_LIBRARY = {ca.OP_ATAN: "atan", ca.OP_TANH: "tanh"}
 _ARGUMENTS = ("carry", "sample", "constant")
 
 BLOCK = 1000
@@ -145,6 +145,12 @@ class Emitter:
             return arguments[0]
         if op == ca.OP_IF_ELSE_ZERO:
             return self.select(self.truth(a, invariant), invariant, b, self.constant(0.0))
+        if op == ca.OP_SIGN:
+            above, below = (
+                self.emit(f"fcmp {how} {self.type} {a}, {self.constant(0.0)}", invariant)[0] for how in ("ogt", "olt")
+            )
+            other, _ = self.select(below, invariant, self.constant(-1.0), a)  # 0 or NaN
+            return self.select(above, invariant, self.constant(1.0), other)
         if op == ca.OP_NOT:
             return self.select(self.truth(a, invariant), invariant, self.constant(0.0), self.constant(1.0))
         if op in (ca.OP_AND, ca.OP_OR):

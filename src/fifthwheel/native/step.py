@@ -114,7 +114,8 @@ def _plain(argument: Any) -> Any:
     if isinstance(argument, PLAIN):
         return type(argument).__name__, argument
     identity = getattr(argument, "identity", None)
-    return None if identity is None else (type(argument).__qualname__, _plain(identity))
+    plain = None if identity is None else _plain(identity)
+    return None if plain is None else (type(argument).__qualname__, plain)
 
 
 def _modules(argument: Any) -> Iterator[str]:

@@ -14,7 +14,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.dynamics.tyres import TyreLaw
+from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.vehicle import Vehicle
 
 
@@ -109,7 +109,7 @@ def observed_chain(
     accelerometers: Sequence[str] = (),
     roll: bool,
     estimate_bank: bool,
-    tyres: TyreLaw = "linear",
+    tyres: Tyres = "linear",
 ) -> ObservedChain:
     """The model of a vehicle, see `dynamics.model`; vehicles of equal topology share one model.
 
@@ -117,7 +117,7 @@ def observed_chain(
     derivative of the speed is an input.
     """
     offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *accelerometers))
-    known, braking = dynamics.all_parameters(vehicle, outputs), tyres == "saturating"
+    known, braking = dynamics.all_parameters(vehicle, outputs), tyres != "linear"
     free = tuple(name for name in offsets if name in known)
     chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=free, tyres=tyres, braking=braking)
     return _observed_chain(chain, offsets, estimate_bank)

@@ -81,7 +81,7 @@ class ObserverModel:
             accelerometers=names_of(LATERAL_ACCELERATION, self.outputs),
             roll=self.roll,
             estimate_bank=self.settings.estimate_bank,
-            tyres=self.settings.tyres,
+            tyres=self.settings.tyre_law,
         )
 
     @lazy
@@ -105,7 +105,7 @@ class ObserverModel:
             hold=settings.hold,
             max_gap=settings.max_gap,
             coast=settings.coast,
-            speed_smoothing=settings.speed_smoothing if settings.tyres == "saturating" else None,
+            speed_smoothing=None if settings.tyre_law == "linear" else settings.speed_smoothing,
         )
 
     @property
@@ -115,7 +115,7 @@ class ObserverModel:
 
     def values(self) -> dict[str, float]:
         """Every parameter of the vehicle and of the measuring sensors, by name, SI."""
-        values = dynamics.all_parameters(self.vehicle, self.outputs, tyres=self.settings.tyres)
+        values = dynamics.all_parameters(self.vehicle, self.outputs, tyres=self.settings.tyre_law)
         return values | self._surroundings() | dict(self.settings.sensor_errors)
 
     def _surroundings(self) -> dict[str, float]:
@@ -177,7 +177,7 @@ class ObserverModel:
     def _report_values(self, changed: Mapping[str, float]) -> dict[str, float]:
         """Parameters of the report. Of the sensor errors only those of steer angles apply: reports have no errors."""
         parameters, names = self.vehicle.parameters() | self._surroundings(), self.reported
-        values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyres) | self._surroundings()
+        values = dynamics.all_parameters(self.vehicle, names, tyres=self.settings.tyre_law) | self._surroundings()
         errors = {**self.settings.sensor_errors, **changed}
         values |= {name: value for name, value in errors.items() if SignalName.of(name).quantity == "steer"}
         values |= {name: value for name, value in changed.items() if name in parameters}

@@ -2,16 +2,18 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
 from fifthwheel.channels import LATERAL_ACCELERATION, SensorErrorName, checked_name, is_of
+from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
+from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
 from fifthwheel.filters.variances import Variances
-from fifthwheel.options import ObserverOptions, TyreLaw
+from fifthwheel.options import ObserverOptions
 from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, NonNegative, Positive
 
 
@@ -79,6 +81,9 @@ class ObserverSettings(ObserverOptions):
     brakes: Brakes = field(default_factory=dict)
     """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
     it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
+    tyres: ChosenTyres = "auto"
+    """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
+    friction, else linear."""
     speed_smoothing: Positive = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
     `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
@@ -96,11 +101,18 @@ class ObserverSettings(ObserverOptions):
         if self.brakes and not sum(self.brakes.values()) > 0:
             raise SignalError("brakes: expected a fraction above 0 of at least one group, got none; correct it")
 
+        if self.friction is None and self.tyre_law != "linear":
+            raise SignalError("tyres: expected the friction of the road, got none; give it, or linear tyres")
+
     def offset_sigma(self, name: str) -> float:
         """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
         return self.acceleration_offset if is_of(name, LATERAL_ACCELERATION) else self.steer_offset
 
     @property
-    def tyres(self) -> TyreLaw:
+    def tyre_law(self) -> Tyres:
         """Law of the side forces."""
-        return "linear" if self.friction is None else "saturating"
+        return self.tyres if self.tyres != "auto" else "linear" if self.friction is None else "saturating"
+
+    def as_dict(self) -> dict[str, Any]:
+        """All fields by name, for JSON."""
+        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}

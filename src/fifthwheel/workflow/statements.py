@@ -18,6 +18,7 @@ from fifthwheel.channels import (
     error_kinds,
     sensor_error_settings,
 )
+from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
@@ -31,7 +32,6 @@ from fifthwheel.identify.unknowns.parameters import (
     prior_of_sensor_error,
 )
 from fifthwheel.names import ParameterPath, ends_with
-from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.masses import with_consistent_masses
@@ -320,22 +320,22 @@ def _by_target(
 def _known(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     """Every parameter by path, SI; of saturating tyres too, where the static axle loads are determined."""
     values = vehicle.parameters()
-    if _tyre_law(vehicle, settings) == "linear":
+    law = _tyre_law(vehicle, settings)
+    if law == "linear":
         return values
-    return values | saturation_parameters(vehicle) | {FRICTION: settings.friction}
+    return values | saturation_parameters(vehicle, law) | {FRICTION: settings.friction}
 
 
-def _tyre_law(vehicle: Vehicle, settings: OneStage) -> TyreLaw:
+def _tyre_law(vehicle: Vehicle, settings: OneStage) -> Tyres:
     """The law of the side forces that an identification has."""
-    law: TyreLaw = with_tyre_law(vehicle, settings)[0].tyre_law
-    return law
+    return with_tyre_law(vehicle, settings)[0].tyre_law
 
 
 def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list[str]:
     """The numbers that a statement names: parameters, a sensor error, or a model error."""
     name = statement.name
     if name in MODEL_ERRORS:
-        if name == "softening" and _tyre_law(vehicle, settings) == "saturating":
+        if name == "softening" and _tyre_law(vehicle, settings) != "linear":
             raise VehicleError(
                 f"--set {statement}: saturating tyres soften by their law; remove it, or choose --tyres linear"
             )

@@ -15,6 +15,7 @@
 #define FW_SIN(value) sinf(value)
 #define FW_COS(value) cosf(value)
 #define FW_ATAN(value) atanf(value)
+#define FW_TANH(value) tanhf(value)
 #else
 #define FW_REAL_MAX 1.7976931348623157e308
 #define FW_REAL(value) value
@@ -25,6 +26,7 @@
 #define FW_SIN(value) sin(value)
 #define FW_COS(value) cos(value)
 #define FW_ATAN(value) atan(value)
+#define FW_TANH(value) tanh(value)
 #endif
 
 #endif

@@ -69,7 +69,7 @@ def solve_one_stage(
     """
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
-    if settings.tyre_law == "saturating":
+    if settings.tyre_law != "linear":
         linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate, earlier, findings=False)
         estimator = replace(estimator, start=linear.start_of_saturating(progress))
     minimum = estimator.minimise(progress)

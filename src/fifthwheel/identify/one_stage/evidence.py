@@ -48,7 +48,7 @@ def quick_doubts(solution: Solution) -> list[Doubt]:
 
 def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
     """Logs beyond the range of the linear model."""
-    if solution.settings.tyre_law == "saturating":
+    if solution.settings.tyre_law != "linear":
         return
     for record, largest in zip(solution.dataset.records, solution.lateral_accelerations, strict=True):
         if largest > NONLINEAR_ACCELERATION:

@@ -12,7 +12,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.dynamics.tyres import TyreLaw
+from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
 from fifthwheel.identify.one_stage.gauss_newton import minimise
@@ -21,8 +21,6 @@ from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle import Vehicle
-
-LAWS: tuple[TyreLaw, ...] = ("linear", "saturating")
 
 
 def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
@@ -34,7 +32,7 @@ def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
 
     def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
-        if law == "saturating":
+        if law != "linear":
             start = _of_log(solution, log) if identified_on else {}
             return _saturating_fits(problem, vehicle, values, log, start)
         return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
@@ -69,7 +67,8 @@ def _saturating_fits(
         if u.per_log or not any(name in own for name in u.moves)
     ]
     outputs, white, identified_on = problem.model.outputs, replace(log, noise_models={}), bool(start)
-    for law in LAWS[1:] if identified_on else LAWS:
+    laws: tuple[Tyres, ...] = (problem.settings.tyre_law,) if identified_on else ("linear", problem.settings.tyre_law)
+    for law in laws:
         settings = replace(problem.settings, tyres=law)
         alone = Problem(replace(problem.setup, vehicle=vehicle, unknowns=tuple(unknowns), settings=settings), [white])
         lower, upper = alone.bounds

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.tyres import TyreLaw
+from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.vehicle import Vehicle
@@ -52,7 +52,7 @@ class Excitation:
     Estimates do not change the excitation.
     """
 
-    def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings, *, tyres: TyreLaw = "linear") -> None:
+    def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings, *, tyres: Tyres = "linear") -> None:
         self.settings, self.axles = settings, axles
         self.largest = settings.max_lateral_acceleration if tyres == "linear" else NO_LIMIT
         self.wheelbase, self.understeer = vehicle.wheelbase, _understeer_gradient(vehicle)

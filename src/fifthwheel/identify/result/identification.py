@@ -22,7 +22,7 @@ from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.result.posterior import Posterior
-from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.settings import OneStage, require_tyre_law
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
@@ -86,7 +86,7 @@ class Identification(IdentificationData):
         return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
-        """Sensor errors, noise, and friction and bank of the road, as arguments of `ObserverSettings`.
+        """Sensor errors, noise, own tyre law, and friction and bank of the road, as arguments of `ObserverSettings`.
 
         Args:
             log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
@@ -95,7 +95,10 @@ class Identification(IdentificationData):
         sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
         errors = {error.name: error.value for error in sensors if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        return {"sensor_errors": errors, "noise": noise, "friction": self.friction} | self._uncertainties(log)
+        law = getattr(self.settings, "tyre_law", "linear")
+        own_law = {} if isinstance(law, str) else {"tyres": law}
+        road = {"friction": self.friction} | self._uncertainties(log)
+        return {"sensor_errors": errors, "noise": noise} | own_law | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
         """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
@@ -285,6 +288,7 @@ class Identification(IdentificationData):
         path = path / storage.CONTENTS if path.is_dir() else path
         contents = storage.read_contents(path)
         series = storage.read_series(path.with_name(storage.SERIES))
+        require_tyre_law(contents.get("settings", {}), str(path))
         try:
             known = path.with_name(KNOWLEDGE)
             knowledge = Knowledge.load(known) if known.exists() else None

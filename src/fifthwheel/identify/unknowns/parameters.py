@@ -71,8 +71,8 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
         VehicleError: tyres saturate, and the static axle loads are not determined.
     """
     values = vehicle.parameters()
-    if settings.tyre_law == "saturating":
-        values |= saturation_parameters(vehicle) | {FRICTION: settings.friction}
+    if settings.tyre_law != "linear":
+        values |= saturation_parameters(vehicle, settings.tyre_law) | {FRICTION: settings.friction}
     return values
 
 
@@ -90,7 +90,7 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
         names = [*stage_1_names(vehicle), *(stage_2_names(vehicle) if settings.uniform_payload else separate)]
         uncertain = [name for name in names if vehicle.stated.get(name) != 0]
         names = uncertain or names  # of a simulated vehicle every number is exact
-    if settings.tyre_law == "saturating":
+    if settings.tyre_law != "linear":
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
     return [name for name in names if name not in fixed]
