@@ -28,16 +28,17 @@ from fifthwheel.channels.others import (
     SLIP_ANGLE,
     STEER_RATE,
     VERTICAL_ACCELERATION,
-    WHEEL_SPEED,
     YAW,
     YAW_ACCELERATION,
 )
 from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
+from fifthwheel.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
 from fifthwheel.errors import SignalError
 from fifthwheel.units import is_unit
 
 _ALL = (
-    *(AXLE_LOAD, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
+    *(AXLE_LOAD, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),
+    *(YAW_ACCELERATION, YAW_RATE),
     *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
     *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
     *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
@@ -47,9 +48,9 @@ CHANNELS: Mapping[str, Channel] = {channel.quantity: channel for channel in _ALL
 """By quantity."""
 INPUTS = (SPEED, STEER)
 """Of the model, which needs them at every instant."""
-MEASURED = (YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION)
+MEASURED = (YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)
 """Measurements that an observer compares with the model, in its order."""
-IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION)
+IDENTIFIED = (YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
 """Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
@@ -64,7 +65,8 @@ PLACE_KINDS = ("position", "height")
 REFERENCE = "reference."
 """Prefix of the header of a reference signal, which no estimator uses."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
-_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "play": "rad", "position": "m", "height": "m"}
+_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "load_sensitivity": "1", "play": "rad"}
+_ERROR_UNITS |= dict.fromkeys(PLACE_KINDS, "m")
 _ERROR_KINDS = ("offset", *_ERROR_UNITS)
 
 
@@ -181,7 +183,7 @@ class SensorErrorName(NamedTuple):
 
     signal: str
     kind: str
-    """offset, gain, delay, misalignment or play; where a sensor has a place also position or height."""
+    """offset, gain, delay, misalignment, load_sensitivity or play; of a sensor with a place also position or height."""
 
     @classmethod
     @lru_cache(maxsize=4096)
@@ -253,6 +255,7 @@ __all__ = [
     "STEER",
     "USUAL",
     "WHEEL_SPEED",
+    "WHEEL_SPEED_DIFFERENCE",
     "YAW",
     "YAW_RATE",
     "Channel",

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from fifthwheel.channels import LATERAL_ACCELERATION, SensorErrorName, checked_name, is_of
+from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, SensorErrorName, checked_name, is_of
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
@@ -76,6 +76,8 @@ class ObserverSettings(ObserverOptions):
     acceleration_offset: NonNegative = 0.3
     """The same for the offset of every lateral accelerometer, m/s^2. It contains gravity by the tilt of the mounting:
     1 deg gives 0.17 m/s^2."""
+    wheel_speed_offset: NonNegative = 0.005
+    """The same for the offset of every wheel speed difference, 1: the relative difference of the rolling radii."""
     brakes: Brakes = field(default_factory=dict)
     """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
     it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
@@ -97,7 +99,9 @@ class ObserverSettings(ObserverOptions):
             raise SignalError("brakes: expected a fraction above 0 of at least one group, got none; correct it")
 
     def offset_sigma(self, name: str) -> float:
-        """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
+        """Prior standard deviation of the offset of a steer angle, accelerometer or wheel speed difference, SI."""
+        if is_of(name, WHEEL_SPEED_DIFFERENCE):
+            return self.wheel_speed_offset
         return self.acceleration_offset if is_of(name, LATERAL_ACCELERATION) else self.steer_offset
 
     @property

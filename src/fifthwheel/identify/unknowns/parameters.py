@@ -215,7 +215,7 @@ def default_prior(vehicle: Vehicle, name: str, settings: CommonSettings) -> tupl
     error = SensorErrorName.of(name)
     channel = channel_of(error.signal) if error else None
     kind = channel.error(error.kind) if error and channel else None
-    sigma = getattr(settings, f"{kind.setting}_prior", kind.prior) if kind else None
+    sigma = getattr(settings, f"{kind.setting}_prior", None) if kind else None
     if error and error.kind == "delay" and is_of(error.signal, *GYROS) and isinstance(settings, OneStage):
         sigma = settings.consider.get("gyro_delay", 0.0)
     if error is None or sigma is None:
