@@ -16,8 +16,20 @@ LOWEST_SPEED = 1.0
 """m/s; below it a wheel speed sensor has too few pulses."""
 
 
-def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+def all_pairs(names: Iterable[str]) -> dict[str, tuple[str, str]]:
     """The wheel speed difference of each axle of which both wheel speeds, left and right, are among the names.
+
+    >>> list(all_pairs(["wheel_speed.dolly.left", "wheel_speed.dolly.right", "wheel_speed.tractor.front.left"]))
+    ['wheel_speed_difference.dolly']
+    """
+    wheels = set(names_of(WHEEL_SPEED, names))
+    axles = [name.removesuffix(".left") for name in sorted(wheels) if name.endswith(".left")]
+    pairs = {axle.replace(WHEEL_SPEED.quantity, WHEEL_SPEED_DIFFERENCE.quantity, 1): axle for axle in axles}
+    return {name: (f"{axle}.left", f"{axle}.right") for name, axle in pairs.items() if f"{axle}.right" in wheels}
+
+
+def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> dict[str, tuple[str, str]]:
+    """Those of `all_pairs` that the model of a vehicle has.
 
     Of the first unit only steered axles count: driven wheels have slip, which a locked differential makes different on
     both sides. None counts where the static axle loads, which the load transfer needs, are not determined.
@@ -27,13 +39,10 @@ def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> dict[str, tuple[str, 
     >>> wheel_pairs(get("cheng_cebon_2011"), [f"wheel_speed.{side}" for side in sides])
     {'wheel_speed_difference.semitrailer': ('wheel_speed.semitrailer.left', 'wheel_speed.semitrailer.right')}
     """
-    wheels, leading, steered = set(names_of(WHEEL_SPEED, names)), vehicle.units[0].name, vehicle.steer_signals()
-    pairs = {}
-    for left in sorted(name for name in wheels if name.endswith(".left")):
-        base = left.removesuffix(".left")
-        place, right = base.partition(".")[2], f"{base}.right"
-        if right in wheels and (SignalName.of(left).unit != leading or f"steer.{place}" in steered):
-            pairs[f"{WHEEL_SPEED_DIFFERENCE.quantity}.{place}"] = left, right
+    pairs, leading, steered = all_pairs(names), vehicle.units[0].name, vehicle.steer_signals()
+    signals = {name: SignalName.of(name) for name in pairs}
+    driven = {n for n, signal in signals.items() if signal.unit == leading and f"steer.{signal.place}" not in steered}
+    pairs = {name: pair for name, pair in pairs.items() if name not in driven}
     try:
         return pairs if pairs and vehicle.axle_loads() else {}
     except VehicleError:
