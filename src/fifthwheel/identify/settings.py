@@ -230,9 +230,9 @@ class OneStage(CommonSettings):
     wheel_load_sensitivity_prior: float = 0.015
     """Prior standard deviation of the load sensitivity of a wheel speed difference; all logs share it. Magic Formula
     files of two truck tyres give 0.001 and 0.017 for a laden trailer axle."""
-    wheel_speed_delay_prior: float = 0.03
-    """Prior standard deviation of the delay of a wheel speed difference, s; all logs share it. It contains the filter
-    of the control unit and the cycle of the bus."""
+    wheel_speed_delay_prior: float = 0.05
+    """Prior standard deviation of the delay of a wheel speed difference, s; all logs share it. The control unit
+    averages pulses over 20 to 60 ms, and a wheel follows the road within a relaxation length, 20 ms at 25 m/s."""
     accelerometer_position_prior: float = 0.5
     """Prior standard deviation of the position of a lateral accelerometer along its unit, m, where the vehicle file
     states none."""
