@@ -5,7 +5,7 @@ of all sensors and of the track, as in sharpness.py (careful). The wheel speeds 
 of 1/256 km/h, 20 values a second, a latency of up to 60 ms, and rolling radii that differ by 0.5 % (standard deviation)
 between the sides. The rolling radii follow the wheel loads by the Magic Formula.
 
-    python benchmarks/wheel_speeds.py --seeds 6
+    python benchmarks/wheel_speeds.py --seeds 5 --first 8000
 
 prints error and sigma of each parameter, with the tractor's gyros alone, with wheel speeds and with gyros of the
 trailer, and the estimated and the true difference of the rolling radii.
