@@ -74,7 +74,8 @@ class IdentifyOptions(Settings):
             "(dry, wet, snow, ice or unknown). Errors of all sensors of a kind, such as steer_delay='+- 5 ms': "
             "steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
             "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
-            "accelerometer_position, accelerometer_height, and bank. Errors of the model: vehicle_file and softening "
+            "accelerometer_position, accelerometer_height, wheel_speed_offset, wheel_speed_gain, wheel_speed_delay, "
+            "wheel_load_sensitivity, and bank. Errors of the model: vehicle_file and softening "
             "(times the default), gyro_delay, stiffness_variation, time_base, fixed_axles, discrepancy, "
             "bank_variation.",
             label="State a number",

@@ -81,7 +81,7 @@ def _owner_and_quantity(path: str) -> tuple[str, str]:
     error = SensorErrorName.of(path)
     if error:
         owner, quantity = _owner_and_quantity(error.signal)
-        return owner, " ".join(filter(None, (quantity, error.kind)))
+        return owner, " ".join(filter(None, (quantity, error.kind.replace("_", " "))))
     if channel := channel_of(path):
         signal = SignalName.of(path)
         part = signal.part.replace("_", " ").replace(".", " ") + " axle" * (channel.of == "part" and bool(signal.part))

@@ -52,7 +52,7 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
     settings = IDENTIFICATION.sensor_settings(log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
-    exact = {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
+    exact = dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}, "friction": None} | exact
 
 

@@ -14,7 +14,9 @@ from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.manoeuvres import OpenLoop, braked, constant_radius, lane_changes, straight
 from fifthwheel.plant import Plant, PlantRun, Properties
 from fifthwheel.plant import truck as module
+from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.truck import Simulation
+from fifthwheel.plant.tyre_forces import WHEEL_OUTPUTS
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.vehicle.parameters import DRAG_AREA, FRICTION, ROLLING_RESISTANCE, SHAPE
@@ -293,7 +295,7 @@ def test_energy_decreases():
         if k % 10 == 0:
             mujoco.mj_energyPos(model, simulation.data)
             mujoco.mj_energyVel(model, simulation.data)
-            loads = simulation.wheel_outputs.reshape(-1, 4)[:, 3]
+            loads = simulation.wheel_outputs.reshape(-1, len(WHEEL_OUTPUTS))[:, WHEEL_OUTPUTS.index("vertical_force")]
             samples.append(simulation.data.energy.sum() + np.sum(loads**2 / 2 / stiffness))
     energy = np.array(samples)
     loss = energy[0] - energy[-1]
@@ -509,3 +511,24 @@ def test_an_accelerometer_is_where_the_vehicle_file_says() -> None:
     moved = there.truth["lateral_acceleration.tractor"] - here.truth["lateral_acceleration.tractor"]
     assert np.std(error[1:-1]) < 0.02 * np.std(moved)
     np.testing.assert_array_equal(there.truth["yaw_rate.tractor"], r)
+
+
+def test_wheel_speeds_are_kinematic_and_follow_the_rolling_radius() -> None:
+    """In a steady turn: the track times the yaw rate, and the rolling radii of the wheel loads by their equation."""
+    course = constant_radius(radius=80.0, speed=12.0, duration=25.0)
+    for tyre in (MagicFormula(DREFF=0.0, FREFF=0.0), MagicFormula()):
+        run = Plant(TRUCK, replace(NO_RESISTANCE, tyre=tyre)).drive(course)
+        last = {name: values[-1] for name, values in run.truth.items()}
+        for axle in ("semitrailer.front", "semitrailer.rear"):
+            left, right = (last[f"wheel_speed.{axle}.{side}"] for side in ("left", "right"))
+            load, transfer = last[f"vertical_force.{axle}"], last[f"load_transfer.{axle}"]
+            radii = []
+            for sign in (-1, 1):
+                x = load / 2 * (1 + sign * transfer) / tyre.FNOMIN
+                flattening = tyre.DREFF * np.arctan(tyre.BREFF * x) + tyre.FREFF * x
+                radii.append(tyre.R0 - tyre.FNOMIN / tyre.VERTICAL_STIFFNESS * flattening)
+            speed = last["longitudinal_velocity.semitrailer"]
+            expected = 2 * last["yaw_rate.semitrailer"] / speed + (radii[0] - radii[1]) / np.mean(radii)
+            assert 2 * (right - left) / (right + left) == pytest.approx(expected, rel=5e-3)
+            assert (left + right) / 2 == pytest.approx(speed, rel=5e-3)
+            assert transfer > 0.1

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import settings as of_test
@@ -353,6 +354,11 @@ def test_a_sensor_that_no_log_has_is_refused() -> None:
     _, settings = stated("yaw_rate.tractor.delay=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")
     require_signals(settings, record)
     require_signals(TwoStage(), record)
+    _, settings = stated("wheel_speed_difference.semitrailer.gain=1 +- 1 %")
+    with pytest.raises(FifthwheelError, match="they have none"):
+        require_signals(settings, record)
+    wheels = {f"wheel_speed.semitrailer.{side}": np.array([20.0, 20.0]) for side in ("left", "right")}
+    require_signals(settings, record.with_signals(wheels))
 
 
 def test_the_options_that_it_replaces() -> None:
@@ -510,6 +516,7 @@ def test_a_stated_sensor_prior_is_used(name: str) -> None:
         assert settings.bank_prior == 0.0123
         return
     signals = ("yaw_rate.tractor", "articulation.semitrailer", "lateral_acceleration.tractor")
+    signals = (*signals, "wheel_speed_difference.semitrailer")
     unknowns = one_stage_unknowns(vehicle, signals, settings)
     unknowns += time_base_delays({"yaw_rate.tractor": "gps"}, "", signals, settings)
     assert 0.0123 in [u.prior_sigma for u in unknowns if SensorErrorName.of(u.name)], name

@@ -27,17 +27,18 @@ from fifthwheel.channels.others import (
     SLIP_ANGLE,
     STEER_RATE,
     VERTICAL_ACCELERATION,
-    WHEEL_SPEED,
     YAW,
     YAW_ACCELERATION,
 )
 from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
 from fifthwheel.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
+from fifthwheel.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
 from fifthwheel.errors import SignalError
 from fifthwheel.units import is_unit
 
 _ALL = (
-    *(*WEIGHTS, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION, YAW_ACCELERATION, YAW_RATE),
+    *(*WEIGHTS, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),
+    *(YAW_ACCELERATION, YAW_RATE),
     *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
     *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
     *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
@@ -47,9 +48,9 @@ CHANNELS: dict[str, Channel] = {channel.quantity: channel for channel in _ALL}
 """By quantity; `register` adds to this and to the lists below."""
 INPUTS = (SPEED, STEER)
 """Of the model, which needs them at every instant."""
-MEASURED = [YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION]
+MEASURED = [YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE]
 """Measurements that an observer compares with the model, in its order."""
-IDENTIFIED = [YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION]
+IDENTIFIED = [YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE]
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
 """Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
@@ -64,7 +65,8 @@ PLACE_KINDS = ("position", "height")
 REFERENCE = "reference."
 """Prefix of the header of a reference signal, which no estimator uses."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
-_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "play": "rad", "position": "m", "height": "m"}
+_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "load_sensitivity": "1", "play": "rad"}
+_ERROR_UNITS |= dict.fromkeys(PLACE_KINDS, "m")
 _ERROR_KINDS = ("offset", *_ERROR_UNITS)
 
 
@@ -75,8 +77,8 @@ def register(channel: Channel) -> None:
 
     Args:
         channel: of a unit, with `limit`, `noise` and `model`, whose `value` returns an expression of CasADi; each of
-            `errors` is an offset, a gain, with `rate` of the model a delay, or with `cross_axis` a misalignment, and
-            has a `prior`.
+            `errors` is an offset, a gain, with `rate` of the model a delay, or one of its `sensitivities`, and has a
+            `prior`.
 
     Raises:
         SignalError: something is missing, or the quantity is one of fifthwheel.
@@ -102,7 +104,7 @@ def register(channel: Channel) -> None:
     for field in ("limit", "noise"):
         if getattr(channel, field) is None:
             raise SignalError(f"{quantity}, {field}: expected a value, got none; add it")
-    possible = ["offset", "gain", *["delay"] * bool(model.rate), *["misalignment"] * bool(model.cross_axis)]
+    possible = ["offset", "gain", *["delay"] * bool(model.rate), *(_ERROR_UNITS.keys() & model.sensitivities)]
     for error in channel.errors:
         if error.kind not in possible:
             raise SignalError(f"{quantity}, errors: expected {' or '.join(possible)}, got {error.kind!r}; correct it")
@@ -234,7 +236,7 @@ class SensorErrorName(NamedTuple):
 
     signal: str
     kind: str
-    """offset, gain, delay, misalignment or play; where a sensor has a place also position or height."""
+    """offset, gain, delay, misalignment, load_sensitivity or play; of a sensor with a place also position or height."""
 
     @classmethod
     @lru_cache(maxsize=4096)
@@ -309,6 +311,7 @@ __all__ = [
     "WEIGHT",
     "WEIGHTS",
     "WHEEL_SPEED",
+    "WHEEL_SPEED_DIFFERENCE",
     "YAW",
     "YAW_RATE",
     "Channel",

@@ -1,7 +1,7 @@
 """`Channel`: everything that the package knows of one measured or computed quantity. The names of signals."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, Self
 
@@ -54,8 +54,10 @@ class SensorModel:
     above the ground, m."""
     rate: Callable[[Instant, int, Symbol], Symbol] | None = None
     """Derivative of the value with respect to time, for the delay of a sensor; None: such a sensor has no delay."""
-    cross_axis: Callable[[Instant, int], Symbol] | None = None
-    """What a misaligned gyro measures too; None: such a sensor has no misalignment."""
+    sensitivities: Mapping[str, Callable[[Instant, int, str], Symbol]] = field(default_factory=dict)
+    """What it measures too, by the kind of the error that is its factor: the misalignment of a gyro."""
+    needs_track: bool = False
+    """Whether it depends on the half track, `Instant.half_track`."""
     behind_coupling: bool = False
     """Whether only units behind a coupling have the quantity."""
     needs_roll: bool = False
@@ -174,7 +176,7 @@ class ErrorKind:
     """One kind of error of a sensor, <signal>.<kind>, which an identification estimates."""
 
     kind: str
-    """offset, gain, delay, misalignment, play, position or height."""
+    """offset, gain, delay, misalignment, load_sensitivity, play, position or height."""
     setting: str = ""
     """Its prior standard deviation is the field <setting>_prior of the settings; settings without it have no such
     error, unless it has a `prior`."""
@@ -228,9 +230,9 @@ class Channel:
     fits (`identify.noise_model`)."""
     shows_clock: bool = False
     """Whether the drift of its clock is measured (`time_bases.rates`)."""
-    accelerometer: bool = False
-    """Whether the vibration of the truck is part of its noise. Its offset would decide if nothing else were measured,
-    so estimators use it only beside other channels."""
+    large_offset: bool = False
+    """Whether its offset is large, and its noise different on every truck. The offset would decide if nothing else were
+    measured, so observers estimate it, and use the channel only beside others."""
     scale: float | None = None
     """Standard deviation of the scale of a sensor that weighs, as a fraction; the signal map may state another one."""
     of_roll: bool = False

@@ -47,7 +47,7 @@ LATERAL_ACCELERATION = Channel(
     ),
     noise=(0.2**2, 0.2**2),
     model=SensorModel(value=_acceleration, has_place=True, rate=lambda now, _, value: now.rate_of(value)),
-    accelerometer=True,
+    large_offset=True,
     of_roll=True,
     errors=(
         ErrorKind(kind="offset", setting="acceleration_offset", per_log=True),

@@ -4,20 +4,6 @@ from fifthwheel.channels.channel import Channel, Instant, NamePattern, SensorMod
 from fifthwheel.channels.lateral import ACCELERATION_WORDS
 from fifthwheel.channels.rotation import AXIS_WORDS
 
-WHEEL_SPEED = Channel(
-    quantity="wheel_speed",
-    unit="m/s",
-    of="part",
-    patterns=(
-        NamePattern(
-            pattern="(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_|vitesse_(de_)?roue"
-            "|_(v|vel|spd|speed)_?(fl|fr|rl|rr|vl|vr|hl|hr)_",
-            excluded="steer|lenk|_ang|_rot",
-        ),
-    ),
-    proposed="signal",
-    limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
-)
 STEER_RATE = Channel(
     quantity="steer_rate",
     unit="rad/s",
@@ -108,14 +94,14 @@ LOAD_TRANSFER = Channel(
     quantity="load_transfer",
     unit="1",
     of="part",
-    model=SensorModel(value=lambda now, _, name: now.load_transfer(name), needs_roll=True),
+    model=SensorModel(value=lambda now, _, name: now.load_transfer(name), needs_track=True, needs_roll=True),
 )
 """Of an axle group: the load of its right wheels less that of its left ones, divided by their sum."""
 PREDICTED_LOAD_TRANSFER = Channel(
     quantity="predicted_load_transfer",
     unit="1",
     of="part",
-    model=SensorModel(value=_predicted, needs_roll=True),
+    model=SensorModel(value=_predicted, needs_track=True, needs_roll=True),
 )
 COMPUTED = (
     Channel(quantity="time", unit="s", of="vehicle"),

@@ -53,7 +53,7 @@ YAW_RATE = Channel(
     model=SensorModel(
         value=lambda now, i, _: now.motion.r[i],
         rate=lambda now, i, _: now.acceleration[i][1],
-        cross_axis=lambda now, i: now.motion.roll_rate[i],
+        sensitivities={"misalignment": lambda now, i, _: now.motion.roll_rate[i]},
     ),
     errors=GYRO_ERRORS,
 )
@@ -121,7 +121,7 @@ ROLL_RATE = Channel(
     model=SensorModel(
         value=lambda now, i, _: now.motion.roll_rate[i],
         rate=lambda now, i, _: now.acceleration[i][2],
-        cross_axis=lambda now, i: now.motion.r[i],
+        sensitivities={"misalignment": lambda now, i, _: now.motion.r[i]},
         needs_roll=True,
     ),
     errors=GYRO_ERRORS,

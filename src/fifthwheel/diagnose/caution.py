@@ -20,6 +20,7 @@ class CautionKind(StrEnum):
     POSITION = "position"  # an unusual position of an accelerometer
     HEIGHT = "height"  # an unusual height of an accelerometer
     MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
+    LOAD_SENSITIVITY = "load_sensitivity"  # an unusual effect of the load transfer on wheel speeds
     PLAY = "play"  # an unusual play of the steering
     OFFSET = "offset"  # an unusual offset of a sensor
     UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck

@@ -9,6 +9,7 @@ from fifthwheel.channels import (
     LOAD_TRANSFER,
     PLACE_KINDS,
     STEER,
+    WHEEL_SPEED_DIFFERENCE,
     SensorErrorName,
     SignalName,
     is_of,
@@ -147,7 +148,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        filtered = is_of(signal, LATERAL_ACCELERATION)  # always late
+        filtered = is_of(signal, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
         expected = sensor_error_prior(identification, error.name)[0]
         delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]
@@ -179,6 +180,9 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         elif kind == "misalignment":
             text = f"the estimated misalignment is {value}: the gyro also measures another axis."
             cure = "Check how the gyro is mounted, and whether its axes are exchanged."
+        elif kind == "load_sensitivity":
+            text = f"the estimated load sensitivity is {value}: wheel speeds change with the load transfer."
+            cure = "Check that both wheel speeds are of the same axle, and the tyre pressures."
         elif kind == "gain":
             text = f"the estimated gain is {value}; 1 is expected."
             cure = "Check the unit, calibrate the sensor, and correct its gain in the signal map."

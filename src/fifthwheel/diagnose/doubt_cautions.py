@@ -147,7 +147,7 @@ def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | 
     if kind == "misalignment":
         return f"the gyro of {signal} is turned by {size}, so that it measures another axis too"
     difference = with_sigma(abs(change), None, error.unit or "")
-    return f"the {kind} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
+    return f"the {kind.replace('_', ' ')} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
 
 
 def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:

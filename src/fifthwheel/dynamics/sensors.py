@@ -3,7 +3,8 @@
 A sensor is named quantity.unit[.part]; `channels` has what each quantity is. Its errors are parameters: its output is
 <sensor>.gain times the quantity plus <sensor>.offset. A quantity that depends on the sensor's place has two more
 parameters: <sensor>.position, x on the unit in m, and <sensor>.height above the ground in m. No sensor measures the
-load transfer ratio of an axle group, so it has no errors; its parameter is `HALF_TRACK`.
+load transfer ratio of an axle group, so it has no errors. It and differences of wheel speeds have the parameter
+`HALF_TRACK`.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,6 +41,11 @@ class SensorInputs(NamedTuple):
     roll: bool  # whether the model has roll
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
 
+    @property
+    def half_track(self) -> ca.SX:
+        """Half the distance of the tyres of both sides, m."""
+        return self.p[HALF_TRACK]
+
     def coupling_force(self, i: int) -> ca.SX:
         """Side force of the coupling on unit i, N: inertia forces less tyre forces of this unit and all behind it."""
         total, motion = ca.SX(0), self.motion
@@ -57,8 +63,30 @@ class SensorInputs(NamedTuple):
         load: ca.SX = axle_loads(p, vehicle.units, vehicle.couplings)[path]
         height = side_force_height(p, unit, group, load)
         moment = load_transfer_moment(p, path, motion.roll[i], motion.roll_rate[i], self.side_force[path], height)
-        ratio: ca.SX = moment / ((load + self.load_change.get(path, 0)) * p[HALF_TRACK])
+        ratio: ca.SX = moment / ((load + self.load_change.get(path, 0)) * self.half_track)
         return ratio
+
+    def load_transfer_of_axle(self, i: int, name: str) -> ca.SX:
+        """That of the group of the axle of a signal; of the last group of unit i where the signal names no axle."""
+        unit, axle = self.vehicle.units[i], SignalName.of(name).part
+        groups = [group for group in unit.axle_groups if axle in [each.name for each in group.axles]]
+        group = groups[0] if groups else unit.axle_groups[-1]
+        return self.load_transfer(f"load_transfer.{unit.group_path(group)}")
+
+    def wheel_speed_difference(self, i: int, name: str) -> ca.SX:
+        """2 b r cos(delta)^2 / u with the half track b, yaw rate r and speed u of unit i, and the steer angle delta.
+
+        The centres of the wheels differ by 2 b r in forward velocity, thus by 2 b r cos(delta) in the plane of steered
+        wheels, whose mean speed is u / cos(delta). A SignalError for an axle of the first unit that is not steered.
+        """
+        steer = self.steer.get(f"steer.{SignalName.of(name).place}")
+        if i == 0 and steer is None:
+            raise SignalError(
+                f"{name}: expected a steered axle of the {self.vehicle.units[0].name}, because driven wheels have "
+                "slip; use the wheel speeds of its front axle, or leave this signal out"
+            )
+        ratio: ca.SX = 2 * self.half_track * self.motion.r[i] / self.motion.u[i]
+        return ratio if steer is None else ratio * ca.cos(steer) ** 2
 
 
 CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
@@ -144,18 +172,17 @@ def require_available(vehicle: Vehicle, name: str, *, roll: bool) -> None:
 def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
     """Parameters of a sensor with their defaults: gain 1, offset 0, position under the CoG on the roll axis.
 
-    An accelerometer is where the vehicle file says, if it does. A gyro also has a misalignment, rad: that fraction of
-    the other rate of its unit is part of its output.
+    An accelerometer is where the vehicle file says, if it does. The sensitivities are 0: the misalignment of a gyro,
+    rad, is the fraction of the other rate of its unit in its output.
     """
     if name == BANK:
         return {}
     model, i, of_group = sensor_of(vehicle, name)
     unit = vehicle.units[i]
+    parameters = {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default} if model.needs_track else {}
     if of_group:
-        return {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default}
-    parameters = {f"{name}.gain": 1.0, f"{name}.offset": 0.0}
-    if model.cross_axis:
-        parameters[f"{name}.misalignment"] = 0.0
+        return parameters
+    parameters |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0} | {f"{name}.{kind}": 0.0 for kind in model.sensitivities}
     if model.has_place:
         place = Accelerometer(position=unit.cog, height=unit.roll_axis_height)
         if is_of(name, LATERAL_ACCELERATION):
@@ -179,6 +206,7 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
         return value
     if model.rate and f"{name}.delay" in p:
         value -= p[f"{name}.delay"] * model.rate(inputs, i, value)
-    if model.cross_axis and f"{name}.misalignment" in p:
-        value += p[f"{name}.misalignment"] * model.cross_axis(inputs, i)
+    for kind, quantity in model.sensitivities.items():
+        if f"{name}.{kind}" in p:
+            value += p[f"{name}.{kind}"] * quantity(inputs, i, name)
     return value * p[f"{name}.gain"] + p[f"{name}.offset"]

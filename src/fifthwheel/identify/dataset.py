@@ -13,14 +13,17 @@ from fifthwheel.channels import (
     MOTION,
     ROLL_RATE,
     USUAL,
+    WHEEL_SPEED_DIFFERENCE,
     YAW_RATE,
     SignalName,
     is_input,
     measured_signals,
+    names_of,
 )
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks import Finding, raise_errors
 from fifthwheel.checks.samples import remove_input_spikes
+from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.mass import mass_findings
@@ -151,7 +154,10 @@ def prepare_dataset(
             f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
             "show` gives each with its uncertainty, source and effect."
         )
-    records, validate = (tuple(map(_without_empty_channels, group)) for group in (records, validate))
+    records, validate = (
+        tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in group)
+        for group in (records, validate)
+    )
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
@@ -162,7 +168,7 @@ def prepare_dataset(
     notes += [
         f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The parameters of the {unit} are estimated "
         "from its effect on the other units."
-        for unit in unmeasured_units(yaw, steered)
+        for unit in unmeasured_units((*yaw, *names_of(WHEEL_SPEED_DIFFERENCE, others)), steered)
     ]
     return Dataset(
         records=records,

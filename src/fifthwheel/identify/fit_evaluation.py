@@ -87,7 +87,7 @@ def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> boo
     """Whether the model explains too little of a clear signal."""
     noise = variances.sensor_variance(vehicle, fit.signal, settings.noise)
     channel = CHANNELS[SignalName.of(fit.signal).quantity]
-    if channel.accelerometer:  # vibration is part of its noise, and different on every truck
+    if channel.large_offset:  # its noise is different on every truck
         noise = max(noise, estimate_noise_variance(fit.time, fit.measured) or 0.0)
     ratio = float(np.nanvar(fit.measured)) / noise
     if channel.of_roll:

@@ -232,6 +232,18 @@ class OneStage(CommonSettings):
     acceleration_delay_prior: float = 0.03
     """Prior standard deviation of the delay of a lateral accelerometer, s; all logs share it. It contains that of the
     low-pass filter of the sensor."""
+    wheel_speed_offset_prior: float = 0.005
+    """Prior standard deviation of the offset of a wheel speed difference; each log has its own. It is the relative
+    difference of the rolling radii of both sides."""
+    wheel_speed_gain_prior: float = 0.03
+    """Prior standard deviation of the gain of a wheel speed difference, the track of the axle over that of the vehicle;
+    all logs share it."""
+    wheel_load_sensitivity_prior: float = 0.015
+    """Prior standard deviation of the load sensitivity of a wheel speed difference; all logs share it. Magic Formula
+    files of two truck tyres give 0.001 and 0.017 for a laden trailer axle."""
+    wheel_speed_delay_prior: float = 0.05
+    """Prior standard deviation of the delay of a wheel speed difference, s; all logs share it. The control unit
+    averages pulses over 20 to 60 ms, and a wheel follows the road within a relaxation length, 20 ms at 25 m/s."""
     accelerometer_position_prior: float = 0.5
     """Prior standard deviation of the position of a lateral accelerometer along its unit, m, where the vehicle file
     states none."""

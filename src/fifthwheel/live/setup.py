@@ -248,7 +248,7 @@ def make_observer(
 ) -> Observer:
     """The observer of a vehicle with the signals of a completed map; settings and errors of `exported_observer`."""
     every = Observer(vehicle, signal_map.signals)
-    used = [name for name in signal_map.signals if name in (*every.inputs, *every.outputs)]
+    used = [name for name in signal_map.signals if name in every.signals]
     observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
     straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
     for time in (0.0, 0.01):  # compiles it now, and not while driving

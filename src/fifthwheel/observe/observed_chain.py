@@ -106,17 +106,17 @@ def observed_chain(
     vehicle: Vehicle,
     outputs: Sequence[str],
     *,
-    accelerometers: Sequence[str] = (),
+    offset_states: Sequence[str] = (),
     roll: bool,
     estimate_bank: bool,
     tyres: Tyres = "linear",
 ) -> ObservedChain:
     """The model of a vehicle, see `dynamics.model`; vehicles of equal topology share one model.
 
-    The offsets of `accelerometers` are states, whether or not these are among the outputs. With saturating tyres, the
-    derivative of the speed is an input.
+    The offsets of the signals `offset_states` are states, whether or not these are among the outputs. With saturating
+    tyres, the derivative of the speed is an input.
     """
-    offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *accelerometers))
+    offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *offset_states))
     known, braking = dynamics.all_parameters(vehicle, outputs), tyres != "linear"
     free = tuple(name for name in offsets if name in known)
     chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=free, tyres=tyres, braking=braking)

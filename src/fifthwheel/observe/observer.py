@@ -17,6 +17,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
 from fifthwheel.dynamics import tyre_law
+from fifthwheel.dynamics.wheel_speeds import wheel_pairs, wheel_speed_difference, with_wheel_speed_differences
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
@@ -42,9 +43,9 @@ class Observer:
     Args:
         vehicle: with its numbers, as identified.
         signals: names of the available signals: the speed, a steer angle, and at least one yaw rate, roll rate, roll
-            angle or articulation angle; lateral accelerations are used in addition. With a roll rate, a roll angle or a
-            lateral acceleration, which contains gravity by the roll angle, the yaw-roll model is used, otherwise the
-            yaw model.
+            angle or articulation angle; lateral accelerations and wheel speeds of both sides of an axle that is not
+            driven are used in addition. With a roll rate, a roll angle, a lateral acceleration, which contains gravity
+            by the roll angle, or wheel speeds, the yaw-roll model is used, otherwise the yaw model.
         settings: of the observer.
 
     Raises:
@@ -69,13 +70,15 @@ class Observer:
         expect_optional("settings", settings, ObserverSettings)
         self.settings = settings or ObserverSettings()
         available = set(signals)
+        self._wheels = {name: pair for name, pair in wheel_pairs(vehicle, available).items() if name not in available}
+        available |= self._wheels.keys()
         self.vehicle = vehicle.with_logged_steering(available, "the signals")
         if "speed" not in available:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
         units = [unit.name for unit in vehicle.units]
         self.outputs = measured_signals(available, units, MEASURED)
         channels = [CHANNELS[SignalName.of(name).quantity] for name in self.outputs]
-        if all(channel.accelerometer for channel in channels):  # their offsets would decide
+        if all(channel.large_offset for channel in channels):  # their offsets would decide
             raise SignalError(
                 f"yaw_rate.{units[0]}: not among the signals; an observer needs at least one yaw rate, roll rate, roll "
                 "angle or articulation angle of a unit of the vehicle"
@@ -102,6 +105,12 @@ class Observer:
     def model(self) -> ObservedChain:
         """The model of the measured signals."""
         return self._model.model
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """The signals that it uses: of a wheel speed difference the wheel speeds, unless the difference is given."""
+        measured = [source for name in self.outputs for source in self._wheels.get(name, (name,))]
+        return (*self.inputs, *measured)
 
     @property
     def scan(self) -> Scan:
@@ -134,6 +143,8 @@ class Observer:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
         try:
+            if self._wheels:
+                sample = self._with_differences(sample)
             get = sample.get
             status = self.stream.process_sample(
                 self._filter, get("time"), map(get, self.inputs), map(get, self.outputs)
@@ -166,7 +177,7 @@ class Observer:
         Raises:
             SignalError: the record does not have a signal of the observer, or an uncertain name does not exist.
         """
-        return offline.states(record, self._model, uncertainty, smooth=False)
+        return self._states(record, uncertainty, smooth=False)
 
     def smooth(self, record: Record, uncertainty: Uncertainty | None = None) -> States:
         """States of a record given all samples of their segment; arguments and errors as in `batch`.
@@ -174,7 +185,20 @@ class Observer:
         A segment ends where the filter starts again. Status and innovations are those of `batch`, and so are the states
         of a segment in which the smoother diverges; samples before the filter has settled are OK if later ones agree.
         """
-        return offline.states(record, self._model, uncertainty, smooth=True)
+        return self._states(record, uncertainty, smooth=True)
+
+    def _states(self, record: Record, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
+        expect("record", record, Record)
+        record = with_wheel_speed_differences(record, self.vehicle)
+        return offline.states(record, self._model, uncertainty, smooth=smooth)
+
+    def _with_differences(self, sample: Mapping[str, float | None]) -> dict[str, float | None]:
+        """The sample with its wheel speed differences."""
+        differences: dict[str, float | None] = {}
+        for name, sides in self._wheels.items():
+            left, right = (math.nan if value is None else value for value in map(sample.get, sides))
+            differences[name] = float(wheel_speed_difference(left, right))
+        return {**sample, **differences}
 
     def _identity(self) -> dict[str, Any]:
         """Vehicle, signals and settings, for JSON."""

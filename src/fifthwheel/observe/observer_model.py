@@ -10,7 +10,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import (
-    LATERAL_ACCELERATION,
+    CHANNELS,
     MODELLED,
     STEER,
     SensorErrorName,
@@ -18,7 +18,6 @@ from fifthwheel.channels import (
     channel_of,
     is_of,
     measured_signals,
-    names_of,
 )
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.sensors import sensor_parameters
@@ -78,7 +77,7 @@ class ObserverModel:
         return observed_chain(
             self.vehicle,
             names,
-            accelerometers=names_of(LATERAL_ACCELERATION, self.outputs),
+            offset_states=[name for name in self.outputs if CHANNELS[SignalName.of(name).quantity].large_offset],
             roll=self.roll,
             estimate_bank=self.settings.estimate_bank,
             tyres=self.settings.tyre_law,
@@ -161,8 +160,8 @@ class ObserverModel:
         Parameters and sensor errors may be changed, by name; their values are not validated.
         """
         settings, outputs = self.settings, self.outputs
-        constant = {STEER.quantity: 0.0, LATERAL_ACCELERATION.quantity: 0.0}  # offsets
-        drift = variances.OBSERVER_PROCESS_VARIANCE | constant
+        constant = dict.fromkeys(SignalName.of(name).quantity for name in self.model.offsets)
+        drift = variances.OBSERVER_PROCESS_VARIANCE | dict.fromkeys(constant, 0.0)
         noise = Noise(
             process=variances.process_covariance(self.model.states, drift, settings.process_noise),
             measurement=np.array([variances.sensor_variance(self.vehicle, name, settings.noise) for name in outputs]),
@@ -212,8 +211,8 @@ class ObserverModel:
     def _effects(self, m: dynamics.Matrices) -> Array:
         values, steers = self.values(), self.vehicle.steer_signals()
         gains = np.array([values[f"{name}.gain"] for name in steers])
-        accelerometers = np.zeros((len(self.model.offsets) - len(steers), len(m.A)))
-        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m), accelerometers])
+        of_sensors = np.zeros((len(self.model.offsets) - len(steers), len(m.A)))
+        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m), of_sensors])
         states = moved if self.model.estimates_bank else moved[:, :-1]
         return np.hstack([states, np.eye(len(moved))[:, 1:]])
 

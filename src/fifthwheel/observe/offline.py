@@ -6,7 +6,6 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel._arguments import expect
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
@@ -23,7 +22,6 @@ from fifthwheel.stream import Status, StreamSegment, measurements, stream_segmen
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
     """All states of a record, with all samples (`smooth`) or the past ones; see `Observer.batch`."""
-    expect("record", record, Record)
     stream = observer.stream
     for name in (*(rule.name for rule in stream.inputs), *stream.measured):
         if name not in record.signals:

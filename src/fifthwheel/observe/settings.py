@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from fifthwheel.channels import LATERAL_ACCELERATION, SensorErrorName, checked_name, is_of
+from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, SensorErrorName, checked_name, is_of
 from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
@@ -78,6 +78,8 @@ class ObserverSettings(ObserverOptions):
     acceleration_offset: NonNegative = 0.3
     """The same for the offset of every lateral accelerometer, m/s^2. It contains gravity by the tilt of the mounting:
     1 deg gives 0.17 m/s^2."""
+    wheel_speed_offset: NonNegative = 0.005
+    """The same for the offset of every wheel speed difference, 1: the relative difference of the rolling radii."""
     brakes: Brakes = field(default_factory=dict)
     """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
     it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
@@ -105,7 +107,9 @@ class ObserverSettings(ObserverOptions):
             raise SignalError("tyres: expected the friction of the road, got none; give it, or linear tyres")
 
     def offset_sigma(self, name: str) -> float:
-        """Prior standard deviation of the offset of a steer angle or accelerometer, SI."""
+        """Prior standard deviation of the offset of a steer angle, accelerometer or wheel speed difference, SI."""
+        if is_of(name, WHEEL_SPEED_DIFFERENCE):
+            return self.wheel_speed_offset
         return self.acceleration_offset if is_of(name, LATERAL_ACCELERATION) else self.steer_offset
 
     @property

@@ -21,6 +21,10 @@ class MagicFormula:
 
     FNOMIN: float = 35000.0  # N
     R0: float = 0.548  # m, unloaded
+    VERTICAL_STIFFNESS: float = 1e6  # N/m
+    BREFF: float = 3.5
+    DREFF: float = 0.5
+    FREFF: float = -0.005
     PCY1: float = 1.5874
     PDY1: float = 0.73957
     PDY2: float = -0.075004
@@ -62,6 +66,12 @@ class MagicFormula:
         """
         x = load / (self.PKY2 * self.FNOMIN)
         return -self.PKY1 * self.FNOMIN * 2 * x / (1 + x * x)
+
+    def rolling_radius(self, load: Any) -> Any:
+        """Effective rolling radius, m, at a vertical load, N."""
+        x = load / self.FNOMIN
+        deflection = self.FNOMIN / self.VERTICAL_STIFFNESS
+        return self.R0 - deflection * (self.DREFF * ca.atan(self.BREFF * x) + self.FREFF * x)
 
     def relaxation_length(self, load: Any) -> Any:
         """Relaxation length of the side force (sigma_alpha), m, at a vertical load, N."""

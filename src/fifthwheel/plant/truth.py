@@ -98,10 +98,10 @@ def true_signals(
             signals[f"sideslip.{unit.name}.landing_leg"] = np.arctan2(v, u)
     signals["speed"] = signals[f"longitudinal_velocity.{vehicle.units[0].name}"]
     signals |= {name: sensed[:, layout.sensed + k] for k, name in enumerate(vehicle.steer_signals())}
-    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road]
+    axles, n = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road], len(WHEEL_OUTPUTS)
     for i, axle in enumerate(axles):
         left, right = (
-            dict(zip(WHEEL_OUTPUTS, wheels[:, 4 * k : 4 * k + 4].T, strict=True)) for k in (2 * i, 2 * i + 1)
+            dict(zip(WHEEL_OUTPUTS, wheels[:, n * k : n * k + n].T, strict=True)) for k in (2 * i, 2 * i + 1)
         )
         load = left["vertical_force"] + right["vertical_force"]
         signals |= {
@@ -110,6 +110,8 @@ def true_signals(
             f"longitudinal_force.{axle}": left["longitudinal_force"] + right["longitudinal_force"],
             f"vertical_force.{axle}": load,
             f"load_transfer.{axle}": (right["vertical_force"] - left["vertical_force"]) / load,
+            f"wheel_speed.{axle}.left": left["speed"],
+            f"wheel_speed.{axle}.right": right["speed"],
         }
     check_run(time, signals, vehicle)
     return signals

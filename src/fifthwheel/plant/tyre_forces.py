@@ -19,8 +19,9 @@ from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.properties import Properties
 
-WHEEL_OUTPUTS = ("slip", "longitudinal_force", "lateral_force", "vertical_force")
-"""Outputs of each wheel: tangent of the slip angle, N, N, N."""
+WHEEL_OUTPUTS = ("slip", "longitudinal_force", "lateral_force", "vertical_force", "speed")
+"""Outputs of each wheel: tangent of the slip angle, N, N, N, m/s. The speed is that of a wheel speed sensor: the spin
+times the nominal radius, of a wheel with the rolling radius of its tyre under the present load."""
 BODY_SENSORS = 18
 """Sensed numbers of a body: its frame and the accelerometer."""
 AXLE_SENSORS = 18
@@ -76,6 +77,7 @@ def _of_axle(axle: BeamAxle, p: Properties) -> dict[str, float]:
         "self_steering": axle.self_steering,
         "command_steering": axle.command_steering,
         "roll_stiffness": axle.roll_stiffness,
+        "rolling_radius": float(p.tyre.rolling_radius(tyre_load)),
         "free_radius": p.wheel_radius + axle.load / 2 / axle.tyre_stiffness,  # wheel_radius under the static load
     }
 
@@ -189,7 +191,9 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
             rolling = -common["rolling_resistance"] * load * common["radius"] * y_axis
             torque = ca.cross(arm, force) + rolling + ca.vertcat(0, 0, moment)
             wrench[layout.wheels[wheel]] += ca.vertcat(force, torque)
-            wheel_outputs[4 * wheel : 4 * wheel + 4] = [slip, longitudinal_force, side_force, load]
+            speed = spins[j] * common["radius"] * axle["rolling_radius"] / tyre.rolling_radius(tyre_load)
+            n = len(WHEEL_OUTPUTS)
+            wheel_outputs[n * wheel : n * wheel + n] = [slip, longitudinal_force, side_force, load, speed]
         if i in layout.steered:
             next_carry[2 * n_wheels + 2 * layout.steered.index(i) + 1] = aligning_moment
     output = ca.vertcat(*wrench, *wheel_outputs)

@@ -20,6 +20,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
+from fifthwheel.dynamics.wheel_speeds import all_pairs
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
@@ -144,14 +145,15 @@ def require_signals(settings: CommonSettings | None, *records: Record) -> None:
 
 def missing_sensors(settings: CommonSettings | None, *records: Record) -> list[str]:
     """What is stated on sensors that none of the logs has, as sentences."""
-    logged = sorted({name for record in records for name in record.signals})
+    names = {name for record in records for name in record.signals}
+    logged = sorted({*names, *all_pairs(names)})
     errors = [error for name in getattr(settings, "stated_priors", {}) if (error := SensorErrorName.of(name))]
     missing = [error for error in errors if channel_of(error.signal) and error.signal not in logged]
     alike = [", ".join(s for s in logged if channel_of(s) is channel_of(error.signal)) for error in missing]
     return [
         f"--set {error.signal}.{error.kind}: expected a sensor of the logs, got one that is in none of them; of its "
-        f"kind they have {names or 'none'}"
-        for error, names in zip(missing, alike, strict=True)
+        f"kind they have {known or 'none'}"
+        for error, known in zip(missing, alike, strict=True)
     ]
 
 

@@ -223,6 +223,7 @@ def test_delays_of_time_bases(truck: Vehicle) -> None:
 
 STEER, ACCELERATION = "steer.tractor.front", "lateral_acceleration.tractor"
 GYRO, HITCH = "yaw_rate.tractor", "articulation.semitrailer"
+WHEELS = "wheel_speed_difference.semitrailer"
 SENSOR_PRIORS = {
     # name: setting, prior mean, of one log, estimated by both methods
     f"{STEER}.offset": ("steer_offset_prior", 0.0, True, True),
@@ -237,8 +238,12 @@ SENSOR_PRIORS = {
     f"{ACCELERATION}.offset": ("acceleration_offset_prior", 0.0, True, False),
     f"{ACCELERATION}.gain": ("acceleration_gain_prior", 1.0, False, False),
     f"{ACCELERATION}.delay": ("acceleration_delay_prior", 0.0, False, False),
+    f"{WHEELS}.offset": ("wheel_speed_offset_prior", 0.0, True, False),
+    f"{WHEELS}.gain": ("wheel_speed_gain_prior", 1.0, False, False),
+    f"{WHEELS}.load_sensitivity": ("wheel_load_sensitivity_prior", 0.0, False, False),
+    f"{WHEELS}.delay": ("wheel_speed_delay_prior", 0.0, False, False),
 }
-OUTPUTS = (GYRO, "roll_rate.tractor", HITCH, ACCELERATION)
+OUTPUTS = (GYRO, "roll_rate.tractor", HITCH, ACCELERATION, WHEELS)
 
 
 @pytest.mark.parametrize("name", SENSOR_PRIORS)

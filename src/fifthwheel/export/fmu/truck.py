@@ -6,7 +6,7 @@ import casadi as ca
 
 from fifthwheel import dynamics
 from fifthwheel._arguments import expect
-from fifthwheel.channels import LATERAL_VELOCITY, MODELLED
+from fifthwheel.channels import LATERAL_VELOCITY, MODELLED, WHEEL_SPEED_DIFFERENCE
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK, equations
 from fifthwheel.dynamics.state_space import MAX_SPEED
@@ -40,7 +40,7 @@ def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
         f"{channel.quantity}.{unit}"
         for channel in MODELLED
         for unit in (units[1:] if channel.model and channel.model.behind_coupling else units)
-        if channel is not LATERAL_VELOCITY  # speed times sideslip
+        if channel not in (LATERAL_VELOCITY, WHEEL_SPEED_DIFFERENCE)  # speed times sideslip; of single axles
     )
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import IDENTIFIED, MOTION, USUAL, SignalName, is_of, measured_signals
+from fifthwheel.channels import LATERAL_ACCELERATION, MOTION, USUAL, SignalName, is_of, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
@@ -92,7 +92,8 @@ def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str
     logged, and lateral accelerations where a unit has no channel of motion. Where each has one, they add little."""
     units, logged = [unit.name for unit in vehicle.units], set(logged)
     complete = set(units) == {SignalName.of(name).unit for name in logged if is_of(name, *MOTION)}
-    possible = {f"{channel.quantity}.{unit}" for channel in (USUAL if complete else IDENTIFIED) for unit in units}
+    channels = USUAL if complete else (*USUAL, LATERAL_ACCELERATION)
+    possible = {f"{channel.quantity}.{unit}" for channel in channels for unit in units}
     return measured_signals(possible | logged, units)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
-from fifthwheel.channels import LATERAL_ACCELERATION, STEER, Channel, is_of, is_sensor_error
+from fifthwheel.channels import LATERAL_ACCELERATION, STEER, WHEEL_SPEED_DIFFERENCE, Channel, is_of, is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
@@ -108,7 +108,7 @@ class Identification(IdentificationData):
         """
         settings = self.settings
         if not settings.nuisances:
-            return {"bank": 0.0, "steer_offset": 0.0, "acceleration_offset": 0.0}
+            return dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
         prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
         estimates = [each.bank for each in self.logs if each.name == log and each.bank]
         variation = getattr(settings, "consider", {}).get("bank_variation", 0.0)
@@ -122,11 +122,13 @@ class Identification(IdentificationData):
             return 0.0 if known else max(sigmas, default=prior)
 
         acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
+        wheels = getattr(settings, "wheel_speed_offset_prior", ObserverSettings.wheel_speed_offset)
         return {
             "bank_mean": mean,
             "bank": bank,
             "steer_offset": offset(STEER, settings.steer_offset_prior),
             "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
+            "wheel_speed_offset": offset(WHEEL_SPEED_DIFFERENCE, wheels),
         }
 
     @property

@@ -98,7 +98,9 @@ _UNIT_ENDINGS = {
 }
 """Units at the end of names."""
 
-_TOWED = re.compile("trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d")
+_TOWED = re.compile(
+    "trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
+)
 _LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
 _NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
 _NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")

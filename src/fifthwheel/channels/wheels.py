@@ -1,0 +1,55 @@
+"""Speeds of wheels, and their difference between the sides of an axle."""
+
+from fifthwheel.channels.channel import (
+    Channel,
+    ErrorKind,
+    NamePattern,
+    SensorModel,
+    SignalLimits,
+)
+
+WHEEL_SPEED = Channel(
+    quantity="wheel_speed",
+    unit="m/s",
+    of="part",
+    patterns=(
+        NamePattern(
+            pattern="(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_|vitesse_(de_)?roue"
+            "|_(v|vel|spd|speed)_?(fl|fr|rl|rr|vl|vr|hl|hr)_",
+            excluded="steer|lenk|_ang|_rot",
+        ),
+    ),
+    proposed="signal",
+    limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
+)
+
+
+WHEEL_SPEED_DIFFERENCE = Channel(
+    quantity="wheel_speed_difference",
+    unit="1",
+    proposed="signal",
+    limit=SignalLimits(magnitude=0.5, jump=0.1),
+    noise=(0.005**2, 0.005**2),  # with the effect of the load transfer, where it is not identified
+    large_offset=True,
+    of_roll=True,
+    model=SensorModel(
+        value=lambda now, i, name: now.wheel_speed_difference(i, name),
+        rate=lambda now, _, value: now.rate_of(value),
+        sensitivities={"load_sensitivity": lambda now, i, name: now.load_transfer_of_axle(i, name)},
+        needs_track=True,
+        needs_roll=True,
+    ),
+    errors=(
+        ErrorKind(kind="offset", setting="wheel_speed_offset", per_log=True),
+        ErrorKind(kind="gain", setting="wheel_speed_gain"),
+        ErrorKind(kind="load_sensitivity", setting="wheel_load_sensitivity"),
+        ErrorKind(kind="delay", setting="wheel_speed_delay"),
+    ),
+)
+"""Speed of the right wheel of an axle less that of the left one, divided by their mean: wheel_speed_difference.<unit>
+or .<unit>.<axle>.
+
+In a left turn it is positive. Its offset is the relative difference of the rolling radii of both sides, its gain the
+track of the axle over that of the vehicle. Its load sensitivity is its change with the load transfer ratio: the wheel
+with more load has a smaller rolling radius (H. B. Pacejka, Tyre and Vehicle Dynamics, 2006; `MagicFormula` of `plant`).
+"""
