@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.channels import SignalName
-from fifthwheel.identify.design.assess import assess_information
+from fifthwheel.identify.design.assess import predict_sigmas
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.observe import Observer
@@ -60,7 +60,7 @@ def parameter_table(vehicle: Vehicle, sets: Mapping[str, tuple[str, ...]]) -> li
     columns = []
     for names in sets.values():
         record = simulate(vehicle, count=5, sensors=with_noise(names, vehicle))
-        assessment = assess_information([record], vehicle)
+        assessment = predict_sigmas([record], vehicle)
         columns.append({p.name: p for p in assessment.parameters})
     lines = ["| sigma, % | " + " | ".join(sets) + " |", "|---" * (1 + len(sets)) + "|"]
     for name in columns[0]:

@@ -26,7 +26,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import conclude_identification
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
-from fifthwheel.workflow import check_record
+from fifthwheel.workflow import check_signals
 from tests.observe.conftest import but_settling
 
 TRUCK = get("cheng_cebon_2011")
@@ -216,7 +216,7 @@ def test_every_fault_has_a_case():
 
 @cases
 def test_errors_name_the_signal_and_the_cure(case):
-    for finding in check_record(case.inject(BASE), TRUCK):
+    for finding in check_signals(case.inject(BASE), TRUCK):
         assert finding.message.startswith(f"{finding.signal}: ")
         assert finding.severity == "warning" or "signals.toml" in finding.message.partition("; ")[2]
 
@@ -301,7 +301,7 @@ def test_command_line(case, tmp_path, capsys):
     log = tmp_path / "log.parquet"
     write_record(case.inject(BASE), log)
     code, out, err = run(capsys, "states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
-    findings = [f for f in check_record(case.inject(BASE), TRUCK) if f.severity == "error"]
+    findings = [f for f in check_signals(case.inject(BASE), TRUCK) if f.severity == "error"]
     assert "Traceback" not in err
     if findings:
         assert code == 2

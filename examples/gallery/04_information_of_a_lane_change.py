@@ -14,9 +14,7 @@ truck = fw.vehicle("cheng_cebon_2011")
 counts = (1, 2, 4, 8)
 runs = [fw.simulate(truck, count=count, seed=1) for count in counts]
 cases = {"everything else uncertain (default)": fw.OneStage(), "everything else exact": fw.OneStage(consider={})}
-assessments = {
-    label: [fw.assess_information([run], truck, settings) for run in runs] for label, settings in cases.items()
-}
+assessments = {label: [fw.predict_sigmas([run], truck, settings) for run in runs] for label, settings in cases.items()}
 
 names = [parameter.name for parameter in assessments["everything else exact"][0].parameters]
 figure, axes = plt.subplots(1, 2, figsize=(9, 3.8), sharey=True, layout="constrained")

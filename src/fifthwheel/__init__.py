@@ -43,8 +43,8 @@ if TYPE_CHECKING:
     from fifthwheel.identify import Profile as Profile
     from fifthwheel.identify import Verdict as Verdict
     from fifthwheel.identify import log_posterior as log_posterior
-    from fifthwheel.identify.design import assess_information as assess_information
     from fifthwheel.identify.design import design_experiment as design_experiment
+    from fifthwheel.identify.design import predict_sigmas as predict_sigmas
     from fifthwheel.identify.knowledge.information import Occasion as Occasion
     from fifthwheel.identify.knowledge.knowledge import Knowledge as Knowledge
     from fifthwheel.identify.knowledge.load import with_payload as with_payload
@@ -73,7 +73,7 @@ if TYPE_CHECKING:
     from fifthwheel.studies import StatesOf as StatesOf
     from fifthwheel.studies import exact_guess as exact_guess
     from fifthwheel.studies import study as study
-    from fifthwheel.time_bases import check_record as check_record
+    from fifthwheel.time_bases import check_signals as check_signals
     from fifthwheel.vehicle import Vehicle as Vehicle
 
 __version__ = "0.2.0"
@@ -90,7 +90,7 @@ _NAMES = {
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
     "export": ("export_c", "export_fmu"),
     "identify": ("Identification", "LogPosterior", "OneStage", "Posterior", "Profile", "Verdict", "log_posterior"),
-    "identify.design": ("assess_information", "design_experiment"),
+    "identify.design": ("design_experiment", "predict_sigmas"),
     "identify.knowledge.information": ("Occasion",),
     "identify.knowledge.knowledge": ("Knowledge",),
     "identify.knowledge.load": ("with_payload",),
@@ -103,18 +103,24 @@ _NAMES = {
     "record": ("Record", "SensorPrior"),
     "report": ("write_report",),
     "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
-    "time_bases": ("check_record",),
+    "time_bases": ("check_signals",),
     "vehicle": ("Vehicle",),
 }
 """Public names by their module; "" for those that are modules, which may be called like functions (`_callable`)."""
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
+_FORMER = {
+    "assess_information": "fifthwheel.identify.design.predict_sigmas",
+    "check_record": "fifthwheel.time_bases.check_signals",
+}
 
 __all__ = ["__version__", *sorted(_MODULES)]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        from fifthwheel._moved import moved
+
+        return moved(__name__, _FORMER)(name)
     if not (module := _MODULES[name]):
         return import_module(f"{__name__}.{name}")
     globals()[name] = value = getattr(import_module(f"{__name__}.{module}"), name)

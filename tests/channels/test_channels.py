@@ -60,7 +60,7 @@ def test_an_observer_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> 
 
 
 def test_several_sensors_of_a_quantity_are_plausible(truck: fw.Vehicle, record: fw.Record) -> None:
-    assert fw.check_record(record, truck) == ()
+    assert fw.check_signals(record, truck) == ()
     inverted = record.with_signals({SECOND: -record.signals[SECOND]})
     assert {(f.signal, f.fault) for f in check(inverted)} == {(SECOND, Fault.SWAPPED_SIGN)}
 

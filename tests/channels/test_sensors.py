@@ -239,7 +239,7 @@ def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Ve
 def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
     settings = fw.OneStage(free=FREE, consider={}, tyres="linear")
     stated = stating(record, {STEER_ANGLE: fw.SensorPrior(sensor_class="wheel angle")})
-    (with_class,), (without,) = (fw.assess_information([r], truck, settings).parameters for r in (stated, record))
+    (with_class,), (without,) = (fw.predict_sigmas([r], truck, settings).parameters for r in (stated, record))
     assert with_class.sigma < 0.97 * without.sigma
 
 

@@ -6,7 +6,7 @@ import pytest
 from fifthwheel.checks import Fault
 from fifthwheel.logs import SignalMap, read_log, write_record
 from fifthwheel.simulate import simulate
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import get
 from tests.test_faults import run
 
@@ -28,7 +28,7 @@ def test_signals_writes_the_delay_that_check_asks_for(log, tmp_path, capsys):
     proposed = SignalMap.load(out)
     delays = {name: channel.delay for name, channel in proposed.signals.items() if channel.delay}
     assert delays == {name: pytest.approx(0.35, abs=0.02) for name in LATE}
-    findings = check_record(read_log(log, proposed), get("cheng_cebon_2011"))
+    findings = check_signals(read_log(log, proposed), get("cheng_cebon_2011"))
     assert Fault.TIME_OFFSET not in [finding.fault for finding in findings]
 
 

@@ -11,7 +11,7 @@ from fifthwheel.diagnose.information_summary import ParameterInformation, Varian
 from fifthwheel.diagnose.summaries import summarise_runs
 from fifthwheel.identify import SensorError, Verdict, identify
 from fifthwheel.identify.design import Remedy
-from fifthwheel.identify.design.assess import assess_information
+from fifthwheel.identify.design.assess import predict_sigmas
 from fifthwheel.simulate import simulate
 from fifthwheel.spoken_names import named
 from fifthwheel.vehicle.parameters import FRICTION
@@ -40,7 +40,7 @@ def test_lane_changes_leave_little_of_the_prior_sigma(result):
 
 def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight):
     record, identification = straight
-    outlook = assess_information([record], identification.vehicle)
+    outlook = predict_sigmas([record], identification.vehicle)
     rows = information_summary(identification, outlook)
     assert {row.estimate.verdict for row in rows} == {Verdict.NOT_EXCITED}
     predicted = [row for row in rows if row.estimate.name != FRICTION]  # the prediction has linear tyres
@@ -56,7 +56,7 @@ def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight
 
 def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):
     e = result.identification.parameters[0]
-    outlook = assess_information(result.records[:1], result.identification.vehicle)
+    outlook = predict_sigmas(result.records[:1], result.identification.vehicle)
     wide = replace(e, sigma=5 * outlook[e.name].sigma)
     row = information_summary(replace(result.identification, parameters=(wide,)), outlook)[0]
     assert row.noise_sigma == outlook[e.name].sigma

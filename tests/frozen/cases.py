@@ -375,7 +375,7 @@ def learned(record: fw.Record, settings: fw.OneStage) -> dict[str, Any]:
 
 @case(fast=True)
 def check() -> Any:
-    return fw.assess_information([lane_changes()], GUESS).as_dict()
+    return fw.predict_sigmas([lane_changes()], GUESS).as_dict()
 
 
 @case()
@@ -383,8 +383,8 @@ def check_everyday() -> Any:
     record = only(everyday(), "yaw_rate", "articulation", "lateral_acceleration")
     late = {n: np.roll(v, 30) if n == "yaw_rate.semitrailer" else v for n, v in record.signals.items()}
     return {
-        "information": fw.assess_information([record], GUESS).as_dict(),
-        "late": [repr(finding) for finding in fw.check_record(replace(record, signals=late), GUESS)],
+        "information": fw.predict_sigmas([record], GUESS).as_dict(),
+        "late": [repr(finding) for finding in fw.check_signals(replace(record, signals=late), GUESS)],
     }
 
 
@@ -392,7 +392,7 @@ def check_everyday() -> Any:
 def findings() -> Any:
     """Findings on a log, one corruption at a time."""
     record = example()
-    result = {"": [repr(finding) for finding in fw.check_record(record, TRUCK)]}
+    result = {"": [repr(finding) for finding in fw.check_signals(record, TRUCK)]}
     for name in record.signals:
         for fault in ("inverted", "degrees", "stuck", "spike"):
             values = record.signals[name].copy()
@@ -404,7 +404,7 @@ def findings() -> Any:
                 values[:] = values[0]
             else:
                 values[300:302] += 40 * values.std() + 1
-            found = fw.check_record(record.with_signals({name: values}), TRUCK)
+            found = fw.check_signals(record.with_signals({name: values}), TRUCK)
             result[f"{name} {fault}"] = [repr(finding) for finding in found]
     return result
 

@@ -10,7 +10,7 @@ from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.design.assess import assess_information
+from fifthwheel.identify.design.assess import predict_sigmas
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
@@ -58,8 +58,8 @@ def test_two_stages_need_a_yaw_rate_of_every_unit(record: Record) -> None:
 
 def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:
     """All else known, every parameter but the dolly's yaw inertia is nearly as accurate without them."""
-    full = assess_information([record], FULL_TRAILER, KNOWN)
-    blind = assess_information([without_unit(record, "dolly")], FULL_TRAILER, KNOWN)
+    full = predict_sigmas([record], FULL_TRAILER, KNOWN)
+    blind = predict_sigmas([without_unit(record, "dolly")], FULL_TRAILER, KNOWN)
     loss = {p.name: blind[p.name].sigma / p.sigma for p in full.parameters}
     assert all(ratio >= 0.999 for ratio in loss.values())
     assert loss["dolly.cornering_stiffness"] > 1.3

@@ -14,7 +14,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.logs.signal_map import SignalSource
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")
@@ -32,7 +32,7 @@ def resampled(record: Record, time: np.ndarray, *names: str) -> Record:
 
 def found(record: Record, vehicle: Vehicle) -> list[Finding]:
     """Findings, without those on the samples that are missing at the ends of shifted channels."""
-    return [finding for finding in check_record(record, vehicle) if finding.fault is not Fault.DROPOUT]
+    return [finding for finding in check_signals(record, vehicle) if finding.fault is not Fault.DROPOUT]
 
 
 LATE = resampled(BASE, BASE.time - 0.35, YAW2, ROLL2)

@@ -10,7 +10,7 @@ from fifthwheel.manoeuvres import course
 from fifthwheel.manoeuvres.open_loops import single_sine, single_track_steer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.time_bases import check_record, measure_time_offsets
+from fifthwheel.time_bases import check_signals, measure_time_offsets
 from fifthwheel.time_bases.offsets import TimeOffset
 from fifthwheel.vehicle import Vehicle, get
 
@@ -66,8 +66,8 @@ def test_without_delays_nothing_is_significant(name, vehicle):
     offsets = measured(log(name), VEHICLES[vehicle])
     assert {STEER, YAW2} <= set(offsets)
     assert not [offset for offset in offsets.values() if offset.significant]
-    assert not check_record(log(name), VEHICLES[vehicle])
-    assert not check_record(log(name))
+    assert not check_signals(log(name), VEHICLES[vehicle])
+    assert not check_signals(log(name))
 
 
 @each_vehicle
@@ -143,4 +143,4 @@ def test_no_false_alarm_in_a_turn_to_the_limit_of_adhesion(friction: float) -> N
     turn = replace(sine, steer=largest * np.clip((sine.time - 1) / 8, 0, 1))
     record = Plant(TRUCK, Properties(friction=friction)).drive(turn).record(seed=3)
     for vehicle in (TRUCK, None):
-        assert check_record(record, vehicle) == ()
+        assert check_signals(record, vehicle) == ()

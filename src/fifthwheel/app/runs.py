@@ -14,7 +14,7 @@ from fifthwheel.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.diagnose import Comparison, LogPrediction
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.identify import Fit, Identification
-from fifthwheel.identify.design.assess import InformationAssessment, assess_information
+from fifthwheel.identify.design.assess import InformationAssessment, predict_sigmas
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.result.display import fit_panel, prediction
 from fifthwheel.pages import Document
@@ -131,7 +131,7 @@ def check(folder: Path, progress: Progress) -> InformationAssessment:
     chosen = replace(options(workspace, choices), method="one-stage", passes=None)
     start = starts_of(truck, chosen, [workspace.log(log) for log in logs(workspace, choices)[0]])[-1]
     require_signals(start.settings, *records)
-    return assess_information(records, start.vehicle, start.one_stage, earlier=start.earlier)
+    return predict_sigmas(records, start.vehicle, start.one_stage, earlier=start.earlier)
 
 
 def identify(folder: Path, name: str, progress: Progress) -> str:

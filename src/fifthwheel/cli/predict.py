@@ -58,7 +58,7 @@ def check(
     known, another manoeuvre driven or another signal logged. It also lists implausible signals, and late
     ones.
     """
-    from fifthwheel.identify.design.assess import assess_information
+    from fifthwheel.identify.design.assess import predict_sigmas
     from fifthwheel.workflow import read_truck, require_signals, starts_of
 
     start = starts_of(read_truck(vehicle), chosen, logs)[-1]
@@ -73,7 +73,7 @@ def check(
             from fifthwheel.report.time_offsets import write_time_offsets
 
             write_time_offsets(plot, records, truck)
-    assessment = assess_information(records, truck, settings, earlier=start.earlier)
+    assessment = predict_sigmas(records, truck, settings, earlier=start.earlier)
     if as_json:
         print(assessment.to_json())
     else:

@@ -75,12 +75,12 @@ def _show_record(
     """Show the record that a map makes of a log."""
     from fifthwheel.logs import write_record
     from fifthwheel.logs.files import record_writer
-    from fifthwheel.workflow import check_record
+    from fifthwheel.workflow import check_signals
 
     if save is not None:
         record_writer(save)  # refuses an unknown format before reading
     (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-    findings = check_record(record, truck)
+    findings = check_signals(record, truck)
     if save is not None:
         write_record(record, save)
     if as_json:

@@ -33,7 +33,7 @@ from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
 from fifthwheel.record.record import segments_above
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 
 
@@ -230,7 +230,7 @@ def _require_steering(record: Record, vehicle: Vehicle) -> None:
 
 def _findings(record: Record, vehicle: Vehicle, settings: CommonSettings) -> list[Finding]:
     """What is implausible in the signals; a SignalError if one is an error and the settings demand the check."""
-    findings = check_record(record, vehicle)
+    findings = check_signals(record, vehicle)
     if settings.check:
         raise_errors(findings)
     return [replace(finding, log=record.name) for finding in findings]

@@ -8,7 +8,7 @@ from fifthwheel._types import Array
 from fifthwheel.checks import Finding
 from fifthwheel.plots import downsample
 from fifthwheel.record import Record
-from fifthwheel.time_bases.findings import check_record
+from fifthwheel.time_bases.findings import check_signals
 from fifthwheel.time_bases.lags import LagCurve
 from fifthwheel.time_bases.offsets import MIN_EXPLAINED, TimeOffset, offsets_of
 from fifthwheel.time_bases.predictions import Prediction, predict_channels
@@ -68,7 +68,7 @@ class SignalEvidence:
     others: dict[str, tuple[Array, Array]]
     """Time (n,) s and values (n,) SI to draw of the signals that are not predicted."""
     findings: tuple[Finding, ...]
-    """Of `check_record`."""
+    """Of `check_signals`."""
 
 
 def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvidence:
@@ -76,7 +76,7 @@ def signal_evidence(record: Record, vehicle: Vehicle | None = None) -> SignalEvi
 
     Nothing is predicted without speed and a steer angle. The default vehicle is any usual tractor and semitrailer.
     """
-    findings = check_record(record, vehicle)
+    findings = check_signals(record, vehicle)
     prediction = predict_channels(record, vehicle)
     predicted = () if prediction is None else prediction.names
     others = {

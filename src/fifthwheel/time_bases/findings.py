@@ -26,7 +26,7 @@ _COMMON_LAG = 0.12
 """s; lag of all channels behind a steer angle that is not quite on time."""
 
 
-def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:
+def check_signals(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:
     """Every fault of a record, errors first; with the vehicle also signals that it does not have.
 
     Time offsets, clock rates and exchanged gyros are looked for if no other error explains the signals. What they
@@ -37,7 +37,7 @@ def check_record(record: Record, vehicle: Vehicle | None = None) -> tuple[Findin
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
         >>> inverted = record.with_signals({"yaw_rate.tractor": -record.signals["yaw_rate.tractor"]})
-        >>> [finding.signal for finding in fw.check_record(inverted, truck)]
+        >>> [finding.signal for finding in fw.check_signals(inverted, truck)]
         ['yaw_rate.tractor']
     """
     expect("record", record, Record)

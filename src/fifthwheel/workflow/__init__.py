@@ -1,7 +1,7 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
 from fifthwheel.options import IdentifyOptions
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.exported import exported_learner, exported_observer
 from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification, run_loads
@@ -63,7 +63,7 @@ __all__ = [
     "apply_statements",
     "axle_load_differences",
     "changed_numbers",
-    "check_record",
+    "check_signals",
     "chosen_one_stage",
     "compare_runs",
     "design_run",

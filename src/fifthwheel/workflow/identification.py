@@ -170,7 +170,7 @@ def _assess_remedies(
     identification: Identification, records: Sequence[Record], occasion: Occasion
 ) -> "InformationAssessment | None":
     """What would improve the estimates, predicted at the identified vehicle; None where they are good enough."""
-    from fifthwheel.identify.design.assess import AssessmentSettings, assess_information  # slow to import
+    from fifthwheel.identify.design.assess import AssessmentSettings, predict_sigmas  # slow to import
 
     settings = AssessmentSettings()
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
@@ -182,7 +182,7 @@ def _assess_remedies(
         before = (identification.knowledge or Knowledge()).without_records(records)
         given, identified = identification.initial_vehicle, identification.vehicle
         earlier = partial(before.prior, occasion=occasion, given=given)
-        return assess_information(
+        return predict_sigmas(
             records,
             identified.with_stated({path: given.stated[path] for path in identified.stated}),  # as before the logs
             identification.settings,
@@ -215,7 +215,7 @@ def design_run(
             higher.
         max_speed: m/s.
         max_acceleration: largest lateral acceleration of any unit, m/s^2.
-        earlier: as of `assess_information`.
+        earlier: as of `predict_sigmas`.
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 

@@ -16,7 +16,7 @@ from fifthwheel.logs.mapping.propose import MapProposal, as_toml, propose_map
 from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import LogSource
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.inputs import Progress, report_fraction
 
@@ -101,7 +101,7 @@ def propose_signals(
 
 
 def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:
-    """The proposed map with the delays that the samples show, and the findings of `check_record`.
+    """The proposed map with the delays that the samples show, and the findings of `check_signals`.
 
     Without a vehicle any usual tractor and semitrailer predicts the signals, so that only large delays are found.
     """
@@ -110,7 +110,7 @@ def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None 
     except SignalError:
         return proposal  # its findings tell why
     channels, reasons = dict(proposal.signals.signals), dict(proposal.reasons)
-    findings = check_record(record, vehicle)
+    findings = check_signals(record, vehicle)
     for finding in findings:
         if finding.fault is Fault.TIME_OFFSET:
             for signal in (finding.signal, *finding.others):

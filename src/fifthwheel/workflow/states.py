@@ -14,7 +14,7 @@ from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.observe import Observer, ObserverSettings, States, Status, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow.inputs import Progress
@@ -83,7 +83,7 @@ def run_states(
     for i, record in enumerate(records):
         progress("states", i, len(records))
         if check:
-            raise_errors(check_record(record, vehicle))
+            raise_errors(check_signals(record, vehicle))
         used, own = settings, uncertainty
         if identification:
             sensors = log_sensors(identification, record, vehicle, settings.friction)

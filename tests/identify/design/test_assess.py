@@ -14,7 +14,7 @@ from fifthwheel.identify.design import (
     InformationAssessment,
     ParameterAssessment,
     Remedy,
-    assess_information,
+    predict_sigmas,
 )
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, TESTED_AXIS, TESTED_STIFFNESS
@@ -44,7 +44,7 @@ def record(truck) -> Record:
 
 @pytest.fixture(scope="module")
 def assessment(truck, record) -> InformationAssessment:
-    return assess_information([record], truck)
+    return predict_sigmas([record], truck)
 
 
 def first_known(assessment: ParameterAssessment) -> Remedy:
@@ -60,7 +60,7 @@ def sigmas(assessment: InformationAssessment) -> np.ndarray:
 def test_errors_of_fits_scatter_as_predicted(truck):
     """60 fits of one lane change each against the mean prediction from three of the logs; 9 % is chance."""
     logs = [simulate(truck, count=1, seed=seed) for seed in range(60)]
-    expected = np.mean([sigmas(assess_information([log], truck, EXACT)) for log in logs[:3]], axis=0)
+    expected = np.mean([sigmas(predict_sigmas([log], truck, EXACT)) for log in logs[:3]], axis=0)
     values = truck.parameters()
     errors = [[e.value - values[e.name] for e in identify([log], truck, EXACT).parameters] for log in logs]
     rms = np.sqrt(np.mean(np.square(errors), axis=0))
@@ -72,7 +72,7 @@ def test_errors_of_fits_scatter_as_predicted(truck):
 def test_a_fit_gives_the_predicted_result(truck, record, quantities, settings):
     """Sigma, verdict and correlated unknowns; the fit estimates the noise, and linearises at its own estimate."""
     log = without(record, *quantities)
-    before = assess_information([log], truck, settings)
+    before = predict_sigmas([log], truck, settings)
     after = identify([log], truck, replace(settings, initial_payload_height=None))
     for predicted in before.parameters:
         estimate = after[predicted.name]
@@ -128,22 +128,22 @@ def test_a_roll_test_helps_as_predicted(truck, record, assessment):
     springs = ("semitrailer.roll_stiffness", "semitrailer.tyre_roll_stiffness")
     prior = 0.1 * np.hypot(*[group.total_roll_stiffness / p[name] for name in springs])
     stated = {name: 0.1 * TESTED_STIFFNESS / prior * p[name] for name in springs} | {AXIS: TESTED_AXIS}
-    after = assess_information([record], truck.with_stated(stated))[HEIGHT]
+    after = predict_sigmas([record], truck.with_stated(stated))[HEIGHT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
     assert remedy.sigma < (1 - AssessmentSettings().min_reduction) * assessment[HEIGHT].sigma
 
 
 def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
-    one, two = (r for r in assess_information([record], truck, None, KEEN)[HEIGHT].remedies if r.kind == "know")
+    one, two = (r for r in predict_sigmas([record], truck, None, KEEN)[HEIGHT].remedies if r.kind == "know")
     assert one.known == two.known[:1] == ("semitrailer.roll_stiffness",)
     for remedy in (one, two):
-        after = assess_information([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
+        after = predict_sigmas([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
         assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
         assert remedy.sigma < 0.9 * assessment[HEIGHT].sigma
     assert two.sigma < 0.9 * one.sigma
     uncertain = OneStage(priors={"relaxation_length": 0.5}, consider={})
-    remedy = first_known(assess_information([record], truck, uncertain, KEEN)[FRONT])
-    after = assess_information([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
+    remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[FRONT])
+    after = predict_sigmas([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -152,9 +152,9 @@ def test_stating_exact_axle_positions_helps_as_predicted(truck, record):
     positions = [name for name in truck.parameters() if name.startswith("semitrailer.") and name.endswith(".position")]
     others = {name: 0.0 for name in truck.parameters() if name not in positions}
     settings, measured = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
-    remedy = first_known(assess_information([record], measured, settings, KEEN)[INERTIA])
+    remedy = first_known(predict_sigmas([record], measured, settings, KEEN)[INERTIA])
     assert remedy.known == ("semitrailer.axle_positions",)
-    after = assess_information([record], measured.with_stated(dict.fromkeys(positions, 0.0)), settings)[INERTIA]
+    after = predict_sigmas([record], measured.with_stated(dict.fromkeys(positions, 0.0)), settings)[INERTIA]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -163,9 +163,9 @@ def test_stating_exact_masses_helps_as_predicted(truck, record):
     masses = {f"{unit.name}.mass": 0.0 for unit in truck.units}
     others = {name: 0.0 for name in truck.parameters() if not name.endswith("mass")}
     settings, weighed = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
-    remedy = first_known(assess_information([record], weighed, settings, KEEN)[FRONT])
+    remedy = first_known(predict_sigmas([record], weighed, settings, KEEN)[FRONT])
     assert remedy.known == (MASS_SCALE,)
-    after = assess_information([record], weighed.with_stated(masses), settings)[FRONT]
+    after = predict_sigmas([record], weighed.with_stated(masses), settings)[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -174,16 +174,16 @@ def test_knowing_a_sensor_error_helps_as_predicted(truck, record, kind, sigma):
     """Play or gain of the steering, where no other error limits the estimate."""
     names = ("rate_gain_prior", "misalignment_prior", "steer_gain_prior", "steer_delay_prior")
     settings = OneStage(free=(FRONT,), consider={}, **{**dict.fromkeys(names, 1e-9), f"steer_{kind}_prior": sigma})
-    remedy = first_known(assess_information([record], truck, settings, KEEN)[FRONT])
+    remedy = first_known(predict_sigmas([record], truck, settings, KEEN)[FRONT])
     assert remedy.known == (f"steer.tractor.front.{kind}",)
-    after = assess_information([record], truck, replace(settings, **{f"steer_{kind}_prior": 1e-9}))[FRONT]
+    after = predict_sigmas([record], truck, replace(settings, **{f"steer_{kind}_prior": 1e-9}))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
 def test_one_more_lane_change_helps_as_predicted(truck):
     straight = simulate(truck, manoeuvre="straight", duration=20, name="straight")
-    both = assess_information([straight, simulate(truck, count=1, seed=8)], truck)
-    for parameter in assess_information([straight], truck).parameters:
+    both = predict_sigmas([straight, simulate(truck, count=1, seed=8)], truck)
+    for parameter in predict_sigmas([straight], truck).parameters:
         (remedy,) = parameter.remedies
         assert (remedy.drive, remedy.known, remedy.channel) == (LANE_CHANGE, (), None)
         assert both[parameter.name].verdict is Verdict.CONVERGED
@@ -193,15 +193,15 @@ def test_one_more_lane_change_helps_as_predicted(truck):
 def test_the_same_run_again_helps_as_predicted(truck):
     """A sweep contains more information than a lane change, so another sweep is the best run to add."""
     one, other = (simulate(truck, manoeuvre="sweep", seed=seed, name=str(seed)) for seed in (1, 2))
-    both = assess_information([one, other], truck, EXACT)
-    for parameter in assess_information([one], truck, EXACT, AssessmentSettings(enough=1e-6)).parameters:
+    both = predict_sigmas([one, other], truck, EXACT)
+    for parameter in predict_sigmas([one], truck, EXACT, AssessmentSettings(enough=1e-6)).parameters:
         (again,) = [remedy for remedy in parameter.remedies if remedy.kind == "drive"]
         assert again.drive == REPEAT
         assert again.sigma == pytest.approx(both[parameter.name].sigma, rel=0.05)
 
 
 def test_one_more_channel_helps_as_predicted(truck, record):
-    without_roll = assess_information([without(record, "roll_rate")], truck)
+    without_roll = predict_sigmas([without(record, "roll_rate")], truck)
     height = without_roll[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
     assert height.sigma < height.prior == OneStage().height_prior  # yaw rates inform it if the model is right
@@ -209,7 +209,7 @@ def test_one_more_channel_helps_as_predicted(truck, record):
     assert remedy.channel == "roll_rate.semitrailer"
     name = "roll_rate.semitrailer"
     with_roll = without(record, "roll_rate").with_signals({name: record.signals[name]})
-    assert remedy.sigma == pytest.approx(assess_information([with_roll], truck)[HEIGHT].sigma, rel=0.05)
+    assert remedy.sigma == pytest.approx(predict_sigmas([with_roll], truck)[HEIGHT].sigma, rel=0.05)
     others = [p for p in without_roll.parameters if p.name != HEIGHT]
     assert {p.verdict for p in others} == {Verdict.CONVERGED}
 
@@ -218,7 +218,7 @@ def test_a_straight_run_contains_no_information(truck):
     """Without roll rates the payload height needs both a lane change and a channel."""
     straight = simulate(truck, manoeuvre="straight", duration=20)
     for log in (straight, without(straight, "roll_rate")):
-        assessment = assess_information([log], truck)
+        assessment = predict_sigmas([log], truck)
         assert {p.verdict for p in assessment.parameters} == {Verdict.NOT_EXCITED}
         assert sigmas(assessment) == pytest.approx([p.prior for p in assessment.parameters])
         assert all(p.correlated_with == () for p in assessment.parameters)
@@ -232,7 +232,7 @@ def test_settings_of_the_assessment(truck, record, assessment):
     assert {p.name for p in assessment.parameters if p.remedies} <= wide
 
     def assess(**settings: float) -> InformationAssessment:
-        return assess_information([record], truck, None, AssessmentSettings(**settings))
+        return predict_sigmas([record], truck, None, AssessmentSettings(**settings))
 
     assert {p.name for p in assess(min_reduction=0.01).parameters if p.remedies} == wide
     assert not any(p.remedies for p in assess(enough=1.0).parameters)
@@ -245,21 +245,21 @@ def test_settings_of_the_assessment(truck, record, assessment):
 def test_an_unstable_vehicle_file_gives_a_caution(truck, record):
     """The assessment uses the start of the fit; a vehicle that no stiffness makes stable is refused."""
     unstable = truck.replace({"tractor.drive.cornering_stiffness": 3e5})
-    assessment = assess_information([record], unstable)
+    assessment = predict_sigmas([record], unstable)
     assert "unstable from 44 km/h" in assessment.cautions[0]
     assert "stiffness of tractor.drive and semitrailer, where a fit would start" in assessment.cautions[0]
     assert assessment["tractor.drive.cornering_stiffness"].value == 3e5
     assert np.isfinite(sigmas(assessment)).all()
     assert {p.verdict for p in assessment.parameters} == {Verdict.CONVERGED}
     with pytest.raises(VehicleError, match=r"unstable at 24\.4 m/s, however stiff"):
-        assess_information([record], truck.replace({"tractor.drive.cornering_stiffness": 2e4}))
+        predict_sigmas([record], truck.replace({"tractor.drive.cornering_stiffness": 2e4}))
 
 
 def test_faults_of_a_log_are_listed(truck, record):
     inverted = {"yaw_rate.semitrailer": -record.signals["yaw_rate.semitrailer"]}
     with_gap = record.signals["roll_rate.tractor"].copy()
     with_gap[300:420] = np.nan
-    assessment = assess_information([record.with_signals({**inverted, "roll_rate.tractor": with_gap})], truck)
+    assessment = predict_sigmas([record.with_signals({**inverted, "roll_rate.tractor": with_gap})], truck)
     assert [(log, f.signal, f.severity) for log, f in assessment.findings] == [
         ("lanes", "yaw_rate.semitrailer", "error"),
         ("lanes", "roll_rate.tractor", "warning"),
@@ -267,36 +267,36 @@ def test_faults_of_a_log_are_listed(truck, record):
     assert not any("roll_rate.tractor" in note for note in assessment.notes)
     stationary = record.with_signals({"speed": np.zeros(len(record)), "roll_rate.tractor": with_gap})
     with pytest.raises(SignalError, match=r"(?s)speed: at most 0\.0 m/s.*\n.*roll_rate\.tractor: .*missing"):
-        assess_information([stationary], truck)
+        predict_sigmas([stationary], truck)
     with pytest.raises(SignalError, match=r"logs: none given"):
-        assess_information([], truck)
+        predict_sigmas([], truck)
 
 
 def test_the_noise_is_estimated_from_the_logs(truck, record):
     gyros = article_gyro_variance(["tractor", "semitrailer"])
     loud = simulate(truck, count=4, sensors={name: 4 * v for name, v in gyros.items()})
     noiseless = simulate(truck, count=4, sensors=dict.fromkeys(gyros, 0.0))
-    estimated = assess_information([loud], truck).noise["simulated"]
-    lower_limit = assess_information([noiseless], truck).noise["simulated"]
+    estimated = predict_sigmas([loud], truck).noise["simulated"]
+    lower_limit = predict_sigmas([noiseless], truck).noise["simulated"]
     for name, variance in gyros.items():
         assert estimated[name] == pytest.approx(4 * variance, rel=0.3)
         assert lower_limit[name] == pytest.approx(variance / 10)
     known = OneStage(adapt_noise=False, noise={"yaw_rate.tractor": 1e-5})
-    assert assess_information([loud], truck, known).noise["simulated"] == {**gyros, "yaw_rate.tractor": 1e-5}
+    assert predict_sigmas([loud], truck, known).noise["simulated"] == {**gyros, "yaw_rate.tractor": 1e-5}
     empty = record.with_signals({"roll_rate.tractor": np.full(len(record), np.nan)})
-    assert "roll_rate.tractor" not in assess_information([empty], truck).noise["lanes"]
+    assert "roll_rate.tractor" not in predict_sigmas([empty], truck).noise["lanes"]
 
 
 def test_estimated_and_fixed_parameters(truck, record):
-    assessment = assess_information([record], truck, OneStage(free=("tractor.yaw_inertia",), fixed=(FRONT,)))
+    assessment = predict_sigmas([record], truck, OneStage(free=("tractor.yaw_inertia",), fixed=(FRONT,)))
     assert [p.name for p in assessment.parameters] == ["tractor.yaw_inertia"]
     assert any(FRONT in note for note in assessment.notes)
-    separate = assess_information([record], truck, OneStage(uniform_payload=False))
+    separate = predict_sigmas([record], truck, OneStage(uniform_payload=False))
     assert separate["semitrailer.sprung.cog_height"].value == pytest.approx(truck.derived()["semitrailer.cog_height"])
     with pytest.raises(VehicleError, match="fixed: every parameter is fixed"):
-        assess_information([record], truck, OneStage(fixed=("cornering_stiffness", "yaw_inertia", "payload.height")))
+        predict_sigmas([record], truck, OneStage(fixed=("cornering_stiffness", "yaw_inertia", "payload.height")))
     with pytest.raises(VehicleError, match="no such parameter"):
-        assess_information([record], truck, OneStage(fixed=("tractor.colour",)))
+        predict_sigmas([record], truck, OneStage(fixed=("tractor.colour",)))
 
 
 def test_json(assessment):
@@ -313,7 +313,7 @@ def test_a_height_that_the_user_knows_better_than_the_log_is_stated(truck, recor
     """As the verdict of the identification."""
     known = truck.with_stated({HEIGHT: 0.02})
     assert identify([record], known)[HEIGHT].verdict is Verdict.STATED
-    assessment = assess_information([record], known)[HEIGHT]
+    assessment = predict_sigmas([record], known)[HEIGHT]
     assert (assessment.verdict, assessment.prior) == (Verdict.STATED, pytest.approx(0.02))
     assert 0.01 < assessment.sigma < 0.02
 
@@ -321,9 +321,9 @@ def test_a_height_that_the_user_knows_better_than_the_log_is_stated(truck, recor
 def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
     """The noise of an imagined channel is the default, that of a logged one is estimated: 3 % of the sigma."""
     tractor = {name: values for name, values in record.signals.items() if not name.endswith(".semitrailer")}
-    alone = assess_information([replace(record, signals=tractor)], truck)
+    alone = predict_sigmas([replace(record, signals=tractor)], truck)
     added = "yaw_rate.semitrailer"
-    both = assess_information([replace(record, signals={**tractor, added: record.signals[added]})], truck)
+    both = predict_sigmas([replace(record, signals={**tractor, added: record.signals[added]})], truck)
     kept = [p.name for p in both.parameters if p.verdict is Verdict.CONVERGED]
     np.testing.assert_allclose([alone.sensors[added][name] for name in kept], [both[n].sigma for n in kept], rtol=0.03)
     assert {name.split(".")[0] for name in alone.sensors} >= {"articulation", "lateral_acceleration"}

@@ -9,7 +9,7 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.design import AssessmentSettings, DesignSettings, Remedy, assess_information
+from fifthwheel.identify.design import AssessmentSettings, DesignSettings, Remedy, predict_sigmas
 from fifthwheel.identify.design.assess import _noise_variances, _with_log_name
 from fifthwheel.identify.design.experiment import _best_of_each_kind, _with_targets_estimated
 from fifthwheel.identify.design.predict import (
@@ -287,7 +287,7 @@ def test_the_speed_of_the_lane_change_that_is_a_remedy(truck, speed: float) -> N
     """The median of the logs, but at least 15 m/s."""
     record = simulate(truck, count=1, seed=1, speed=speed)
     settings = OneStage(free=("tractor.front.cornering_stiffness",), consider={})
-    assessment = assess_information([record], truck, settings, AssessmentSettings(), checked=True)
+    assessment = predict_sigmas([record], truck, settings, AssessmentSettings(), checked=True)
     assert assessment.speed == max(float(np.median(record.signals["speed"])), 15.0)
 
 

@@ -15,8 +15,8 @@ from fifthwheel.identify.design import (
     DesignSettings,
     ExperimentDesign,
     ProposedRun,
-    assess_information,
     design_experiment,
+    predict_sigmas,
 )
 from fifthwheel.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.identify.design.predict import InformationPredictor
@@ -220,7 +220,7 @@ def test_uncertain_parameters_limit_the_sigma(truck):
     tested, measured = unmet.remedies
     assert tested.roll_test == "semitrailer"
     assert measured.known[0] in ("semitrailer.roll_axis_height", "semitrailer.roll_stiffness")
-    after = assess_information([simulated(design)], truck, OneStage(fixed=measured.known))[HEIGHT]
+    after = predict_sigmas([simulated(design)], truck, OneStage(fixed=measured.known))[HEIGHT]
     assert measured.sigma == pytest.approx(after.sigma / after.value, rel=0.1)
     assert max(tested.sigma, measured.sigma) < 0.9 * unmet.sigma
     uncertain = OneStage(priors={"relaxation_length": 0.5})

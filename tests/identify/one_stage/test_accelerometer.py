@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.diagnose.cautions import identification_cautions
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.design import assess_information
+from fifthwheel.identify.design import predict_sigmas
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
@@ -78,9 +78,9 @@ def test_it_adds_information(result: Identification, without: Identification) ->
 
 def test_check_counts_its_information(log: Record, gyros_only: Record, truck: Vehicle) -> None:
     fitted = identify([log], truck, OneStage(tyres="linear", initial_payload_height=None))
-    for predicted in assess_information([log], truck).parameters:
+    for predicted in predict_sigmas([log], truck).parameters:
         assert predicted.sigma == pytest.approx(fitted[predicted.name].sigma, rel=0.1)
-    counted, without = (assess_information([record], truck, EXACT) for record in (log, gyros_only))
+    counted, without = (predict_sigmas([record], truck, EXACT) for record in (log, gyros_only))
     front = "tractor.front.cornering_stiffness"
     assert counted[front].sigma < 0.85 * without[front].sigma
     assert (NAME in counted.noise["simulated"], NAME in without.noise["simulated"]) == (True, False)

@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.channels import SignalName
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.design import assess_information
+from fifthwheel.identify.design import predict_sigmas
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -69,7 +69,7 @@ def test_it_adds_information(result: Identification, without: Record, truck: Veh
 
 
 def test_check_counts_its_information(log: Record, without: Record, truck: Vehicle) -> None:
-    counted, alone = (assess_information([record], truck, EXACT) for record in (log, without))
+    counted, alone = (predict_sigmas([record], truck, EXACT) for record in (log, without))
     trailer = "semitrailer.cornering_stiffness"
     assert counted[trailer].sigma < 0.97 * alone[trailer].sigma
 

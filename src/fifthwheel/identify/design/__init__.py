@@ -13,7 +13,7 @@ from fifthwheel.identify.design.assess import (
     AssessmentSettings,
     InformationAssessment,
     ParameterAssessment,
-    assess_information,
+    predict_sigmas,
 )
 from fifthwheel.identify.design.experiment import ExperimentDesign, ProposedRun, UnmetTarget, design_experiment
 from fifthwheel.identify.design.remedies import Remedy
@@ -28,6 +28,6 @@ __all__ = [
     "ProposedRun",
     "Remedy",
     "UnmetTarget",
-    "assess_information",
     "design_experiment",
+    "predict_sigmas",
 ]

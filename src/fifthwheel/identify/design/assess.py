@@ -24,7 +24,7 @@ from fifthwheel.identify.verdict import Verdict, is_stated
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
-from fifthwheel.time_bases import check_record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle, unit_of
 
 
@@ -115,7 +115,7 @@ class InformationAssessment:
         return json.dumps(self.as_dict(), indent=2)
 
 
-def assess_information(
+def predict_sigmas(
     records: Sequence[Record],
     vehicle: Vehicle,
     settings: OneStage | None = None,
@@ -149,7 +149,7 @@ def assess_information(
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
         >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
-        >>> assessment = fw.assess_information([record], truck, settings)
+        >>> assessment = fw.predict_sigmas([record], truck, settings)
         >>> [str(parameter.verdict) for parameter in assessment.parameters]
         ['converged']
     """
@@ -157,7 +157,7 @@ def assess_information(
     expect("vehicle", vehicle, Vehicle)
     expect_optional("settings", settings, OneStage)
     settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
-    findings = [] if checked else [(r.name, finding) for r in records for finding in check_record(r, vehicle)]
+    findings = [] if checked else [(r.name, finding) for r in records for finding in check_signals(r, vehicle)]
     findings += [] if checked else [(str(finding.log), finding) for finding in mass_findings(records, vehicle)]
     findings.sort(key=lambda item: item[1].severity)
     try:

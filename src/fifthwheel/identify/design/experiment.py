@@ -135,7 +135,7 @@ def design_experiment(
 ) -> ExperimentDesign:
     """The shortest run after which a one-stage fit reaches all targets; of equally long runs the gentlest.
 
-    Predicted, like `assess_information`, at the values of the vehicle file: the better the file, the better the design.
+    Predicted, like `predict_sigmas`, at the values of the vehicle file: the better the file, the better the design.
     The model is assumed to be exact, and only the first steered axle steers. The road is uneven (`road_noise`), but it
     has no bank. More data does not reduce the part of sigma that comes from numbers that the run does not inform, such
     as masses.
