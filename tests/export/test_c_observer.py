@@ -38,6 +38,8 @@ SETTINGS = {
 TOLERANCE = {"double": 1e-12, "float": 1e-4}
 AMPLIFIED = {"reversed_steer": 5.0}
 """Factor of the tolerance for a fault with which the filter restarts again and again, which amplifies rounding."""
+OF_BANK = 2.0
+"""The same where the bank is estimated: small differences of the motion determine it (1e-14 rad of 0.01 rad)."""
 
 
 def compiled(observer: Observer, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
@@ -160,12 +162,12 @@ def program(request: pytest.FixtureRequest, truck: Vehicle, lane: Record, tmp_pa
 
 
 def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane: Record) -> None:
-    observer, replay = program
-    seen = set()
+    (observer, replay), seen = program, set()
+    estimates_bank = observer.settings.estimate_bank
     for fault in FAULTS:
         record = with_fault(lane, fault)
         expected = pushed(observer, record)
-        tolerance = TOLERANCE["double"] * AMPLIFIED.get(fault, 1.0)
+        tolerance = TOLERANCE["double"] * AMPLIFIED.get(fault, 1.0) * (OF_BANK if estimates_bank else 1.0)
         assert_equal(replayed(replay, observer, record), expected, tolerance)
         seen |= set(expected[:, 1].tolist())
     assert {Status.OK, Status.INPUT_MISSING, Status.TOO_SLOW} <= seen
