@@ -42,6 +42,7 @@ html_theme = "furo"
 html_title = f"fifthwheel {release}"
 html_math_renderer = "mathml"  # drawn by the browser, without scripts
 html_static_path = ["_static"]
+html_css_files = ["site.css"]
 html_copy_source = False
 
 sphinx_gallery_conf = {
