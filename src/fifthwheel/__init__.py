@@ -112,6 +112,7 @@ _FORMER = {
     "assess_information": "fifthwheel.identify.design.predict_sigmas",
     "check_record": "fifthwheel.time_bases.check_signals",
 }
+"""Place of today by former name."""
 
 __all__ = ["__version__", *sorted(_MODULES)]
 

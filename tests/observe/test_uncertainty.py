@@ -263,6 +263,12 @@ def test_uncertainty_of_one_log():
         np.testing.assert_array_equal(observer().batch(LANE_CHANGES, u).sigma[name], sigma)
 
 
+def test_the_covariance_as_a_frame():
+    frame = Uncertainty(names=("tractor.mass", OFFSET), covariance=[[4.0, -0.1], [-0.1, 1.0]]).to_pandas()
+    assert frame.loc["tractor.mass", OFFSET] == frame.loc[OFFSET, "tractor.mass"] == -0.1
+    assert frame.loc["tractor.mass", "tractor.mass"] == 4.0
+
+
 def test_batch_with_uncertainty_does_not_change_the_stream():
     o = observer()
     before, batch_result = o.save(), batched(o, LANE_CHANGES)

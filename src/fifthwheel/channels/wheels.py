@@ -1,12 +1,6 @@
 """Speeds of wheels, and their difference between the sides of an axle."""
 
-from fifthwheel.channels.channel import (
-    Channel,
-    ErrorKind,
-    NamePattern,
-    SensorModel,
-    SignalLimits,
-)
+from fifthwheel.channels.channel import Channel, ErrorKind, NamePattern, SensorModel, SignalLimits
 
 WHEEL_SPEED = Channel(
     quantity="wheel_speed",
@@ -22,8 +16,6 @@ WHEEL_SPEED = Channel(
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
 )
-
-
 WHEEL_SPEED_DIFFERENCE = Channel(
     quantity="wheel_speed_difference",
     unit="1",

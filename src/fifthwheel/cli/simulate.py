@@ -179,8 +179,8 @@ def reproduce(
 
     Writes Figures 4 to 9, a table with published and reproduced values, the estimates of
     every seed (parameters.parquet) and time histories of seed 0 (histories.parquet). Needs
-    `pip install 'fifthwheel[studies]'`. Takes a few minutes on two cores; with --quick
-    one to two minutes.
+    `pip install 'fifthwheel[studies]'`. Takes about half an hour on two cores, most of
+    it for one stage; with --quick three to four minutes.
     """
     from fifthwheel.cheng_cebon_2011 import table
     from fifthwheel.cheng_cebon_2011.reproduce import FILES

@@ -70,13 +70,12 @@ class GrossMass:
     """Gross mass and its standard deviation, kg, by "driving" and by "weights" alone."""
     units: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     """Value and standard deviation, SI, of masses and CoG of the laden units by path: "semitrailer.mass"."""
-
     residuals: Mapping[str, float] = field(default_factory=dict)
     """Of each measurement from the estimate, in its standard deviations."""
 
     def deviation(self, mass: float, sigma: float) -> float:
         """Difference from another mass, in joint standard deviations."""
-        return abs(self.mass - mass) / math.hypot(self.sigma, sigma)
+        return _deviation((self.mass, self.sigma), (mass, sigma))
 
 
 def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
@@ -124,7 +123,7 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
     fit = _least_squares(vehicle, measured)
     sources = {DRIVING: measured[DRIVING]} if driving else {}
     if weights:
-        sources["weights"] = _least_squares(vehicle, weights).results[DRIVING]
+        sources["weights"] = (_least_squares(vehicle, weights) if driving else fit).results[DRIVING]
     mass, sigma = fit.results.pop(DRIVING)
     redundant = len(measured) - len(fit.results) // 2
     agree = redundant < 1 or fit.cost <= chi2.isf(math.erfc(CONTRADICTION / math.sqrt(2)), redundant)

@@ -1,5 +1,6 @@
 """A document on a terminal, in Unicode or ASCII, and a progress bar."""
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any, Literal
@@ -45,15 +46,14 @@ def progress_bar(*, quiet: bool = False) -> "Iterator[Callable[[str, int, int], 
         >>> with fw.progress_bar() as progress:
         ...     result = fw.identify([fw.simulate(truck, count=1)], truck, settings, progress=progress)
     """
-    from rich.console import Console
+    if quiet or not (sys.stderr.isatty() or "ipykernel" in sys.modules):
+        yield lambda title, done, total: None
+        return
+    from rich.console import Console  # slow to import
     from rich.markup import escape
     from rich.progress import Progress
 
-    console = Console(stderr=True)
-    if quiet or not (console.is_terminal or console.is_jupyter):
-        yield lambda title, done, total: None
-        return
-    with Progress(console=console, transient=True) as bar:
+    with Progress(console=Console(stderr=True), transient=True) as bar:
         tasks: dict[str, Any] = {}
 
         def show(title: str, done: int, total: int) -> None:
