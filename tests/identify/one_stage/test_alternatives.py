@@ -44,6 +44,12 @@ def test_a_good_log_has_no_cause_and_needs_no_fit(truck, record, monkeypatch):
     assert likely_causes(solution, solution.linearisation.tests) == Causes()
 
 
+class _Fit(str):
+    """A fit that has converged, by the name of the unknown without a prior."""
+
+    converged = True
+
+
 @pytest.fixture
 def causes(monkeypatch):
     """The causes for chosen statistics of the tests, and gains of the fits without their priors, by name."""
@@ -51,32 +57,34 @@ def causes(monkeypatch):
     def likely(statistics, gains, impossible=(), unusual=(), left=None):
         left = left or {}
 
+        started = []
+
         def fitted(_, test):
+            started.append(test.name)
             usual, possible, gain = test.name not in unusual, test.name not in impossible, gains[test.name]
-            return alternatives._Alternative(test=test, minimum=test.name, gain=gain, possible=possible, usual=usual)
+            return alternatives._Alternative(
+                test=test, minimum=_Fit(test.name), gain=gain, possible=possible, usual=usual
+            )
 
         monkeypatch.setattr(alternatives, "_base", lambda _: None)
         monkeypatch.setattr(alternatives, "_corrected", lambda *_: "corrected")
-        monkeypatch.setattr(alternatives, "_left", lambda minimum: left.get(minimum, 0.0))
-        monkeypatch.setattr(alternatives, "_unexplained", lambda minimum: left.get(minimum, 0.0))
+        monkeypatch.setattr(alternatives, "_left", lambda minimum: left.get(str(minimum), 0.0))
+        monkeypatch.setattr(alternatives, "_unexplained", lambda minimum: left.get(str(minimum), 0.0))
         monkeypatch.setattr(alternatives, "_without_prior", fitted)
         tests = [
             PriorTest(name=name, statistic=s, implied=s, size=abs(s), shifts=np.zeros(1)) for name, s in statistics
         ]
-        steps = []
-        found = likely_causes(SimpleNamespace(minimum="all"), tests, lambda *step: steps.append(step))
-        fits = len(steps) - 1
-        assert steps == [(alternatives.TITLE, k, fits) for k in range(fits + 1)] or not steps
-        return found.left if found.left is not None else [test.name for test in found.likely], fits
+        found = likely_causes(SimpleNamespace(minimum="all"), tests)
+        return found.left if found.left is not None else [test.name for test in found.likely], len(started)
 
     return likely
 
 
 def test_a_contradiction_is_a_statistic_above_the_limit(causes):
-    assert causes([], {}) == ([], -1)
-    assert causes([("a", -3.5)], {}) == ([], -1)
+    assert causes([], {}) == ([], 0)
+    assert causes([("a", -3.5)], {}) == ([], 0)
     assert causes([("a", -3.501)], {"a": 7.0}) == (["a"], 1)
-    assert causes([("a", -3.5)], {}, left={"all": 0.2}) == (0.2, -1)
+    assert causes([("a", -3.5)], {}, left={"all": 0.2}) == (0.2, 0)
 
 
 def test_candidates_have_half_of_the_largest_statistic(causes):
@@ -139,9 +147,10 @@ def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, pos
     objective = SimpleNamespace(without_prior=lambda name, tail, wider: problem)
     base = SimpleNamespace(objective=objective, z=np.array([1.0, 2.0, 3.0]), model=SimpleNamespace(cost=50.0))
 
-    def fitted(_, z):
+    def fitted(_, z, iterations):
+        assert iterations == 0
         starts.append(z.tolist())
-        return SimpleNamespace(z=np.array([5.0, implied, 9.0]), model=SimpleNamespace(cost=10.0))
+        return SimpleNamespace(objective=problem, z=np.array([5.0, implied, 9.0]), model=SimpleNamespace(cost=10.0))
 
     monkeypatch.setattr(alternatives, "_fit", fitted)
     for shift in (implied, -implied):  # the linear test gives the start only if it decreases the cost
@@ -155,6 +164,31 @@ def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, pos
         assert found.test.shifts.tolist() == [4.0, implied - 2.0, 0.0]
     best = [1.0, float(np.clip(2.0 + implied, -100, 100)), 100.0]
     assert starts == [best, [1.0, 2.0, 3.0]]
+
+
+def test_only_the_better_half_of_the_fits_goes_on(monkeypatch):
+    """With those that are about as good as the best one; a fit that has converged takes no more steps."""
+    steps = []
+
+    def fit(name, gain, converged):
+        minimum = SimpleNamespace(converged=converged)
+        test = PriorTest(name=name, statistic=8.0, implied=8.0, size=8.0, shifts=np.zeros(1))
+        return alternatives._Alternative(test=test, minimum=minimum, gain=gain, possible=name != "i", usual=True)
+
+    def continued(_, alternative, iterations):
+        name = alternative.test.name
+        steps.append((name, iterations))
+        return fit(name, {"e": 80.0}.get(name, alternative.gain), converged=name == "a")
+
+    gains = {"a": 10.0, "b": 60.0, "c": 59.0, "d": 58.0, "e": 57.0, "f": 2.0, "g": 1.0, "i": 90.0}
+    monkeypatch.setattr(alternatives, "_without_prior", lambda _, name: fit(name, gains[name], converged=False))
+    monkeypatch.setattr(alternatives, "_continued", continued)
+    found = alternatives._alternatives(None, list(gains), lambda *_: None)
+    first, second, third = alternatives.ITERATIONS
+    assert [name for name, n in steps if n == first] == list(gains)
+    assert [name for name, n in steps if n == second] == ["e", "b", "c", "d", "i"]
+    assert [name for name, n in steps if n == third] == ["e", "b", "c", "d", "i"]
+    assert [a.test.name for a in found] == ["e", "b", "c", "d", "i"]
 
 
 @pytest.fixture(scope="module")
@@ -173,7 +207,10 @@ def test_a_gyro_that_is_turned_is_named_with_its_angle(found):
     assert abs(doubt.causes[0].changes[f"{ROLL2}.misalignment"]) == pytest.approx(0.4, abs=0.06)
     assert not [d for d in result.doubts if d.kind is DoubtKind.SENSOR]
     of_causes = [(done, total) for title, done, total in steps if title == "causes of a contradiction"]
-    assert of_causes == [(done, len(of_causes) - 1) for done in range(len(of_causes))]
+    total = sum(alternatives.ITERATIONS)
+    assert of_causes[0] == (0, total)
+    assert of_causes[-1] == (total, total)
+    assert of_causes == sorted(of_causes)
 
 
 def test_the_joint_covariance_contains_the_shifts_of_the_causes(found):

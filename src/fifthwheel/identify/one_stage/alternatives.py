@@ -20,7 +20,7 @@ from fifthwheel._types import Array
 from fifthwheel.checks import Fault
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import AS_LIKELY, UNUSUAL_CHANGE, PriorTest
-from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
+from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, Quadratic, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import Progress
@@ -32,8 +32,9 @@ CANDIDATE_FRACTION = 0.5
 MOST_CANDIDATES = 12
 SAMPLES = 6_000
 """Of longer logs, the fits use about this number of samples."""
-ITERATIONS, TOLERANCE = 16, 1.0
-"""Of each fit, whose result is a rank and a size."""
+ITERATIONS, TOLERANCE = (3, 5, 8), 1.0
+"""Of each fit, whose result is a rank and a size. After the first steps, and again after the next ones, only the better
+half of the fits goes on, with those that are about as good as the best one."""
 WIDER = 10.0
 """The bounds of an unknown without its prior are so many times further apart."""
 USUAL_CLOCK_ERROR = 0.02
@@ -91,16 +92,10 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
         return Causes(left=_left(solution.minimum) or None)
     least = CANDIDATE_FRACTION * abs(tests[0].statistic)
     candidates = [test for test in tests if abs(test.statistic) >= least][:MOST_CANDIDATES]
-    base, found = _base(solution), []
-    for i, test in enumerate(candidates):
-        progress(TITLE, i, len(candidates))
-        found.append(_without_prior(base, test))
-    progress(TITLE, len(candidates), len(candidates))
+    base = _base(solution)
+    found = _alternatives(base, candidates, progress)
     possible = [a for a in found if a.possible]
-    found = possible or found
-    found.sort(key=lambda alternative: -alternative.rank)
-    least, most = AS_LIKELY**2 * found[0].rank, max(a.gain for a in found)
-    likely = [a for a in found if a.rank >= least or a.gain == most]
+    likely = _likely(possible or found)
     left = [_unexplained(a.minimum) for a in likely]
     if not possible and len(likely) > 1:
         return Causes(left=min(left))
@@ -119,13 +114,47 @@ def _base(solution: Solution) -> Minimum[Problem]:
     return _fit(problem, z)
 
 
+def _alternatives(base: Minimum[Problem], candidates: Sequence[PriorTest], progress: Progress) -> list[_Alternative]:
+    """The fits without one prior that were among the better ones after each number of steps, the likeliest first."""
+    found, done, total = [_without_prior(base, test) for test in candidates], 0, sum(ITERATIONS)
+    for iterations in ITERATIONS:
+        if done:
+            likely = _likely(found)
+            found = [a for i, a in enumerate(found) if 2 * i < len(found) or a in likely]
+        for i, alternative in enumerate(found):
+            progress(TITLE, done + iterations * i // len(found), total)
+            if not alternative.minimum.converged:
+                found[i] = _continued(base, alternative, iterations)
+        found.sort(key=lambda alternative: (not alternative.possible, -alternative.rank))
+        done += iterations
+    progress(TITLE, total, total)
+    return found
+
+
+def _likely(found: Sequence[_Alternative]) -> list[_Alternative]:
+    """Those that explain about as much as the first one, and the one that explains most."""
+    least, most = AS_LIKELY**2 * found[0].rank, max(a.gain for a in found)
+    return [a for a in found if a.rank >= least or a.gain == most]
+
+
 def _without_prior(base: Minimum[Problem], test: PriorTest) -> _Alternative:
-    """The fit without the prior of one unknown."""
+    """The fit without the prior of one unknown, before its first step."""
     problem, z = base.objective.without_prior(test.name, tail=NO_TAIL, wider=WIDER), base.z
     lower, upper = problem.bounds
     linear = np.clip(z + test.shifts, lower, upper)
-    minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(z) else z)
-    shifts = minimum.z - z
+    return _alternative(base, test, _fit(problem, linear if problem.cost(linear) < problem.cost(z) else z, 0))
+
+
+def _continued(base: Minimum[Problem], alternative: _Alternative, iterations: int) -> _Alternative:
+    """A fit after more steps."""
+    last = alternative.minimum
+    minimum = _fit(last.objective, last.z, iterations, radius=last.radius, model=last.model)
+    return _alternative(base, alternative.test, minimum)
+
+
+def _alternative(base: Minimum[Problem], test: PriorTest, minimum: Minimum[Problem]) -> _Alternative:
+    """A fit without the prior of one unknown."""
+    problem, shifts = minimum.objective, minimum.z - base.z
     shifts[_initial_states(problem)] = 0.0
     implied = float(minimum.z[problem.names.index(test.name)])
     unknown = problem.unknowns_by_name[test.name]
@@ -170,9 +199,25 @@ def _pull(minimum: Minimum[Problem]) -> float:
     return 2 * problem.prior.cost(z) / max(float(gains.sum()), 1.0)
 
 
-def _fit(problem: Problem, z: Array) -> Minimum[Problem]:
+def _fit(
+    problem: Problem,
+    z: Array,
+    iterations: int = sum(ITERATIONS),
+    *,
+    radius: float = INITIAL_RADIUS,
+    model: Quadratic | None = None,
+) -> Minimum[Problem]:
     lower, upper = problem.bounds
-    return minimise(problem, z, lower=lower, upper=upper, iterations=ITERATIONS, tolerance=TOLERANCE)
+    return minimise(
+        problem,
+        z,
+        lower=lower,
+        upper=upper,
+        iterations=iterations,
+        tolerance=TOLERANCE,
+        radius=radius,
+        model=model,
+    )
 
 
 def _initial_states(problem: Problem) -> list[int]:

@@ -52,6 +52,8 @@ class Minimum(Generic[ObjectiveT]):
     model: Quadratic  # about z
     converged: bool
     steps: int
+    radius: float
+    """Of the trust region, with which the search may go on."""
 
 
 def minimise(
@@ -62,6 +64,8 @@ def minimise(
     upper: Array,
     iterations: int,
     tolerance: float = 0.02,
+    radius: float = INITIAL_RADIUS,
+    model: Quadratic | None = None,
     reweighted: Callable[[ObjectiveT, Array], ObjectiveT] = lambda objective, _: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
@@ -74,18 +78,21 @@ def minimise(
         iterations: largest number of steps.
         tolerance: converged when a full step would decrease the cost by less than its square, which moves no unknown by
             more than 1.4 times this fraction of its standard deviation.
+        radius: of the trust region at the first step.
+        model: the quadratic model about z, if it is known.
         reweighted: the objective for the next step, such as one with other weights, from the last one and each accepted
             point.
         progress: called with the number of steps done and the largest number of steps.
     """
-    radius, steps, model = INITIAL_RADIUS, 0, objective.expand(z)
+    steps, model, converged = 0, model or objective.expand(z), False
     while steps < iterations:
         progress(steps, iterations)
         steps += 1
         gradient, hessian = model.gradient, model.hessian
         full_step = newton_step(z, gradient, hessian, lower, upper)
         if full_step @ hessian @ full_step <= 2 * tolerance**2:
-            return Minimum(objective=objective, z=z, model=model, converged=True, steps=steps)
+            converged = True
+            break
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
         if not interior:
             free, step = ~_held(z, gradient, lower, upper), np.zeros_like(z)
@@ -105,7 +112,7 @@ def minimise(
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break
-    return Minimum(objective=objective, z=z, model=model, converged=False, steps=steps)
+    return Minimum(objective=objective, z=z, model=model, converged=converged, steps=steps, radius=radius)
 
 
 def newton_step(z: Array, gradient: Array, hessian: Array, lower: Array, upper: Array) -> Array:
