@@ -47,7 +47,7 @@ def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """All sources that are compiled during the test."""
     recorded: list[str] = []
     real = scan._compile
-    monkeypatch.setattr(scan, "_compile", lambda source: (recorded.append(source), real(source))[1])
+    monkeypatch.setattr(scan, "_compile", lambda source, level: (recorded.append(source), real(source, level))[1])
     return recorded
 
 
@@ -116,7 +116,7 @@ def test_second_process_compiles_nothing(cache_folder: Path) -> None:
 import sys
 import casadi as ca, numpy as np
 from fifthwheel.native import Scan, scan
-def never(source):
+def never(*_):
     raise AssertionError("compiled")
 scan._compile = never
 carry, sample, constant = (ca.SX.sym(word) for word in ("carry", "sample", "constant"))

@@ -23,10 +23,10 @@ import casadi as ca, numpy as np
 from fifthwheel.native import Scan, compile_in_background, scan as module
 
 started, slow = threading.Event(), module._compile
-def slow_compile(source):
+def slow_compile(*arguments):
     started.set()
     time.sleep(0.5)
-    return slow(source)
+    return slow(*arguments)
 module._compile = slow_compile
 
 x, u, k = (ca.SX.sym(name) for name in "xuk")

@@ -303,9 +303,18 @@ def _solution(equations: Sequence[tuple[Array, Array]], designs: Sequence[_Desig
     matrix, right, eliminated = np.eye(k), np.zeros(k), []
     for (normal, product), design in zip(equations, designs, strict=True):
         n = len(design.own)
-        own = np.linalg.solve(normal[:n, :n] + np.eye(n), np.column_stack([normal[:n, n:], product[:n]]))
+        own = _solved(normal[:n, :n] + np.eye(n), np.column_stack([normal[:n, n:], product[:n]]))
         matrix += normal[n:, n:] - normal[n:, :n] @ own[:, :k]
         right += product[n:] - normal[n:, :n] @ own[:, k]
         eliminated.append(own)
-    shared = np.linalg.solve(matrix, right)
+    shared = _solved(matrix, right[:, None])[:, 0]
     return [np.concatenate([own[:, k] - own[:, :k] @ shared, shared]) for own in eliminated]
+
+
+def _solved(matrix: Array, right: Array) -> Array:
+    """The solution (n, j) of normal equations; the least one if rounding makes them singular.
+
+    It does so where the vehicle is unstable: all responses then grow without limit in the same direction.
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1.0))[:, None]
+    return np.asarray(scale * np.linalg.lstsq(matrix * scale * scale.T, scale * right)[0])

@@ -47,9 +47,8 @@ class _Divider:
             self.invariant.append(constant)
         self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes)
         self.registers: dict[int, Register] = {}  # of instructions, each in its own loop
-        self.passed: dict[str, Register] = {}  # registers of `directions` by the registers of `nominal`
-        self.shared: list[str] = []
-        self.fixed: list[str] = []
+        self.shared: dict[str, int] = {}  # registers of `nominal` that pass to `directions`, and their places
+        self.fixed: dict[str, int] = {}  # of all samples together
         self.absorbed = self._absorbed()
 
     def _absorbed(self) -> set[int]:
@@ -78,13 +77,13 @@ class _Divider:
         return self.registers[number] if self.varies[number] else self._pass(self.registers[number])
 
     def _pass(self, register: Register) -> Register:
-        """A register of `nominal`, in `directions`."""
+        """A register of `nominal`, in `directions`.
+
+        It is loaded wherever it is used: a load is cheaper than a register that has to be stored in between.
+        """
         name, invariant = register
-        if name not in self.passed:
-            places, array = (self.fixed, "fixed") if invariant else (self.shared, "shared")
-            self.passed[name] = self.directions.broadcast(array, len(places), invariant)
-            places.append(name)
-        return self.passed[name]
+        array, places = ("fixed", self.fixed) if invariant else ("shared", self.shared)
+        return self.directions.broadcast(array, places.setdefault(name, len(places)), invariant)
 
     def divide(self) -> None:
         """Write all instructions."""
@@ -103,9 +102,24 @@ class _Divider:
                 stores.append(instruction)
             elif not self.varies[k]:
                 self.registers[k] = self.nominal.operation(op, [self.registers[i] for i in instruction.operands])
-            elif k not in self.absorbed:
-                self.registers[k] = self._derivative(k)
+        for k in self._order(stores):
+            self.registers[k] = self._derivative(k)
         self._store(stores)
+
+    def _order(self, outputs: Sequence[Instruction]) -> list[int]:
+        """The instructions of `directions`, each soon before its first use: its value is then still in a register."""
+        order, seen = list[int](), set[int]()
+        waiting = [(number, False) for output in reversed(outputs) for number in output.operands]
+        while waiting:
+            number, is_next = waiting.pop()
+            if is_next:
+                order.append(number)
+            elif self.varies[number] and number not in seen:
+                seen.add(number)
+                computed = number not in self.absorbed and self.instructions[number].op != ca.OP_INPUT
+                waiting += [(number, True)] * computed
+                waiting += [(i, False) for i in reversed(self.instructions[number].operands)]
+        return order
 
     def _derivative(self, number: int) -> Register:
         """Write an instruction that varies."""
@@ -157,7 +171,7 @@ class _Divider:
                 offset, _ = self.directions.emit(f"mul i64 %pitch, {element}", True)
                 self.directions.store(value, "output", offset)
         for names, array in ((self.shared, "shared"), (self.fixed, "fixed")):
-            for element, name in enumerate(names):
+            for name, element in names.items():
                 self.nominal.store(name, array, element, invariant=array == "fixed")
 
 

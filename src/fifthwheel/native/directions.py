@@ -139,7 +139,8 @@ class _Compiled:
 
     def __init__(self, scan: DirectionScan) -> None:
         translate = functools.partial(_translation, scan)
-        self._program = load(scan._step, f"directions {scan.lanes}", translate)  # owns the memory of the code
+        # owns the memory of the code, which is optimised: it takes most of the time of an identification
+        self._program = load(scan._step, f"directions {scan.lanes}", translate, optimisation=1)
         self.shared, self.fixed = self._program.numbers
         address = self._program.engine.get_function_address
         word, pointer = ctypes.c_int64, ctypes.c_void_p

@@ -16,10 +16,6 @@ from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
 from fifthwheel.native.step import Step, compiling
 
-_OPTIMISATION = 0
-"""Level of LLVM's code generator, 0 to 3; at 1 compilation takes five times as long, and the code is not faster: a step
-is a long list of operations, whose values do not fit into registers, and which are in a good order already."""
-
 
 class Scan:
     """A compiled step, and its loops over samples and vehicles.
@@ -207,16 +203,14 @@ def _platform() -> tuple[str, str, str, bytes]:
     llvm.initialize_native_asmprinter()
     cpu, features = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()
     triple = llvm.get_process_triple()
-    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)), str(_OPTIMISATION))
+    versions = (llvmlite.__version__, ".".join(map(str, llvm.llvm_version_info)))
     return triple, cpu, features, "\n".join((*versions, triple, cpu, features)).encode()
 
 
-def _machine() -> Any:
+def _machine(optimisation: int = 0) -> Any:
     """A new target machine for this processor; an engine takes ownership of its machine."""
     triple, cpu, features, _ = _platform()
-    return llvm.Target.from_triple(triple).create_target_machine(
-        cpu=cpu, features=features, opt=_OPTIMISATION, jit=True
-    )
+    return llvm.Target.from_triple(triple).create_target_machine(cpu=cpu, features=features, opt=optimisation, jit=True)
 
 
 class Program(NamedTuple):
@@ -227,19 +221,23 @@ class Program(NamedTuple):
     numbers: list[int]  # what its callers need to know of the code
 
 
-def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:
-    """The program of a step in a form of its translation, LLVM assembly and numbers, from the cache or the compiler."""
+def load(step: Step, form: str, translate: Callable[[], list[Any]], *, optimisation: int = 0) -> Program:
+    """The program of a step in a form of its translation, LLVM assembly and numbers, from the cache or the compiler.
+
+    `optimisation` is the level of LLVM's code generator. At 1 compilation takes four times as long; what it gains is
+    the choice of registers. At 0 each value that is used again goes through the stack.
+    """
     translation = functools.cache(translate)
 
     def compute() -> list[Any]:
         source, *numbers = translation()
-        return [_key(source).hex(), *numbers]
+        return [_key(source, optimisation).hex(), *numbers]
 
     key, *numbers = step.recall(form, compute)
     code = cache.read(bytes.fromhex(key))
     if code is None:
         key, *numbers = step.recall(form, compute, again=True)
-        code = _compile(translation()[0])
+        code = _compile(translation()[0], optimisation)
         cache.write(bytes.fromhex(key), code)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
@@ -247,14 +245,14 @@ def load(step: Step, form: str, translate: Callable[[], list[Any]]) -> Program:
     return Program(code, engine, numbers)
 
 
-def _key(source: str) -> bytes:
+def _key(source: str, optimisation: int) -> bytes:
     """Key of the object code of LLVM assembly on this machine."""
     *_, platform = _platform()
-    return cache.DIGEST(platform + b"\0" + source.encode()).digest()
+    return cache.DIGEST(b"\0".join([platform, str(optimisation).encode(), source.encode()])).digest()
 
 
-def _compile(source: str) -> bytes:
+def _compile(source: str, optimisation: int) -> bytes:
     """Object code of LLVM assembly, without IR passes: CasADi shares subexpressions, `llvm_ir` hoists invariants."""
     parsed = llvm.parse_assembly(source)
     parsed.verify()
-    return bytes(_machine().emit_object(parsed))
+    return bytes(_machine(optimisation).emit_object(parsed))
