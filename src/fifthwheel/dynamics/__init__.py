@@ -1,6 +1,15 @@
 """The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
-from fifthwheel.dynamics.analysis import Matrices, Mode, critical_speed, is_stable, matrices, modes, steady_state
+from fifthwheel.dynamics.analysis import (
+    Matrices,
+    Mode,
+    critical_speed,
+    is_stable,
+    matrices,
+    modes,
+    steady_state,
+    variants,
+)
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
     CONTACT,
@@ -48,4 +57,5 @@ __all__ = [
     "steady_steer",
     "steer_parameters",
     "understeer_gradient",
+    "variants",
 ]

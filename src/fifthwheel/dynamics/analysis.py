@@ -16,7 +16,10 @@ from fifthwheel.vehicle import Vehicle
 
 @dataclass(frozen=True, kw_only=True)
 class Matrices:
-    """E x' = F x + G d and x' = A x + B d at one speed, for n states and k steered axles, SI."""
+    """E x' = F x + G d and x' = A x + B d at one speed, for n states and k steered axles, SI.
+
+    Those of several vehicles have one more axis, the first one.
+    """
 
     states: tuple[str, ...]  # (n,) names of x
     E: Array  # (n, n) symmetric positive definite
@@ -54,15 +57,21 @@ def matrices(
     Raises:
         VehicleError: the speed is not positive.
     """
+    values = vehicle.parameters() | dict(changed or {})
+    m = variants(vehicle, speed, np.array([list(values.values())]), roll=roll, bank=bank)
+    return Matrices(states=m.states, E=m.E[0], F=m.F[0], G=m.G[0], A=m.A[0], B=m.B[0])
+
+
+def variants(vehicle: Vehicle, speed: float, parameters: Array, *, roll: bool, bank: bool = False) -> Matrices:
+    """Matrices of N vehicles with the parameters (N, n_p), in the order of those of `vehicle`; else as `matrices`."""
     if not speed > 0:
         raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
-    values = vehicle.parameters() | dict(changed or {})
     states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
-    n = len(states)
-    scan = _function(model(vehicle, (), roll=roll, bank=bank))
-    _, output = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
-    E, F, G, A, B = np.split(output[0], np.cumsum([n * n, n * n, n * k, n * n]))
-    E, F, G, A, B = (matrix.reshape(n, -1, order="F") for matrix in (E, F, G, A, B))
+    n, scan = len(states), _function(model(vehicle, (), roll=roll, bank=bank))
+    nothing, sample = np.zeros(0), np.array([[speed]])
+    output = np.concatenate([scan(nothing, sample, p)[1] for p in parameters])
+    parts = np.split(output, np.cumsum([n * n, n * n, n * k, n * n]), axis=1)
+    E, F, G, A, B = (part.reshape(len(parameters), -1, n).transpose(0, 2, 1) for part in parts)
     return Matrices(states=states, E=E, F=F, G=G, A=A, B=B)
 
 

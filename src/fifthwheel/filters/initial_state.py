@@ -34,16 +34,25 @@ def steady_initial_state(
     parameters = vehicle.parameters()
     changed = {name: value for name, value in errors.items() if name in parameters}
     m = dynamics.matrices(vehicle, inputs["speed"], roll=roll, bank=True, changed=changed)
+    return equilibrium(m, m.B[:-1] @ steer_angles(vehicle, inputs, errors) + m.A[:-1, -1] * bank), m
+
+
+def steer_angles(vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float]) -> Array:
+    """The steer angles (k,), rad, from the measured ones; arguments as in `steady_initial_state`."""
     steers = vehicle.steer_signals()
-    steer = [errors.get(f"{name}.gain", 1.0) * (inputs[name] - errors.get(f"{name}.offset", 0.0)) for name in steers]
-    return equilibrium(m, m.B[:-1] @ np.array(steer) + m.A[:-1, -1] * bank), m
+    return np.array([errors.get(f"{n}.gain", 1.0) * (inputs[n] - errors.get(f"{n}.offset", 0.0)) for n in steers])
+
+
+def is_stable(m: dynamics.Matrices) -> bool:
+    """Whether all modes decay, without the bank, the last state of `m`."""
+    return bool(np.linalg.eigvals(m.A[:-1, :-1]).real.max() < 0)
 
 
 def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
     """x (n,) or (n, k) with A x + excitation = 0, without the bank; zero for an unstable vehicle."""
-    A = m.A[:-1, :-1]
-    stable = np.linalg.eigvals(A).real.max() < 0
-    return np.asarray(-np.linalg.solve(A, excitation) if stable else np.zeros_like(excitation), dtype=np.float64)
+    if not is_stable(m):
+        return np.zeros_like(excitation, dtype=np.float64)
+    return np.asarray(-np.linalg.solve(m.A[:-1, :-1], excitation), dtype=np.float64)
 
 
 def bank_effect(m: dynamics.Matrices) -> Array:

@@ -11,7 +11,13 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters.initial_state import bank_effect, steady_initial_state
+from fifthwheel.filters.initial_state import (
+    bank_effect,
+    equilibrium,
+    is_stable,
+    steady_initial_state,
+    steer_angles,
+)
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
@@ -47,21 +53,32 @@ def steady_state_slopes(
     unknowns: Sequence[Unknown],
     bank: float = 0.0,
 ) -> Array:
-    """Derivative of `steady_state` with respect to the values of k unknowns (k, n), by central differences.
+    """Derivative of `steady_state` with respect to the values of k unknowns (k, n).
 
-    It is zero for every unknown that changes neither a parameter of the vehicle nor the first steer angle.
+    The steady state x solves A x + B d = 0, so A x' = -(A' x + B' d + B d'), with the derivatives of the matrices and
+    of the steer angles d by central differences. It is zero for every unknown that changes neither a parameter of the
+    vehicle nor the first steer angle, and for an unstable vehicle.
     """
-    relevant = {*vehicle.parameters(), *dynamics.steer_parameters(vehicle)}
-    slopes = np.zeros((len(unknowns), len(model.states)))
-    for row, unknown in zip(slopes, unknowns, strict=True):
-        moved = {name: rate for name, rate in unknown.slopes.items() if name in relevant}
-        if moved:
-            step = 1e-4 * unknown.prior_sigma
-            higher, lower = (
-                steady_state(model, vehicle, _delayed(inputs, change), {**values, **_added(values, change)}, bank)
-                for change in ({name: s * rate for name, rate in moved.items()} for s in (step, -step))
-            )
-            row[:] = (higher - lower) / (2 * step)
+    parameters, slopes = vehicle.parameters(), np.zeros((len(unknowns), len(model.states)))
+    relevant = {*parameters, *dynamics.steer_parameters(vehicle)}
+    moved = {
+        i: rates for i, u in enumerate(unknowns) if (rates := {n: r for n, r in u.slopes.items() if n in relevant})
+    }
+    x, m = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
+    if not moved or not is_stable(m):
+        return slopes
+    state, rows, steers, steps = np.append(x, bank), [], [], []
+    for i, rates in moved.items():
+        steps.append(1e-3 * unknowns[i].prior_sigma)
+        for step in (steps[-1], -steps[-1]):
+            change = {name: step * rate for name, rate in rates.items()}
+            changed = {**values, **_added(values, change)}
+            rows.append([changed.get(name, value) for name, value in parameters.items()])
+            steers.append(steer_angles(vehicle, _delayed(inputs, change), changed))
+    varied = dynamics.variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
+    unbalanced = np.einsum("nij,j->ni", varied.A, state) + np.einsum("nij,nj->ni", varied.B, np.array(steers))
+    rates = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
+    slopes[list(moved), : len(x)] = equilibrium(m, rates.T).T
     return slopes
 
 
