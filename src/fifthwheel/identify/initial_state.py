@@ -55,8 +55,8 @@ def steady_state_slopes(
 ) -> Array:
     """Derivative of `steady_state` with respect to the values of k unknowns (k, n).
 
-    The steady state x solves A x + B d = 0, so A x' = -(A' x + B' d + B d'), with the derivatives of the matrices and
-    of the steer angles d by central differences. It is zero for every unknown that changes neither a parameter of the
+    The steady state x solves F x + G d = 0, so F x' = -(F' x + (G d)'), with the derivatives of the matrices and of the
+    steer angles d by central differences: they are almost linear in the parameters. It is zero for every unknown that changes neither a parameter of the
     vehicle nor the first steer angle, and for an unstable vehicle.
     """
     parameters, slopes = vehicle.parameters(), np.zeros((len(unknowns), len(model.states)))
@@ -76,9 +76,9 @@ def steady_state_slopes(
             rows.append([changed.get(name, value) for name, value in parameters.items()])
             steers.append(steer_angles(vehicle, _delayed(inputs, change), changed))
     varied = dynamics.variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
-    unbalanced = np.einsum("nij,j->ni", varied.A, state) + np.einsum("nij,nj->ni", varied.B, np.array(steers))
+    unbalanced = np.einsum("nij,j->ni", varied.F, state) + np.einsum("nij,nj->ni", varied.G, np.array(steers))
     rates = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
-    slopes[list(moved), : len(x)] = equilibrium(m, rates.T).T
+    slopes[list(moved), : len(x)] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], rates.T)).T
     return slopes
 
 
