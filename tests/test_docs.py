@@ -294,6 +294,13 @@ def test_every_page_is_in_the_contents() -> None:
         assert name == "index.md" or f"({name})" in page("index.md")
 
 
+def test_the_contents_call_a_page_by_its_title() -> None:
+    for text, name in re.findall(r"\[([^\]]+)\]\(([\w/\-]+\.md)\)", page("index.md")):
+        title = re.search(r"^# (.*)$", page(name), re.MULTILINE)
+        assert title
+        assert text.casefold() == title[1].casefold(), name
+
+
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:
     table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
     forms = {
