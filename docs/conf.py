@@ -15,7 +15,7 @@ project_copyright = f"2026, {author}"
 release = version = fifthwheel.__version__
 
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
     "sphinx_gallery.gen_gallery",
@@ -30,6 +30,10 @@ exclude_patterns = ["_build", "_extensions", "_figures", "gallery/*.ipynb", "sg_
 myst_enable_extensions = ["dollarmath"]
 myst_fence_as_directive = ["math"]  # the notation of code hosts for equations
 myst_heading_anchors = 4
+
+nb_execution_mode = "force"  # the notebooks have no outputs; an unchanged one is not read again
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
 
 autodoc_typehints = "description"
 autodoc_preserve_defaults = True

@@ -97,9 +97,9 @@ PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind
 @pytest.mark.parametrize("pattern", PARAMETERS)
 def test_every_parameter_of_a_vehicle_is_in_the_glossary(pattern: str) -> None:
     table = {
-        cells[1]: cells for cells in rows(section(page("glossary.md"), "Parameters of the vehicle")) if len(cells) > 4
+        cells[0]: cells for cells in rows(section(page("glossary.md"), "Parameters of the vehicle")) if len(cells) > 3
     }
-    assert table[f"`{pattern}`"][2] == SI_UNITS[pattern.rpartition(".")[2]]
+    assert table[f"`{pattern}`"][1] == SI_UNITS[pattern.rpartition(".")[2]]
 
 
 def test_patterns_are_all_there_are() -> None:
@@ -117,7 +117,7 @@ def test_every_state_input_and_sensor_is_in_the_glossary() -> None:
         assert f"`{quantity}.{owner}`" in section(text, "States")
     for name in ("`speed`", "`steer.<unit>.<axle>`"):
         assert name in section(text, "Inputs")
-    measured = {cells[1]: cells[2] for cells in rows(section(text, "Measured and reported signals"))}
+    measured = {cells[0]: cells[1] for cells in rows(section(text, "Measured and reported signals"))}
     for channel in MODELLED:
         assert measured[f"`{channel.quantity}.<unit>`"] == channel.unit
     words = {name.rpartition(".")[2] for name in steer_parameters(TRUCK)}
@@ -294,6 +294,13 @@ def test_every_page_is_in_the_contents() -> None:
         assert name == "index.md" or f"({name})" in page("index.md")
 
 
+def test_the_contents_call_a_page_by_its_title() -> None:
+    for text, name in re.findall(r"\[([^\]]+)\]\(([\w/\-]+\.md)\)", page("index.md")):
+        title = re.search(r"^# (.*)$", page(name), re.MULTILINE)
+        assert title
+        assert text.casefold() == title[1].casefold(), name
+
+
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:
     table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
     forms = {
@@ -338,3 +345,47 @@ def test_the_names_of_the_architecture_exist() -> None:
             files = [SOURCE / path] if path.endswith(".py") else (SOURCE / path).rglob("*.py")
             defined = rf"^(def {name}\(|class {name}\b|{name}\b.*=)"
             assert any(re.search(defined, file.read_text(encoding="utf-8"), re.MULTILINE) for file in files), question
+
+
+ACCURACY = {
+    "linear truck, one stage, all else known": "Linear truck, all else known, 1 lane change",
+    "linear truck, recursive, all else known": "Linear truck, recursive, all else known, 1 lane change",
+    "linear truck, one stage, sensor errors unknown": (
+        "Linear truck, one stage, sensor errors estimated too, 1 lane change"
+    ),
+    "linear truck, two stages, sensor errors unknown": "Linear truck, two stages, 1 lane change",
+    "linear truck, one stage, nothing exact": (
+        "Linear truck, random vehicle parameters and sensor errors, 1 lane change"
+    ),
+    "linear truck, the article's preset, 12 lane changes": "Linear truck, the article's preset, 12 lane changes",
+    "nonlinear truck, one stage, all else known": "Nonlinear truck, all else known, 1 lane change",
+    "nonlinear truck, one stage, nothing exact, bank of 2°": (
+        "Nonlinear truck, random vehicle parameters, steering gain (3 %), offsets and bank (2 degrees), 1 lane change"
+    ),
+    "nonlinear truck, two stages, sensor errors unknown": "Nonlinear truck, two stages, 1 lane change",
+}
+"""Rows of the page on accuracy, and the section of the benchmark that has their numbers."""
+ACCURACY_COLUMNS = (
+    *("tractor.front.cornering_stiffness", "tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness"),
+    *("semitrailer.yaw_inertia", "semitrailer.payload.height", "semitrailer.cog_height"),
+)
+
+
+def test_the_page_on_accuracy_has_the_numbers_of_the_benchmark() -> None:
+    """Rms errors and coverages with their standard errors, rms / sqrt(2 n) and sqrt(p (1 - p) / n), as rounded."""
+    measured = (ROOT / "benchmarks" / "accuracy.md").read_text(encoding="utf-8")
+    truck, checked = "", set()
+    for label, seeds, *cells in (row for row in rows(page("accuracy.md")) if len(row) == 8):
+        truck = label if seeds == "seeds" else truck
+        if seeds.isdigit():
+            checked.add(f"{truck}, {label}")
+            text = section(measured, ACCURACY[f"{truck}, {label}"])
+            assert f"\n{seeds} seeds." in text
+            n, results = int(seeds), {row[0]: row for row in rows(text)}
+            for cell, name in filter(all, zip(cells, ACCURACY_COLUMNS, strict=True)):
+                rms, p = float(results[name][2]), float(results[name][7]) / 100
+                expected = [rms, rms / (2 * n) ** 0.5, 100 * p, 100 * (p * (1 - p) / n) ** 0.5]
+                for shown, number in zip(re.findall(r"[\d.]+", cell), expected, strict=False):
+                    step = 10.0 ** -len(shown.partition(".")[2])
+                    assert float(shown) == pytest.approx(number, abs=0.501 * step), (label, name)
+    assert checked == set(ACCURACY)

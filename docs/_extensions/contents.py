@@ -6,7 +6,7 @@ from typing import Any
 from sphinx.application import Sphinx
 
 SECTION = re.compile(r"^## (.+?)$(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
-PAGE = re.compile(r"\]\(([\w\-/]+)\.(?:md|rst)\)")
+PAGE = re.compile(r"\]\(([\w\-/]+)\.(?:md|rst|ipynb)\)")
 OUTSIDE = re.compile(r"\]\(((?:\.\./)+(?:benchmarks/\w+|CHANGELOG)\.md)\)")
 SCRIPT = re.compile(r"\.\./examples/gallery/(\w+)\.(?:py|rst)\)")
 

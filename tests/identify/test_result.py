@@ -11,9 +11,11 @@ import pytest
 
 from fifthwheel.cheng_cebon_2011 import article
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.formatting import shown
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.identify.online import Learner
+from fifthwheel.identify.result import display
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 
@@ -220,6 +222,18 @@ def test_the_plot_of_parameters(result):
     assert estimates.x[row] == 1.0
     assert estimates.x_sigma[row] == pytest.approx(front.sigma / front.value)
     assert "kN/rad" in estimates.texts[row]
+
+
+@pytest.mark.parametrize("name", ["result", "published"])
+def test_the_band_of_a_history_ends_with_the_sigma_of_the_result(name, request):
+    identified = request.getfixturevalue(name)
+    for history in identified.histories.values():
+        for estimate in filter(lambda e: e.name in history.names, identified.parameters):
+            sigma = history.sigma[:, history.names.index(estimate.name)]
+            band, factor = display.history_panel(history, estimate).items[0], shown(estimate.unit).factor
+            half = (np.asarray(band.upper) - np.asarray(band.lower)) / 2 / factor
+            assert half[-1] == pytest.approx(estimate.sigma)
+            assert (half >= sigma * (1 - 1e-9)).all() == (estimate.sigma >= sigma[-1] * (1 - 1e-9))
 
 
 def test_the_plots_over_time(result, published):

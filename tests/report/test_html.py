@@ -139,7 +139,7 @@ def test_lines_are_short_and_as_long_as_their_time(plots):
 def test_histories_have_band_levels_and_passes(result, plots):
     history, plot = result.identification.histories["one stage"], of_section(plots, "history")[0]
     names = [line["name"] for line in plot["data"]]
-    assert names == [display.FILTER_BAND, "initial", "final", "estimate", display.FINAL_SIGMA]
+    assert names == [display.HISTORY_BAND, "initial", "final", "estimate"]
     assert len(plot["layout"]["shapes"]) == history.passes - 1
     estimate = result.identification[history.names[0]]
     assert plot["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)

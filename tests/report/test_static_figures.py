@@ -51,7 +51,7 @@ def test_a_file_shows_the_figure_of_the_page(result):
     layout = plotly_figure.figure(plot)["layout"]
     assert axes.get_ylabel() == layout["yaxis"]["title"]["text"]
     assert list(axes.get_ylim()) == layout["yaxis"]["range"]
-    assert {line.get_label() for line in axes.lines} >= {"initial", "final", "estimate", display.FINAL_SIGMA}
+    assert {line.get_label() for line in axes.lines} >= {"initial", "final", "estimate"}
 
 
 def test_numbers_of_a_line_have_few_digits(result):

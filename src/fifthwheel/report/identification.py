@@ -302,16 +302,15 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
     if one_stage:
         yield pages.Hint(
             "Each point is the estimate from all data up to that time; all unknowns are estimated together. The band "
-            "is one sigma at that time, for an exact model. The error bar at the right is the sigma of the table; it "
-            "also includes the autocorrelation of the residuals and the uncertain parameters of the vehicle file."
+            "is one sigma; at the end it is that of the table, with model error and uncertain numbers."
         )
     else:
         rounds = " All rounds are shown; in the first, stage 1 has no roll, which biases its estimates."
         yield pages.Hint(
             "The estimate while the filter passes through the logs several times; grey vertical lines separate the "
             "passes. A pass starts at the last estimate with the prior sigma; its last step restores the prior mean. "
-            "The band is one sigma of the filter. The error bar at the right is the sigma of the table, which also "
-            f"includes the autocorrelation of the residuals.{rounds if identification.rounds > 1 else ''}"
+            "The band is one sigma; at the end it is that of the table, with the autocorrelation of the residuals."
+            f"{rounds if identification.rounds > 1 else ''}"
         )
     for title, history in identification.histories.items():
         passes = f"{history.passes} pass{'es' * (history.passes > 1)}"

@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fifthwheel import pages
+from fifthwheel._types import Array
 from fifthwheel.channels import si_unit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, relative, shown, with_sigma
@@ -16,9 +17,7 @@ from fifthwheel.plots.palette import BLUE, DARK, GREY, VERMILLION
 from fifthwheel.plots.panels import trimmed, visible_range
 
 TIME = Axis(label="time", unit="s")
-FILTER_BAND = "± 1 sigma at that time"
-FINAL_SIGMA = "final ± 1 sigma, as in the table"
-
+HISTORY_BAND = "± 1 sigma"
 
 DERIVED = ", derived"
 """Behind the verdict of an estimate that follows from the parameters."""
@@ -106,32 +105,38 @@ def residual_panel(fit: Fit) -> Panel:
 
 
 def history_panel(history: ParameterHistory, estimate: Estimate) -> Panel:
-    """The history of one estimate with a band of one sigma of the filter, the initial and the final value.
+    """The history of one estimate with a band of one sigma, the initial and the final value.
 
-    An error bar at the end shows the sigma of the result, which includes more than that of the filter. Vertical lines
-    separate the passes.
+    The band ends with the sigma of the result. Vertical lines separate the passes.
     """
     unit, column, time = shown(estimate.unit), history.names.index(estimate.name), history.time
-    values, sigma = history.values[:, column] * unit.factor, history.sigma[:, column] * unit.factor
+    values = history.values[:, column] * unit.factor
+    sigma = reported_sigma(history.sigma[:, column], estimate.sigma) * unit.factor
     ends = np.array([time[0], time[-1]])
     initial, final = estimate.initial * unit.factor, estimate.value * unit.factor
     items: list[Item] = [
-        Band(time, values - sigma, values + sigma, name=FILTER_BAND, colour=BLUE, gaps=True),
+        Band(time, values - sigma, values + sigma, name=HISTORY_BAND, colour=BLUE, gaps=True),
         Line(ends, [initial, initial], name="initial", colour=GREY, width=1.5, dash="dot"),
         Line(ends, [final, final], name="final", colour=VERMILLION, width=1.5, dash="dash"),
         Line(time, values, name="estimate", colour=BLUE, gaps=True),
     ]
-    final_sigma = (estimate.sigma or 0.0) * unit.factor
-    low, high = final - final_sigma, final + final_sigma
-    if final_sigma:
-        at, cap = np.dot([-0.025, 1.025], ends), 0.008 * np.ptp(ends)
-        x = [at - cap, at + cap, at, at, at - cap, at + cap]
-        items.append(Line(x, [low, low, low, high, high, high], name=FINAL_SIGMA, colour=VERMILLION, width=2.2))
     passes = [float(time[start]) for start in history.starts[1:] if start < len(time)]
     items += [Guide(x=at, colour="#bbbbbb", width=1, dash="solid") for at in passes]
-    visible = visible_range([initial, final, low, high], trimmed(values, 0.002))
+    visible = visible_range([initial, final, values[-1] - sigma[-1], values[-1] + sigma[-1]], trimmed(values, 0.002))
     y = Axis(unit=unit.name, range=visible)
     return Panel(items=items, title=estimate.name, x=Axis(label="driving time", unit="s"), y=y)
+
+
+def reported_sigma(sigma: Array, final: float | None) -> Array:
+    """A history of sigmas (N,) that ends with the sigma `final` of the result, in the same unit.
+
+    What the result adds to the variance, such as model error, grows with the information of the logs: none where sigma
+    is largest, all of it where sigma is that of the end.
+    """
+    first, last = sigma.max() ** 2, sigma[-1] ** 2
+    if final is None or not first > last:
+        return sigma if final is None else np.full_like(sigma, final)
+    return np.asarray(np.sqrt(np.interp(sigma**2, [last, first], [final**2, max(first, final**2)])))
 
 
 def chosen_fits(fits: Sequence[Fit], log: str | None) -> Sequence[Fit]:
