@@ -56,8 +56,8 @@ def steady_state_slopes(
     """Derivative of `steady_state` with respect to the values of k unknowns (k, n).
 
     The steady state x solves F x + G d = 0, so F x' = -(F' x + (G d)'), with the derivatives of the matrices and of the
-    steer angles d by central differences: they are almost linear in the parameters. It is zero for every unknown that changes neither a parameter of the
-    vehicle nor the first steer angle, and for an unstable vehicle.
+    steer angles d by central differences: they are almost linear in the parameters. It is zero for every unknown that
+    changes neither a parameter of the vehicle nor the first steer angle, and for an unstable vehicle.
     """
     parameters, slopes = vehicle.parameters(), np.zeros((len(unknowns), len(model.states)))
     relevant = {*parameters, *dynamics.steer_parameters(vehicle)}
