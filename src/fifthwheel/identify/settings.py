@@ -271,7 +271,3 @@ class OneStage(CommonSettings):
     def tyre_law(self) -> Tyres:
         """Law of the side forces of one fit; linear with auto."""
         return "linear" if self.tyres == "auto" else self.tyres
-
-    def as_dict(self) -> dict[str, Any]:
-        """All fields by name, for JSON."""
-        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}

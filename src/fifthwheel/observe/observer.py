@@ -16,7 +16,6 @@ from fifthwheel._arguments import expect, expect_names, expect_optional, expect_
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
-from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs, wheel_speed_difference, with_wheel_speed_differences
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
@@ -202,11 +201,9 @@ class Observer:
 
     def _identity(self) -> dict[str, Any]:
         """Vehicle, signals and settings, for JSON."""
-        settings = {name: value for name, value in vars(self.settings).items() if isinstance(value, float | None)}
-        own_law = {} if isinstance(self.settings.tyres, str) else {"tyres": tyre_law.stored(self.settings.tyres)}
         return {
             "signals": [*self.inputs, *self.outputs],
-            "settings": settings | own_law,
+            "settings": self.settings.as_dict(),
             "constant": self._filter.constant.tolist(),
             "carry": len(self._filter.carry),  # other versions may have another state
         }

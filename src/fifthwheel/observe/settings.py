@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator
 
 from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, SensorErrorName, checked_name, is_of
-from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
@@ -116,7 +115,3 @@ class ObserverSettings(ObserverOptions):
     def tyre_law(self) -> Tyres:
         """Law of the side forces."""
         return self.tyres if self.tyres != "auto" else "linear" if self.friction is None else "saturating"
-
-    def as_dict(self) -> dict[str, Any]:
-        """All fields by name, for JSON."""
-        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}
