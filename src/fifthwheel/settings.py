@@ -97,7 +97,8 @@ class Settings:
 
     def as_dict(self) -> dict[str, Any]:
         """All fields by name, for JSON."""
-        found = {name: _metadata(hint, Stored) for name, hint in _hints(type(self)).items()}
+        kind: Any = type(self)
+        found = {name: _metadata(hint, Stored) for name, hint in _hints(kind).items()}
         forms = {name: stored.form(getattr(self, name)) for name, stored in found.items() if stored}
         return asdict(self) | forms
 

@@ -156,7 +156,9 @@ def test_a_saved_law_is_found_if_imported(monkeypatch: pytest.MonkeyPatch) -> No
         SignalError, match="expected the function elsewhere:law, which is not imported; import elsewhere"
     ):
         restored(saved | {"law": "elsewhere:law"})
-    with pytest.raises(SignalError, match=r"expected the function of this result, with .* N at 0.001 rad, got another one"):
+    with pytest.raises(
+        SignalError, match=r"expected the function of this result, with .* N at 0.001 rad, got another one"
+    ):
         restored(saved | {"law": f"{__name__}:brush"})
     for other in ("os:system", "builtins:print"):  # a file calls no other function
         with pytest.raises(SignalError, match="expected"):

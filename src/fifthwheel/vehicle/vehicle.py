@@ -1,7 +1,7 @@
 """A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,6 +17,7 @@ from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
+from fifthwheel.vehicle.steering import STEERING, Steering, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class Vehicle(Component):
     units: tuple[Unit, ...] = Field(min_length=1, max_length=MAX_UNITS)
     couplings: tuple[Coupling, ...] = ()
     driveline: Driveline | None = None
+    steering: Steering | None = None
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
@@ -99,8 +101,12 @@ class Vehicle(Component):
         """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
         stated = {} if self.is_exact else self.stated
         texts = {path: toml_format.text(v, unit_of(path), stated.get(path)) for path, v in self.parameters().items()}
-        extra = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
-        return toml_format.dump(self.fields_with(texts) | extra)
+        extra: dict[str, Any] = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
+        fields = self.fields_with(texts)
+        if self.steering is not None:
+            stored = self.steering.model_dump(mode="json")["equations"]
+            extra[STEERING] = {**fields[STEERING], "equations": stored["function"], "units": None}
+        return toml_format.dump(fields | extra)
 
     def plot(self) -> "Plot":
         """A drawing to scale, from the side and from above: axles, couplings, payload and CoG.
@@ -135,8 +141,11 @@ class Vehicle(Component):
                 *(u.name for u in self.units),
                 *(c.name for c in self.couplings),
                 *(["driveline"] if self.driveline else []),
+                *([STEERING] if self.steering else []),
             ],
         )
+        if self.steering is not None:
+            self.steering.require_fits(self.steer_signals(), self._castors(), self.motion_signals())
         for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
             x, supports = coupling.leading_position, self._supports(front)
             _require_within(
@@ -220,6 +229,8 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
+        for name in self.steering.parameters if self.steering else ():
+            locations[f"{STEERING}.{name}"] = (STEERING, "parameters", name)
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -328,6 +339,52 @@ class Vehicle(Component):
             for axle in (axle for group in unit["axle_groups"] for axle in group["axles"]):
                 axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
         return type(self)(**fields)
+
+    def with_steering(
+        self,
+        equations: Callable[..., Any],
+        *,
+        states: Mapping[str, str] | None = None,
+        parameters: Mapping[str, str] | None = None,
+    ) -> Self:
+        """The same vehicle with equations of a user's own between measured steer angles and wheels.
+
+        Everything that models this vehicle has them: states, identification, learner, linear system, simulation and C.
+        The nonlinear truck, two stages and `assess` refuse such a vehicle.
+
+        Args:
+            equations: function of a module; `vehicle.steering` says what it gets and returns.
+            states: its own states, quantity.unit, each with the standard deviation about its steady value at the first
+                sample, such as {"actuator.semitrailer": "0.01 rad"}.
+            parameters: its own parameters, such as {"lag": "0.15 s +- 0.05 s"}, with the path "steering.lag". One
+                stage estimates those with a standard deviation.
+
+        Raises:
+            VehicleError: the equations lack a property, such as 0 where all is 0, or the vehicle a signal or axle.
+            SignalError: a state has the name of another quantity.
+
+        Example: docs/howto/extend.md
+        """
+        given = {"equations": equations, "states": states or {}, "parameters": parameters or {}}
+        steering, stated = stated_steering(given)
+        before = {path: sigma for path, sigma in self.stated.items() if not path.startswith(f"{STEERING}.")}
+        return type(self)(**self.model_dump() | {STEERING: steering, "stated": before | stated})
+
+    def require_no_steering(self, place: str) -> None:
+        """A VehicleError where something cannot model own equations of the steering."""
+        if self.steering is not None:
+            raise VehicleError(f"steering: {place} cannot model own equations; use a vehicle without them")
+
+    def motion_signals(self) -> tuple[str, ...]:
+        """Names of the motion that own equations of the steering may use."""
+        first, *behind = [unit.name for unit in self.units]
+        names = ["speed", f"lateral_velocity.{first}", *[f"articulation.{unit}" for unit in behind]]
+        return (*names, *[f"{q}.{unit}" for q in ("yaw_rate", "roll", "roll_rate") for unit in (first, *behind)])
+
+    def _castors(self) -> dict[str, bool]:
+        """Whether each axle has a steering of its own, by its signal."""
+        axles = [(unit, axle) for unit in self.units for axle in unit.axles]
+        return {f"steer.{u.name}.{a.name}": bool(a.self_steering or a.command_steering) for u, a in axles}
 
     def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
         """Static vertical load of each axle group by its path, N.

@@ -1,0 +1,163 @@
+"""Own equations of the steering: between measured steer angles and wheels, with own states and parameters.
+
+The equations are a function at the top level of a module of yours, for `Vehicle.with_steering`:
+
+    def lag(steer, states, motion, p):
+        '''An actuator turns the wheels of the trailer: z' = (command - z) / T.'''
+        z = states["actuator.semitrailer"]
+        command = steer["steer.semitrailer.rear"]
+        return {"steer.semitrailer.rear": z}, {"actuator.semitrailer": (command - z) / p["lag"]}
+
+It gets four mappings from names to expressions of CasADi:
+
+    steer    the measured steer angles, rad, corrected by the errors of their sensors
+    states   its own states, SI
+    motion   "speed", m/s, and the states of the model, SI: lateral_velocity of the first unit, yaw_rate, articulation,
+             roll and roll_rate of a unit, such as "roll.semitrailer"
+    p        its own parameters, SI
+
+It returns the steer angles of wheels, rad, of any axle of the vehicle, and the derivatives of all its states, SI/s.
+Axles that it does not name are steered as measured. Its results are 0 where steer angles, states and motion are 0, and
+smooth there. A model with linear tyres linearises it there.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+from pydantic import AfterValidator, Field, PlainSerializer, PlainValidator, model_validator
+
+from fifthwheel.errors import UnitError, VehicleError, suggestion
+from fifthwheel.units import own_quantity
+from fifthwheel.vehicle.component import Component, HashableDict, Number, Texts
+from fifthwheel.vehicle.parameters import register_unit
+
+if TYPE_CHECKING:
+    from fifthwheel.vehicle.steering_equations import Trace
+
+STEERING = "steering"
+"""First word of the paths of its parameters."""
+ROLL = ("roll", "roll_rate")
+"""Quantities of the motion that only a model with roll has."""
+
+
+def _found(value: Any) -> Any:
+    from fifthwheel.vehicle import steering_equations  # only own equations need CasADi
+
+    return steering_equations.found(value)
+
+
+def _stored(equations: Any) -> dict[str, Any]:
+    from fifthwheel.vehicle import steering_equations
+
+    return steering_equations.stored(equations)
+
+
+Equations = Annotated[Any, PlainValidator(_found), PlainSerializer(_stored, when_used="json")]
+Numbers = Annotated[Mapping[str, Number], AfterValidator(HashableDict)]
+
+
+class Steering(Component):
+    """Own equations of the steering of a vehicle; see `Vehicle.with_steering`."""
+
+    equations: Equations = Field(description="Function of a module, or its name, module:function.")
+    states: Texts = Field(
+        default={}, description="Standard deviation of each own state about its steady value at the first sample."
+    )
+    parameters: Numbers = Field(default={}, description="Own parameters.")
+    units: Texts = Field(default={}, description="Their SI units.")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Another process registers states and units, too."""
+        return _made, (dict(self),)
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        from fifthwheel.channels import register_state
+
+        self._refuse(self._faults())
+        for name, text in self.states.items():
+            unit, sigma, _ = quantity_of(f"states, {name}", text)
+            if not sigma > 0:
+                raise VehicleError(f"states, {name}: expected a standard deviation above 0, got {text}; correct it")
+            register_state(name, unit, sigma)
+        for name in self.parameters:
+            if name not in self.units:
+                raise VehicleError(f"parameters, {name}: expected a text with a unit, got a number; write '0.1 s'")
+            register_unit(f"{STEERING}.{name}", self.units[name])
+        return self
+
+    def _refuse(self, faults: Iterator[tuple[str, str, str]], prefix: str = "") -> None:
+        from fifthwheel.vehicle.steering_equations import message
+
+        for fault in faults:
+            raise VehicleError(prefix + message(self.equations, fault))
+
+    def _faults(self) -> Iterator[tuple[str, str, str]]:
+        used, rates = self.trace.used, self.trace.rates
+        for kind, argument, given in (("states", "states", self.states), ("parameters", "p", self.parameters)):
+            for name in used[argument]:
+                if name not in given:
+                    yield f"{kind} that are stated", name, f"state it; {suggestion(name, given)}"
+        if set(rates) != set(self.states):
+            stated, got = (", ".join(names) or "none" for names in (self.states, rates))
+            yield f"the rates of its states, {stated}", got, "return the rate of each state that is stated"
+        yield from self.trace.faults_at_zero(self.parameters)
+        yield from self.trace.code_faults
+
+    @property
+    def trace(self) -> "Trace":
+        """What the equations use and return."""
+        from fifthwheel.vehicle.steering_equations import trace
+
+        return trace(self.equations)
+
+    @property
+    def uses_roll(self) -> bool:
+        """Whether the equations depend on the roll of a unit."""
+        return any(name.partition(".")[0] in ROLL for name in self.trace.used["motion"])
+
+    def require_fits(self, steers: Sequence[str], axles: Mapping[str, bool], motion: Sequence[str]) -> None:
+        """A VehicleError for equations that do not fit the vehicle; `axles`: whether each castors, by its signal."""
+        self._refuse(self._misfits(steers, axles, motion), f"{STEERING}.")
+
+    def _misfits(
+        self, steers: Sequence[str], axles: Mapping[str, bool], motion: Sequence[str]
+    ) -> Iterator[tuple[str, str, str]]:
+        used = self.trace.used
+        for name in used["steer"]:
+            if name not in steers:
+                yield f"steer angles among {', '.join(steers)}", name, "log it, and set steerable = true at its axle"
+        for name in used["motion"]:
+            if name not in motion:
+                yield f"motion among {', '.join(motion)}", name, "correct the name"
+        for name in self.trace.wheels:
+            if name not in axles:
+                yield f"wheels among {', '.join(axles)}", name, "correct the name"
+            elif axles[name]:
+                yield "wheels without self_steering and command_steering", name, "remove these there"
+        units = {axle.split(".")[1] for axle in axles}
+        for name in self.states:
+            if name.split(".")[1:2] == [] or name.split(".")[1] not in units:
+                yield f"states quantity.unit of {', '.join(sorted(units))}", name, "correct the name"
+
+
+def _made(fields: dict[str, Any]) -> Steering:
+    return Steering(**fields)
+
+
+def quantity_of(path: str, text: Any) -> tuple[str, float, float | None]:
+    """`units.own_quantity`; a VehicleError names the path."""
+    try:
+        return own_quantity(text)
+    except UnitError as error:
+        raise VehicleError(f"{path}: {error}; correct it") from None
+
+
+def stated_steering(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, float]]:
+    """Fields of a `Steering` whose parameters are texts with units, and the standard deviations that these state."""
+    parameters, units, stated = dict[str, float](), dict[str, str](), dict[str, float]()
+    for name, text in dict(fields.get("parameters", {})).items():
+        units[name], parameters[name], sigma = quantity_of(f"{STEERING}.{name}", text)
+        if sigma is not None:
+            stated[f"{STEERING}.{name}"] = sigma
+    return {**fields, "parameters": parameters, "units": units}, stated
