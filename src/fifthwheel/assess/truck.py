@@ -94,6 +94,9 @@ class Truck:
     speed: float = 88 / 3.6
     """m/s."""
 
+    def __post_init__(self) -> None:
+        self.vehicle.require_no_steering("assess")
+
     def changed(self, values: Mapping[str, float]) -> "Truck":
         """The truck with other values of parameters by path, and of `HALF_TRACK`."""
         parameters = {name: value for name, value in values.items() if name != HALF_TRACK}

@@ -62,6 +62,7 @@ def identify_two_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in two stages; arguments and errors as in `identify`."""
+    vehicle.require_no_steering("the identification in two stages")
     dataset = prepare_dataset(records, vehicle, settings, validate)
     for unit in unmeasured_units(dataset.yaw, dataset.vehicle):
         raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")

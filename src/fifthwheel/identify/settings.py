@@ -21,6 +21,8 @@ Progress = Callable[[str, int, int], None]
 RelativeSigmas = Annotated[Mapping[str, FinitePositive], Cure("give a standard deviation as a fraction of the value")]
 
 
+ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
+"""Parameters of a unit that are identifiable only from its own roll rate."""
 StatedPriors = Annotated[
     Mapping[str, tuple[Finite, FiniteNonNegative]], Cure("give a prior mean and a standard deviation in SI")
 ]
@@ -206,6 +208,9 @@ class OneStage(CommonSettings):
     """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
     road, which all logs share and which is estimated too (`dynamics.tyres`); an own function that saturates
     (`dynamics.tyre_law`); or auto: saturating if the static axle loads are determined."""
+    roll: bool = True
+    """Model yaw and roll. False: yaw only, without signals that contain roll (roll rates, lateral accelerations, wheel
+    speeds), and no payload height is estimated."""
     friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: Positive = 0.4
@@ -266,6 +271,14 @@ class OneStage(CommonSettings):
                 raise SignalError(
                     f"free, {name}: expected a parameter that is not fixed; remove it from free or from fixed"
                 )
+        requested = {"free": self.free or (), "priors": self.priors, "stated_priors": self.stated_priors}
+        for key, names in requested.items() if not self.roll else ():
+            for name in names:
+                if any(ends_with(name, of_roll) for of_roll in ROLL_PARAMETERS):
+                    raise SignalError(
+                        f"{key}, {name}: expected a parameter of the yaw motion, because roll=False; remove it, or use "
+                        "roll=True"
+                    )
 
     @property
     def tyre_law(self) -> Tyres:

@@ -44,7 +44,8 @@ class Observer:
         signals: names of the available signals: the speed, a steer angle, and at least one yaw rate, roll rate, roll
             angle or articulation angle; lateral accelerations and wheel speeds of both sides of an axle that is not
             driven are used in addition. With a roll rate, a roll angle, a lateral acceleration, which contains gravity
-            by the roll angle, or wheel speeds, the yaw-roll model is used, otherwise the yaw model.
+            by the roll angle, or wheel speeds, the yaw-roll model is used, otherwise the yaw model; also with
+            `ObserverSettings(roll=False)`, which does not use these signals. `roll` says which model it is.
         settings: of the observer.
 
     Raises:
@@ -75,7 +76,8 @@ class Observer:
         if "speed" not in available:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
         units = [unit.name for unit in vehicle.units]
-        self.outputs = measured_signals(available, units, MEASURED)
+        usable = [channel for channel in MEASURED if self.settings.roll or not channel.of_roll]
+        self.outputs = measured_signals(available, units, usable)
         channels = [CHANNELS[SignalName.of(name).quantity] for name in self.outputs]
         if all(channel.large_offset for channel in channels):  # their offsets would decide
             raise SignalError(
@@ -83,7 +85,9 @@ class Observer:
                 "angle or articulation angle of a unit of the vehicle"
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
-        self.roll = any(channel.of_roll for channel in channels)
+        own_roll = self.vehicle.steering is not None and self.vehicle.steering.uses_roll
+        self.roll = self.settings.roll and (own_roll or any(channel.of_roll for channel in channels))
+        self.vehicle.require_roll(self.roll)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):

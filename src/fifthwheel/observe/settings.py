@@ -85,6 +85,8 @@ class ObserverSettings(ObserverOptions):
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
     friction, else linear."""
+    roll: bool = True
+    """Model roll if a signal contains it. False: yaw only, without signals that contain roll."""
     speed_smoothing: Positive = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
     `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""

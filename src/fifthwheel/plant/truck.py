@@ -83,6 +83,7 @@ class Plant:
     """Properties that a vehicle file does not have."""
 
     def __post_init__(self) -> None:
+        self.vehicle.require_no_steering("the nonlinear truck")
         sprung_bodies(self.vehicle, self.properties)
 
     @cached_property

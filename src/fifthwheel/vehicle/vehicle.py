@@ -229,8 +229,8 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
-        for name in self.steering.parameters if self.steering else ():
-            locations[f"{STEERING}.{name}"] = (STEERING, "parameters", name)
+        for path in self.steering_parameters():
+            locations[path] = (STEERING, "parameters", path.removeprefix(f"{STEERING}."))
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -370,10 +370,19 @@ class Vehicle(Component):
         before = {path: sigma for path, sigma in self.stated.items() if not path.startswith(f"{STEERING}.")}
         return type(self)(**self.model_dump() | {STEERING: steering, "stated": before | stated})
 
+    def steering_parameters(self) -> tuple[str, ...]:
+        """Paths of the own parameters of the steering."""
+        return tuple(f"{STEERING}.{name}" for name in (self.steering.parameters if self.steering else ()))
+
     def require_no_steering(self, place: str) -> None:
         """A VehicleError where something cannot model own equations of the steering."""
         if self.steering is not None:
             raise VehicleError(f"steering: {place} cannot model own equations; use a vehicle without them")
+
+    def require_roll(self, roll: bool) -> None:
+        """A VehicleError where own equations of the steering use roll and a model has none."""
+        if self.steering is not None and self.steering.uses_roll and not roll:
+            raise VehicleError("steering: its equations use roll; use roll=True, or a vehicle without them")
 
     def motion_signals(self) -> tuple[str, ...]:
         """Names of the motion that own equations of the steering may use."""

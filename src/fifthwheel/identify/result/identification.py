@@ -11,7 +11,16 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
-from fifthwheel.channels import LATERAL_ACCELERATION, STEER, WHEEL_SPEED_DIFFERENCE, Channel, is_of, is_sensor_error
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    ROLL_RATE,
+    STEER,
+    WHEEL_SPEED_DIFFERENCE,
+    Channel,
+    is_of,
+    is_sensor_error,
+    names_of,
+)
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
@@ -85,6 +94,12 @@ class Identification(IdentificationData):
         estimated = next((e.value for e in self.parameters if e.name == FRICTION), settings.friction)
         return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
+    @property
+    def models_roll(self) -> bool:
+        """Whether the method modelled yaw and roll, and not yaw only: one stage unless `roll=False`, two stages if a
+        roll rate is measured."""
+        return getattr(self.settings, "roll", bool(names_of(ROLL_RATE, self.signals)))
+
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
         """Sensor errors, noise, own tyre law, and friction and bank of the road, as arguments of `ObserverSettings`.
 
@@ -97,8 +112,9 @@ class Identification(IdentificationData):
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
         law = getattr(self.settings, "tyre_law", "linear")
         own_law = {} if isinstance(law, str) else {"tyres": law}
+        yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
         road = {"friction": self.friction} | self._uncertainties(log)
-        return {"sensor_errors": errors, "noise": noise} | own_law | road
+        return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
         """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
@@ -324,7 +340,8 @@ class Identification(IdentificationData):
     def _document(self) -> pages.Document:
         estimates = display.estimates_table(self.parameters, self.derived)
         doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
-        return pages.Document(self._title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
+        title = f"{self._title}, {'yaw and roll' if self.models_roll else 'yaw only'}"
+        return pages.Document(title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
 
 
 def _doubt_in_words(doubt: Doubt) -> str:
