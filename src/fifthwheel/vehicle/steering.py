@@ -24,9 +24,9 @@ smooth there. A model with linear tyres linearises it there.
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
-from pydantic import AfterValidator, Field, PlainSerializer, PlainValidator, model_validator
+from pydantic import AfterValidator, Field, PlainSerializer, model_validator
 
-from fifthwheel.errors import UnitError, VehicleError, suggestion
+from fifthwheel.errors import SignalError, UnitError, VehicleError, suggestion
 from fifthwheel.units import own_quantity
 from fifthwheel.vehicle.component import Component, HashableDict, Number, Texts
 from fifthwheel.vehicle.parameters import register_unit
@@ -40,19 +40,13 @@ ROLL = ("roll", "roll_rate")
 """Quantities of the motion that only a model with roll has."""
 
 
-def _found(value: Any) -> Any:
-    from fifthwheel.vehicle import steering_equations  # only own equations need CasADi
-
-    return steering_equations.found(value)
-
-
 def _stored(equations: Any) -> dict[str, Any]:
-    from fifthwheel.vehicle import steering_equations
+    from fifthwheel.vehicle.steering_equations import stored
 
-    return steering_equations.stored(equations)
+    return stored(equations)
 
 
-Equations = Annotated[Any, PlainValidator(_found), PlainSerializer(_stored, when_used="json")]
+Equations = Annotated[Any, PlainSerializer(_stored, when_used="json")]
 Numbers = Annotated[Mapping[str, Number], AfterValidator(HashableDict)]
 
 
@@ -70,6 +64,13 @@ class Steering(Component):
         """Another process registers states and units, too."""
         return _made, (dict(self),)
 
+    @model_validator(mode="before")
+    @classmethod
+    def _restore(cls, fields: Any) -> Any:
+        from fifthwheel.vehicle.steering_equations import found  # only own equations need CasADi
+
+        return {**fields, "equations": found(fields.get("equations"))}
+
     @model_validator(mode="after")
     def _check(self) -> Self:
         from fifthwheel.channels import register_state
@@ -79,7 +80,10 @@ class Steering(Component):
             unit, sigma, _ = quantity_of(f"states, {name}", text)
             if not sigma > 0:
                 raise VehicleError(f"states, {name}: expected a standard deviation above 0, got {text}; correct it")
-            register_state(name, unit, sigma)
+            try:
+                register_state(name, unit, sigma)
+            except SignalError as error:
+                raise VehicleError(f"states, {error}") from None
         for name in self.parameters:
             if name not in self.units:
                 raise VehicleError(f"parameters, {name}: expected a text with a unit, got a number; write '0.1 s'")
@@ -160,4 +164,6 @@ def stated_steering(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str
         units[name], parameters[name], sigma = quantity_of(f"{STEERING}.{name}", text)
         if sigma is not None:
             stated[f"{STEERING}.{name}"] = sigma
+    for name, text in dict(fields.get("states", {})).items():
+        quantity_of(f"{STEERING}.states, {name}", text)
     return {**fields, "parameters": parameters, "units": units}, stated

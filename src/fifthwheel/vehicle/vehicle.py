@@ -360,8 +360,8 @@ class Vehicle(Component):
                 stage estimates those with a standard deviation.
 
         Raises:
-            VehicleError: the equations lack a property, such as 0 where all is 0, or the vehicle a signal or axle.
-            SignalError: a state has the name of another quantity.
+            VehicleError: the equations lack a property, such as 0 where all is 0, the vehicle has no such signal or
+                axle, or a state or parameter no unit or the name of another quantity.
 
         Example: docs/howto/extend.md
         """
