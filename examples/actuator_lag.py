@@ -43,7 +43,7 @@ def steered(truck: fw.Vehicle) -> fw.Vehicle:
 
 def simulated(truck: fw.Vehicle, seed: int = 0) -> fw.Record:
     """A single sine at 24 m/s, in which the trailer steers with 40 % of the front angle; noise of good gyros."""
-    course = single_sine(truck, acceleration=2.0)
+    course = single_sine(truck, acceleration=1.5)
     inputs = {"speed": np.full_like(course.time, 24.0), FRONT: course.steer, REAR: 0.4 * course.steer}
     model, values = dynamics.model(truck, GYROS, roll=True), dynamics.all_parameters(truck, GYROS)
     _, rates = free_response(model, values, course.time, inputs)

@@ -90,8 +90,8 @@ def test_steering_by_the_articulation_is_command_steering(roll) -> None:
         a, b = (free_response(m, v, time, inputs)[1] for m, v in zip(models, values, strict=True))
         assert a == pytest.approx(b, rel=1e-9, abs=1e-12)
     a, b = (dynamics.matrices(truck, 22.0, roll=roll) for truck in (own, built_in))
-    assert a.A == pytest.approx(b.A, rel=1e-9, abs=1e-9)
-    assert a.F == pytest.approx(b.F, rel=1e-9, abs=1e-6)
+    np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(a.F, b.F, rtol=1e-9, atol=1e-6)
 
 
 def test_roll_steer_adds_a_column_to_the_matrices() -> None:
@@ -101,7 +101,7 @@ def test_roll_steer_adds_a_column_to_the_matrices() -> None:
     plain, all_steered = (dynamics.matrices(truck, 22.0, roll=True) for truck in (TRUCK, steered))
     expected = plain.A.copy()
     expected[:, plain.states.index("roll.semitrailer")] += k * all_steered.B[:, 1:].sum(axis=1)
-    assert own.A == pytest.approx(expected, rel=1e-9, abs=1e-9)
+    np.testing.assert_allclose(own.A, expected, rtol=1e-9, atol=1e-9)
     yaw = [dynamics.matrices(truck, 22.0, roll=False).A for truck in (own_truck(), TRUCK)]
     assert yaw[0] == pytest.approx(yaw[1])  # roll is 0 there
 
@@ -110,7 +110,7 @@ def own_truck():
     return TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
 
 
-@pytest.mark.parametrize(("truck", "tyres"), [(LAGGED, "linear"), (STOPPED, "saturating"), (TRUCK, "saturating")])
+@pytest.mark.parametrize(("truck", "tyres"), [(LAGGED, "linear"), (STOPPED, "saturating")])
 def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
     """Of a small step, because a model with saturating tyres is linearised at its beginning, and without the lateral
     acceleration, of which it neglects a small derivative."""
@@ -118,7 +118,7 @@ def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
     rng, n = np.random.default_rng(1), len(model.states)
     x, dt, c = (
         0.01 * rng.normal(size=n),
-        1e-4,
+        1e-5,
         model.known_values(dynamics.all_parameters(truck, model.outputs, tyres=tyres)),
     )
     d = np.array([22.0, 0.01, 22.1, 0.012])

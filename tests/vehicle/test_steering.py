@@ -139,7 +139,7 @@ def test_a_state_has_a_quantity_of_its_own() -> None:
         named("yaw_rate.tractor")
     with_lag()
     with pytest.raises(
-        VehicleError, match="states, actuator.tractor: actuator is another quantity; give yours another name"
+        VehicleError, match=r"states, actuator\.tractor: actuator is another quantity; give yours another name"
     ):
         TRUCK.with_steering(lag, **LAG | {"states": {STATE: "0.01 m"}})
 
@@ -151,7 +151,7 @@ def test_the_parameter_is_one_of_the_vehicle() -> None:
     assert unit_of("steering.lag") == "s"
     changed = truck.replace({"steering.lag": 0.2})
     assert changed.parameters()["steering.lag"] == 0.2
-    with pytest.raises(VehicleError, match="steering.delay: no such parameter"):
+    with pytest.raises(VehicleError, match=r"steering\.delay: no such parameter"):
         truck.replace({"steering.delay": 0.2})
     assert truck.with_steering(roll_steer, parameters={"coefficient": "0.1"}).stated == {}
     assert hash(truck) == hash(with_lag())
@@ -198,9 +198,7 @@ def test_another_process_knows_the_units(tmp_path) -> None:
 def test_an_axle_has_one_steering() -> None:
     castor = json.loads(TRUCK.model_dump_json())
     castor["units"][1]["axle_groups"][0]["axles"][-1] |= {"steerable": False, "self_steering": 0.5}
-    with pytest.raises(
-        VehicleError, match="expected wheels without self_steering and command_steering, got steer.semi"
-    ):
+    with pytest.raises(VehicleError, match="expected wheels without self_steering and command_steering, got steer"):
         Vehicle(**castor).with_steering(roll_steer, parameters={"coefficient": "0.1"})
 
 

@@ -75,7 +75,8 @@ class Trace:
             at = [given.get(a, {}).get(name, 0.0) for a in ARGUMENTS for name in self.used[a]]
             for name, value in zip((*self.wheels, *self.rates), self._at(at, self.outputs).ravel(), strict=True):
                 if value != 0:
-                    yield f"0 where all is 0, of {name}", f"{value:g}", "use functions of casadi, not of math, and avoid 0 / 0"
+                    cure = "use functions of casadi, not of math, and avoid 0 / 0"
+                    yield f"0 where all is 0, of {name}", f"{value:g}", cure
             if not np.isfinite(self._at(at, self.slopes)).all():
                 yield "finite derivatives where all is 0", "others", "let the equations be smooth there"
 
