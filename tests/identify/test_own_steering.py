@@ -96,6 +96,13 @@ def test_a_saved_result_has_the_equations(own: Identification, record: Record, t
     assert Identification.load(tmp_path) == own
     assert Vehicle.load(tmp_path / "vehicle.toml") == own.vehicle
     assert pickle.loads(pickle.dumps(own)) == own
+    file = tmp_path / "identification.json"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('"actuator_lag:actuator"', '"elsewhere:actuator"'), encoding="utf-8")
+    with pytest.raises(
+        SignalError, match=r"json: equations: expected .* elsewhere:actuator, .* import elsewhere first"
+    ):
+        Identification.load(tmp_path)
 
 
 def test_the_report_shows_the_lag(own: Identification, record: Record, tmp_path: Path) -> None:

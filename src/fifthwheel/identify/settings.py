@@ -8,12 +8,14 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
 from fifthwheel.options import Friction
 from fifthwheel.settings import Count, Cure, Finite, FiniteNonNegative, FinitePositive, NonNegative, Positive, Settings
+from fifthwheel.vehicle import steering_equations
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
+from fifthwheel.vehicle.steering import STEERING
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
@@ -105,13 +107,19 @@ def refuse_suspension(contents: Mapping[str, Any]) -> None:
         raise ValueError("changes: the suspension of another result, for which this version has --knowledge")
 
 
-def require_tyre_law(contents: Mapping[str, Any], path: str) -> None:
-    """A SignalError for settings in a file whose own tyre law is not imported."""
-    if isinstance(stored := contents.get("tyres"), dict):
-        try:
-            tyre_law.restored(stored)
-        except SignalError as error:
-            raise SignalError(f"{path}: {error}") from None
+def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
+    """A SignalError for a file whose own tyre law or own equations of the steering are not imported, or others."""
+    settings, vehicle = contents.get("settings"), contents.get("vehicle_file", contents.get("vehicle"))
+    tyres, steering = (
+        part.get(key) if isinstance(part, dict) else None for part, key in ((settings, "tyres"), (vehicle, STEERING))
+    )
+    try:
+        if isinstance(tyres, dict):
+            tyre_law.restored(tyres)
+        if isinstance(steering, dict):
+            steering_equations.found(steering.get("equations"))
+    except FifthwheelError as error:
+        raise SignalError(f"{path}: {error}") from None
 
 
 MODEL_ERRORS: Mapping[str, float] = {

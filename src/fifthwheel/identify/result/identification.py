@@ -31,7 +31,7 @@ from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.result.posterior import Posterior
-from fifthwheel.identify.settings import OneStage, require_tyre_law
+from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
@@ -306,7 +306,7 @@ class Identification(IdentificationData):
         path = path / storage.CONTENTS if path.is_dir() else path
         contents = storage.read_contents(path)
         series = storage.read_series(path.with_name(storage.SERIES))
-        require_tyre_law(contents.get("settings", {}), str(path))
+        require_own_functions(contents, str(path))
         try:
             known = path.with_name(KNOWLEDGE)
             knowledge = Knowledge.load(known) if known.exists() else None
