@@ -107,7 +107,10 @@ def test_a_saved_result_has_the_equations(own: Identification, record: Record, t
 
 def test_the_report_shows_the_lag(own: Identification, record: Record, tmp_path: Path) -> None:
     write_report(tmp_path / "report.html", own, [record], [own.observer().batch(record)], title="lag")
-    assert "Steering, lag" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Steering, lag" in text
+    assert "Model: yaw and roll, own steering actuator_lag:actuator." in text
+    assert "yaw and roll, own steering actuator_lag:actuator" in own.summary()
 
 
 def test_an_observer_gives_the_own_state_with_sigma(own: Identification, record: Record) -> None:

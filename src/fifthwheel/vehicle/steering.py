@@ -109,6 +109,11 @@ class Steering(Component):
         yield from self.trace.code_faults
 
     @property
+    def name(self) -> str:
+        """module:function"""
+        return str(_stored(self.equations)["function"])
+
+    @property
     def trace(self) -> "Trace":
         """What the equations use and return."""
         from fifthwheel.vehicle.steering_equations import trace

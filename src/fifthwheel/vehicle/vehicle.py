@@ -104,8 +104,7 @@ class Vehicle(Component):
         extra: dict[str, Any] = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
         fields = self.fields_with(texts)
         if self.steering is not None:
-            stored = self.steering.model_dump(mode="json")["equations"]
-            extra[STEERING] = {**fields[STEERING], "equations": stored["function"], "units": None}
+            extra[STEERING] = {**fields[STEERING], "equations": self.steering.name, "units": None}
         return toml_format.dump(fields | extra)
 
     def plot(self) -> "Plot":

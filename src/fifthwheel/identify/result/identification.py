@@ -100,6 +100,13 @@ class Identification(IdentificationData):
         roll rate is measured."""
         return getattr(self.settings, "roll", bool(names_of(ROLL_RATE, self.signals)))
 
+    @property
+    def model(self) -> str:
+        """The motion that the method modelled, in words, with the name of own equations of the steering."""
+        motion = "yaw and roll" if self.models_roll else "yaw only"
+        own = self.vehicle.steering
+        return f"{motion}, own steering {own.name}" if own else motion
+
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
         """Sensor errors, noise, own tyre law, and friction and bank of the road, as arguments of `ObserverSettings`.
 
@@ -340,8 +347,9 @@ class Identification(IdentificationData):
     def _document(self) -> pages.Document:
         estimates = display.estimates_table(self.parameters, self.derived)
         doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
-        title = f"{self._title}, {'yaw and roll' if self.models_roll else 'yaw only'}"
-        return pages.Document(title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
+        return pages.Document(
+            f"{self._title}, {self.model}", [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)]
+        )
 
 
 def _doubt_in_words(doubt: Doubt) -> str:
