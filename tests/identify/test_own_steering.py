@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel import dynamics
+from fifthwheel import channels, dynamics
 from fifthwheel.assess import assess
+from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
@@ -140,6 +141,39 @@ def test_an_observer_gives_the_own_state_with_sigma(own: Identification, record:
     assert [answer[STATE] for answer in pushed] == filtered.values[STATE].tolist()
     assert states.plot(STATE).panels[0].y.unit == "deg"
     assert np.abs(observer.smooth(record).values[STATE] - angle)[known].max() < 0.02 * np.abs(angle).max()
+
+
+@pytest.fixture
+def sensor():
+    """A sensor of the actuator, for one test."""
+    with_lag(TRUCK, "0.1 s")
+    lists = channels.MEASURED, channels.IDENTIFIED, channels.MODELLED
+    before = [list(listed) for listed in lists]
+    channels.register(
+        Channel(
+            quantity="actuator",
+            unit="rad",
+            limit=SignalLimits(magnitude=0.5, jump=0.1),
+            noise=(1e-8, 1e-8),
+            model=SensorModel(value=lambda now, i, name: now.own_state(name)),
+        )
+    )
+    yield
+    for listed, former in zip(lists, before, strict=True):
+        listed[:] = former
+    del channels.CHANNELS["actuator"]
+
+
+def test_an_own_state_can_be_measured(sensor: None, record: Record, guess: Vehicle, own: Identification) -> None:
+    (angle,) = free_response(
+        dynamics.model(TRUE, [STATE], roll=True), dynamics.all_parameters(TRUE, [STATE]), record.time, record.signals
+    )[1].T
+    noise = np.random.default_rng(1).normal(0, 1e-4, len(record))
+    measured = replace(record, signals=dict(record.signals) | {STATE: angle + noise})
+    result = identify([measured], with_lag(guess, "0.1 s +- 0.05 s"), EXACT)
+    assert STATE in result.signals
+    assert abs(result[PATH].value - LAG) < 3 * result[PATH].sigma < 0.5 * own[PATH].sigma
+    assert STATE in Observer(TRUE, measured.signals).outputs
 
 
 def test_a_learner_has_the_own_equations(record: Record) -> None:

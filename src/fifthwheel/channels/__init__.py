@@ -113,6 +113,8 @@ def register(channel: Channel) -> None:
             raise SignalError(
                 f"{quantity}, {error.kind}: expected a prior of 0 or more, got {error.prior}; give it in SI"
             )
+    if (former := CHANNELS.get(quantity)) is not None:  # perhaps a state of own equations
+        channel = replace(channel, state=channel.state or former.state)
     for listed in (MEASURED, IDENTIFIED, MODELLED):
         listed[:] = [*[other for other in listed if other.quantity != quantity], channel]
     CHANNELS[quantity] = channel
@@ -135,7 +137,15 @@ def register_state(name: str, unit: str, initial_sigma: float) -> None:
     if any(quantity == channel.quantity for channel in _ALL) or (known and known.unit != unit):
         raise SignalError(f"{name}: {quantity} is another quantity; give yours another name")
     noise = StateNoise(process=0.0, observer_process=0.0, initial_sigma=initial_sigma)
-    CHANNELS[quantity] = replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise)
+    if known is None or known.state != noise:
+        _list(replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise), known)
+
+
+def _list(channel: Channel, former: Channel | None) -> None:
+    """Put a channel in the place of a former one; `former` may be in some of the lists."""
+    for listed in (MEASURED, IDENTIFIED, MODELLED):
+        listed[:] = [channel if other is former else other for other in listed]
+    CHANNELS[channel.quantity] = channel
 
 
 def own_channels(names: Iterable[str]) -> tuple[Channel, ...]:

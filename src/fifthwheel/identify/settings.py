@@ -279,6 +279,12 @@ class OneStage(CommonSettings):
                 raise SignalError(
                     f"free, {name}: expected a parameter that is not fixed; remove it from free or from fixed"
                 )
+        for key in ("height_prior", "roll_inertia_prior", "uniform_payload") if not self.roll else ():
+            if (value := getattr(self, key)) != getattr(type(self), key):
+                raise SignalError(
+                    f"{key}: expected the default, because roll=False estimates no payload height, got {value}; "
+                    "remove it, or use roll=True"
+                )
         requested = {"free": self.free or (), "priors": self.priors, "stated_priors": self.stated_priors}
         for key, names in requested.items() if not self.roll else ():
             for name in names:

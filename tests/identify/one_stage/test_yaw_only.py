@@ -76,6 +76,23 @@ def test_contradictions_are_refused_with_key_and_cure(settings, key: str) -> Non
         OneStage(roll=False, **settings)
 
 
+@pytest.mark.parametrize("given", [{"height_prior": 0.2}, {"roll_inertia_prior": 0.2}, {"uniform_payload": False}])
+def test_what_would_be_dropped_is_refused(given) -> None:
+    with pytest.raises(
+        SignalError, match=rf"{next(iter(given))}: expected the default, .*; remove it, or use roll=True"
+    ):
+        OneStage(roll=False, **given)
+
+
+def test_earlier_logs_may_have_had_roll(record: Record, result: Identification) -> None:
+    log = simulate(TRUCK, count=1, seed=2)
+    both = identify([log], TRUCK, replace(YAW, roll=True))
+    yaw = identify([record], TRUCK, YAW, knowledge=both.knowledge)
+    name = "tractor.drive.cornering_stiffness"
+    assert yaw[name].sigma < result[name].sigma
+    assert identify([log], TRUCK, replace(YAW, roll=True), knowledge=result.knowledge)[HEIGHT].sigma < 0.5
+
+
 def test_a_learner_models_roll(record: Record) -> None:
     with pytest.raises(SignalError, match="roll: expected True, because a learner models roll, got False"):
         Learner(TRUCK, record.signals, YAW)
