@@ -12,7 +12,7 @@ import casadi as ca
 
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.steering import STEERING
+from fifthwheel.vehicle.steering import STEERING, motion_signals
 
 
 class Wheels(NamedTuple):
@@ -61,7 +61,9 @@ def wheels(p: Expressions, vehicle: Vehicle, states: Mapping[str, ca.SX], speed:
     own = vehicle.steering
     if own is None:
         return Wheels(measured, ca.SX(len(states), 1))
-    motion = {"speed": speed} | {name: states.get(name, ca.SX(0)) for name in vehicle.motion_signals()[1:]}
+    motion = {"speed": speed} | {
+        name: states.get(name, ca.SX(0)) for name in motion_signals([unit.name for unit in vehicle.units])[1:]
+    }
     parameters = {name: p[f"{STEERING}.{name}"] for name in own.parameters}
     angles, rates = own.equations(measured, {name: states[name] for name in own.states}, motion, parameters)
     given = measured | {name: ca.SX(angle) for name, angle in angles.items()}

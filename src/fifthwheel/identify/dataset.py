@@ -35,6 +35,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.record import segments_above
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -162,7 +163,7 @@ def prepare_dataset(
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
     unused = [c for c in IDENTIFIED if c.of_roll and not getattr(settings, "roll", True)]
-    steered.require_roll(not unused)
+    require_roll(steered.steering, not unused)
     roll = measured_signals(logged, units, [c for c in (ROLL_RATE,) if c not in unused])
     others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in (*USUAL, *unused)])
     notes += [f"{name} is not used, because roll=False." for name in measured_signals(logged, units, unused)]

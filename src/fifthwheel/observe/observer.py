@@ -31,6 +31,7 @@ from fifthwheel.record import Record
 from fifthwheel.stream.settings import VALID
 from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 
 class Observer:
@@ -87,7 +88,7 @@ class Observer:
         self.inputs = ("speed", *self.vehicle.steer_signals())
         own_roll = self.vehicle.steering is not None and self.vehicle.steering.uses_roll
         self.roll = self.settings.roll and (own_roll or any(channel.of_roll for channel in channels))
-        self.vehicle.require_roll(self.roll)
+        require_roll(self.vehicle.steering, self.roll)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):

@@ -30,6 +30,7 @@ from fifthwheel.errors import SignalError, UnitError, VehicleError, suggestion
 from fifthwheel.units import own_quantity
 from fifthwheel.vehicle.component import Component, HashableDict, Number, Texts
 from fifthwheel.vehicle.parameters import register_unit
+from fifthwheel.vehicle.unit import Unit
 
 if TYPE_CHECKING:
     from fifthwheel.vehicle.steering_equations import Trace
@@ -125,29 +126,50 @@ class Steering(Component):
         """Whether the equations depend on the roll of a unit."""
         return any(name.partition(".")[0] in ROLL for name in self.trace.used["motion"])
 
-    def require_fits(self, steers: Sequence[str], axles: Mapping[str, bool], motion: Sequence[str]) -> None:
-        """A VehicleError for equations that do not fit the vehicle; `axles`: whether each castors, by its signal."""
-        self._refuse(self._misfits(steers, axles, motion), f"{STEERING}.")
+    def require_fits(self, units: Sequence[Unit], steers: Sequence[str]) -> None:
+        """A VehicleError for equations that do not fit a vehicle with these units and steer angles."""
+        self._refuse(self._misfits(units, steers), f"{STEERING}.")
 
-    def _misfits(
-        self, steers: Sequence[str], axles: Mapping[str, bool], motion: Sequence[str]
-    ) -> Iterator[tuple[str, str, str]]:
-        used = self.trace.used
+    def _misfits(self, units: Sequence[Unit], steers: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+        used, names = self.trace.used, [unit.name for unit in units]
+        axles = {f"steer.{unit.name}.{axle.name}": axle for unit in units for axle in unit.axles}
         for name in used["steer"]:
             if name not in steers:
                 yield f"steer angles among {', '.join(steers)}", name, "log it, and set steerable = true at its axle"
         for name in used["motion"]:
-            if name not in motion:
-                yield f"motion among {', '.join(motion)}", name, "correct the name"
+            if name not in motion_signals(names):
+                yield f"motion among {', '.join(motion_signals(names))}", name, "correct the name"
         for name in self.trace.wheels:
             if name not in axles:
                 yield f"wheels among {', '.join(axles)}", name, "correct the name"
-            elif axles[name]:
+            elif axles[name].self_steering or axles[name].command_steering:
                 yield "wheels without self_steering and command_steering", name, "remove these there"
-        units = {axle.split(".")[1] for axle in axles}
         for name in self.states:
-            if name.split(".")[1:2] == [] or name.split(".")[1] not in units:
-                yield f"states quantity.unit of {', '.join(sorted(units))}", name, "correct the name"
+            if name.split(".")[1:2] not in [[unit] for unit in names]:
+                yield f"states quantity.unit of {', '.join(names)}", name, "correct the name"
+
+
+def motion_signals(units: Sequence[str]) -> tuple[str, ...]:
+    """Names of the motion that own equations may use, of a vehicle with these units."""
+    names = ["speed", f"lateral_velocity.{units[0]}", *[f"articulation.{unit}" for unit in units[1:]]]
+    return (*names, *[f"{quantity}.{unit}" for quantity in ("yaw_rate", *ROLL) for unit in units])
+
+
+def own_parameters(steering: Steering | None) -> tuple[str, ...]:
+    """Paths of the own parameters."""
+    return tuple(f"{STEERING}.{name}" for name in (steering.parameters if steering else ()))
+
+
+def require_no_steering(steering: Steering | None, place: str) -> None:
+    """A VehicleError where something cannot model own equations."""
+    if steering is not None:
+        raise VehicleError(f"steering: {place} cannot model own equations; use a vehicle without them")
+
+
+def require_roll(steering: Steering | None, roll: bool) -> None:
+    """A VehicleError where own equations use roll and a model has none."""
+    if steering is not None and steering.uses_roll and not roll:
+        raise VehicleError("steering: its equations use roll; use roll=True, or a vehicle without them")
 
 
 def _made(fields: dict[str, Any]) -> Steering:

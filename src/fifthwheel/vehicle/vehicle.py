@@ -17,7 +17,7 @@ from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
-from fifthwheel.vehicle.steering import STEERING, Steering, stated_steering
+from fifthwheel.vehicle.steering import STEERING, Steering, own_parameters, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ class Vehicle(Component):
             ],
         )
         if self.steering is not None:
-            self.steering.require_fits(self.steer_signals(), self._castors(), self.motion_signals())
+            self.steering.require_fits(self.units, self.steer_signals())
         for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
             x, supports = coupling.leading_position, self._supports(front)
             _require_within(
@@ -228,8 +228,8 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
-        for path in self.steering_parameters():
-            locations[path] = (STEERING, "parameters", path.removeprefix(f"{STEERING}."))
+        for path in own_parameters(self.steering):
+            locations[path] = (STEERING, "parameters", path.partition(".")[2])
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -368,31 +368,6 @@ class Vehicle(Component):
         steering, stated = stated_steering(given)
         before = {path: sigma for path, sigma in self.stated.items() if not path.startswith(f"{STEERING}.")}
         return type(self)(**self.model_dump() | {STEERING: steering, "stated": before | stated})
-
-    def steering_parameters(self) -> tuple[str, ...]:
-        """Paths of the own parameters of the steering."""
-        return tuple(f"{STEERING}.{name}" for name in (self.steering.parameters if self.steering else ()))
-
-    def require_no_steering(self, place: str) -> None:
-        """A VehicleError where something cannot model own equations of the steering."""
-        if self.steering is not None:
-            raise VehicleError(f"steering: {place} cannot model own equations; use a vehicle without them")
-
-    def require_roll(self, roll: bool) -> None:
-        """A VehicleError where own equations of the steering use roll and a model has none."""
-        if self.steering is not None and self.steering.uses_roll and not roll:
-            raise VehicleError("steering: its equations use roll; use roll=True, or a vehicle without them")
-
-    def motion_signals(self) -> tuple[str, ...]:
-        """Names of the motion that own equations of the steering may use."""
-        first, *behind = [unit.name for unit in self.units]
-        names = ["speed", f"lateral_velocity.{first}", *[f"articulation.{unit}" for unit in behind]]
-        return (*names, *[f"{q}.{unit}" for q in ("yaw_rate", "roll", "roll_rate") for unit in (first, *behind)])
-
-    def _castors(self) -> dict[str, bool]:
-        """Whether each axle has a steering of its own, by its signal."""
-        axles = [(unit, axle) for unit in self.units for axle in unit.axles]
-        return {f"steer.{u.name}.{a.name}": bool(a.self_steering or a.command_steering) for u, a in axles}
 
     def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
         """Static vertical load of each axle group by its path, N.

@@ -29,6 +29,7 @@ from fifthwheel.identify.unknowns.unknown import (
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS
+from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 VARIATION = ".variation"
@@ -90,7 +91,7 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
         names = [*stage_1_names(vehicle), *(of_roll if settings.roll else ())]
         uncertain = [name for name in names if vehicle.stated.get(name) != 0]
         names = uncertain or names  # of a simulated vehicle every number is exact
-        names += [name for name in vehicle.steering_parameters() if vehicle.stated.get(name)]
+        names += [name for name in own_parameters(vehicle.steering) if vehicle.stated.get(name)]
     if settings.tyre_law != "linear":
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
@@ -356,7 +357,11 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
             unknowns.append(replace(unknown, centre=centre, scale=scale))
         elif stated:
             unknowns.append(position_unknown(name, *stated))
-        elif name in vehicle.steering_parameters() and not key and 2 * (sigma := vehicle.stated.get(name, 0.0)) > value:
+        elif (
+            name in own_parameters(vehicle.steering)
+            and not key
+            and 2 * (sigma := vehicle.stated.get(name, 0.0)) > value
+        ):
             unknowns.append(position_unknown(name, value, sigma))
         elif fraction or name == FRICTION:
             unknowns.append(logarithmic_unknown(name, value, fraction or settings.friction_prior))
