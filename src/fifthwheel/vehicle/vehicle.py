@@ -346,7 +346,8 @@ class Vehicle(Component):
         states: Mapping[str, str] | None = None,
         parameters: Mapping[str, str] | None = None,
     ) -> Self:
-        """The same vehicle with equations of a user's own between measured steer angles and wheels.
+        """The same vehicle with equations of a user's own between measured steer angles and wheels: docs/howto/extend.md
+        has examples.
 
         Everything that models this vehicle has them: states, identification, learner, linear system, simulation and C.
         The nonlinear truck, two stages and `assess` refuse such a vehicle.
@@ -361,8 +362,6 @@ class Vehicle(Component):
         Raises:
             VehicleError: the equations lack a property, such as 0 where all is 0, the vehicle has no such signal or
                 axle, or a state or parameter no unit or the name of another quantity.
-
-        Example: docs/howto/extend.md
         """
         given = {"equations": equations, "states": states or {}, "parameters": parameters or {}}
         steering, stated = stated_steering(given)
