@@ -227,7 +227,9 @@ def own_quantity(text: object) -> tuple[str, float, float | None]:
     if any(name not in _SI_BASE for name, _ in dimension):
         raise UnitError(f"expected a unit of kg, m, s, A, K and rad, got {_shown(unit)}")
     powers = sorted((_SI_BASE[name], power) for name, power in dimension)
-    si = " ".join(name if power == 1 else f"{name}^{power}" for name, power in powers) or "1"
+    factors = [(name if abs(power) == 1 else f"{name}^{abs(power)}", power > 0) for name, power in powers]
+    si = " ".join(text for text, multiplies in factors if multiplies) or "1"
+    si += "".join(f"/{text}" for text, multiplies in factors if not multiplies)
     return si, *uncertain_quantity(text, si, strict=True)
 
 

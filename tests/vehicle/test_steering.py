@@ -209,7 +209,13 @@ def test_a_steer_angle_that_is_not_logged_is_refused() -> None:
 
 @pytest.mark.parametrize(
     ("text", "unit", "value", "sigma"),
-    [("150 ms +- 20 %", "s", 0.15, 0.03), ("2 deg/s", "rad s^-1", 0.0349066, None), ("0.1 exact", "1", 0.1, 0.0)],
+    [
+        ("150 ms +- 20 %", "s", 0.15, 0.03),
+        ("2 deg/s", "rad/s", 0.0349066, None),
+        ("5 1/s", "1/s", 5.0, None),
+        ("3 kN s/rad", "kg m/rad/s", 3e3, None),
+        ("0.1 exact", "1", 0.1, 0.0),
+    ],
 )
 def test_a_quantity_of_any_unit_is_in_si(text: str, unit: str, value: float, sigma: float | None) -> None:
     assert own_quantity(text) == (unit, pytest.approx(value, rel=1e-5), sigma and pytest.approx(sigma))
