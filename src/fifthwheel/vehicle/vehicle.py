@@ -346,8 +346,9 @@ class Vehicle(Component):
         states: Mapping[str, str] | None = None,
         parameters: Mapping[str, str] | None = None,
     ) -> Self:
-        """The same vehicle with equations of a user's own between measured steer angles and wheels: docs/howto/extend.md
-        has examples.
+        """The same vehicle with equations of a user's own between measured steer angles and wheels.
+
+        docs/howto/extend.md has examples.
 
         Everything that models this vehicle has them: states, identification, learner, linear system, simulation and C.
         The nonlinear truck, two stages and `assess` refuse such a vehicle.
