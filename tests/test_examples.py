@@ -38,12 +38,12 @@ EXTENSIONS = (EXAMPLES.parent / "docs" / "howto" / "extend.md").read_text(encodi
 
 def test_the_page_on_extensions_shows_the_examples() -> None:
     shown = re.findall(r"```python\n(def .*?)```", EXTENSIONS, re.DOTALL)
-    for code, name in zip(shown, ("tyre_laws", "optical_sensor"), strict=True):
+    for code, name in zip(shown, ("tyre_laws", "actuator_lag", "optical_sensor"), strict=True):
         assert code in (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["tyre_laws", "optical_sensor"])
+@pytest.mark.parametrize("name", ["tyre_laws", "actuator_lag", "optical_sensor"])
 def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None:
     done = subprocess.run([sys.executable, f"{EXAMPLES}/{name}.py"], capture_output=True, text=True, check=True)
     assert done.stdout in EXTENSIONS

@@ -19,6 +19,13 @@ class Cure:
     text: str
 
 
+@dataclass(frozen=True)
+class Stored:
+    """The form for JSON of a setting that is no plain data, such as an own function; metadata of its annotation."""
+
+    form: Callable[[Any], Any]
+
+
 class Limits(NamedTuple):
     """Numbers above gt, below lt, and of ge to le; metadata of the annotation of a number."""
 
@@ -89,8 +96,11 @@ class Settings:
             object.__setattr__(self, name, getattr(valid, name))
 
     def as_dict(self) -> dict[str, Any]:
-        """All fields by name."""
-        return asdict(self)
+        """All fields by name, for JSON."""
+        kind: Any = type(self)
+        found = {name: _metadata(hint, Stored) for name, hint in _hints(kind).items()}
+        forms = {name: stored.form(getattr(self, name)) for name, stored in found.items() if stored}
+        return asdict(self) | forms
 
 
 def options_of(kind: Any) -> dict[str, Option]:

@@ -211,6 +211,28 @@ def base_units(unit: str) -> dict[str, int]:
     return dict(sorted((_SI_BASE[name], power) for name, power in dimension))
 
 
+def own_quantity(text: object) -> tuple[str, float, float | None]:
+    """SI unit, value and standard deviation, see `uncertain_quantity`, of a quantity that may have any unit.
+
+    Raises:
+        UnitError: the text is not a number, a space and a unit.
+
+    >>> own_quantity("150 ms +- 20 %")
+    ('s', 0.15, 0.03)
+    """
+    if not isinstance(text, str):
+        raise UnitError(f"expected a text such as '0.15 s +- 20 %', got {_shown(text)}")
+    _, unit = _number_and_unit(split_statement(text)[0], "rad")
+    _, dimension = _parsed(unit or "1")
+    if any(name not in _SI_BASE for name, _ in dimension):
+        raise UnitError(f"expected a unit of kg, m, s, A, K and rad, got {_shown(unit)}")
+    powers = sorted((_SI_BASE[name], power) for name, power in dimension)
+    factors = [(name if abs(power) == 1 else f"{name}^{abs(power)}", power > 0) for name, power in powers]
+    si = " ".join(text for text, multiplies in factors if multiplies) or "1"
+    si += "".join(f"/{text}" for text, multiplies in factors if not multiplies)
+    return si, *uncertain_quantity(text, si, strict=True)
+
+
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that the parser knows.
 

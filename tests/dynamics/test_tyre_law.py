@@ -153,10 +153,12 @@ def test_a_saved_law_is_found_if_imported(monkeypatch: pytest.MonkeyPatch) -> No
     assert OneStage(tyres=saved).tyres is tanh_law
     assert OneStage(tyres=tanh_law).as_dict()["tyres"] == saved
     with pytest.raises(
-        SignalError, match="expected the tyre law elsewhere:law, which is not imported; import elsewhere"
+        SignalError, match="expected the function elsewhere:law, which is not imported; import elsewhere"
     ):
         restored(saved | {"law": "elsewhere:law"})
-    with pytest.raises(SignalError, match=r"expected the law of this result, with .* N at 0.001 rad, got another one"):
+    with pytest.raises(
+        SignalError, match=r"expected the function of this result, with .* N at 0.001 rad, got another one"
+    ):
         restored(saved | {"law": f"{__name__}:brush"})
     for other in ("os:system", "builtins:print"):  # a file calls no other function
         with pytest.raises(SignalError, match="expected"):

@@ -18,6 +18,7 @@ from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.dynamics.test_lagrangian import b_double
+from tests.dynamics.test_steering import lag
 from tests.dynamics.test_tyre_law import brush, tanh_law
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
@@ -40,6 +41,14 @@ AMPLIFIED = {"reversed_steer": 5.0}
 """Factor of the tolerance for a fault with which the filter restarts again and again, which amplifies rounding."""
 OF_BANK = 2.0
 """The same where the bank is estimated: small differences of the motion determine it (1e-14 rad of 0.01 rad)."""
+
+
+OWN = {"lag": "0.2 s", "roll_steer": "0.1"}
+
+
+def lag_and_roll_steer(steer, states, motion, p):
+    wheels, rates = lag(steer, states, motion, p)
+    return wheels | {"steer.semitrailer.rear": p["roll_steer"] * motion["roll.semitrailer"]}, rates
 
 
 def compiled(observer: Observer, folder: Path, *flags: str, compiler: str | None = COMPILER) -> Path:
@@ -179,6 +188,18 @@ def test_brush_tyres(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     observer = Observer(truck, lane.signals, ObserverSettings(friction=0.5, tyres=brush))
     replay = compiled(observer, tmp_path)
     assert_equal(replayed(replay, observer, lane), pushed(observer, lane), TOLERANCE["double"])
+
+
+@pytest.mark.parametrize("settings", ["plain", pytest.param("saturating", marks=pytest.mark.slow)])
+def test_own_equations_of_the_steering(settings: str, truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    """A lag of the front axle and roll steer of the trailer; the C code starts at their steady state, too."""
+    own = truck.with_logged_steering([STEER], "the lane change")
+    own = own.with_steering(lag_and_roll_steer, states={"actuator.tractor": "0.01 rad"}, parameters=OWN)
+    observer = Observer(own, lane.signals, SETTINGS[settings])
+    assert "actuator.tractor" in observer.reported
+    replay = compiled(observer, tmp_path)
+    for record in (lane, with_fault(lane, "missing_inputs"), with_fault(lane, "outages")):
+        assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["double"])
 
 
 def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:

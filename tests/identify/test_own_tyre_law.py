@@ -113,7 +113,7 @@ def test_a_saved_result_names_its_law(
     write_report(tmp_path / "report.html", loaded, [record], title="own law")
     assert "tyre_laws:magic_formula" in (tmp_path / "report.html").read_text()
     monkeypatch.delitem(sys.modules, "tyre_laws")
-    with pytest.raises(SignalError, match=r"identification.json: tyres: expected the tyre law tyre_laws:magic_formula"):
+    with pytest.raises(SignalError, match=r"identification.json: tyres: expected the function tyre_laws:magic_formula"):
         Identification.load(tmp_path)
 
 
@@ -134,5 +134,5 @@ def test_a_learner_learns_and_is_loaded_with_the_law(
     loaded = Learner.load(tmp_path / "learner.json")
     assert loaded[name].value == learner[name].value
     monkeypatch.delitem(sys.modules, "tyre_laws")
-    with pytest.raises(SignalError, match=r"learner.json: tyres: expected the tyre law tyre_laws:magic_formula"):
+    with pytest.raises(SignalError, match=r"learner.json: tyres: expected the function tyre_laws:magic_formula"):
         Learner.load(tmp_path / "learner.json")

@@ -12,6 +12,7 @@ from fifthwheel.dynamics import matrices
 from fifthwheel.errors import UnitError, VehicleError, suggestion
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle import Axle, AxleGroup, Unit, Vehicle
+from fifthwheel.vehicle.steering import require_no_steering
 
 HALF_TRACK = "half_track"
 """Name of the one dimension that has a sigma."""
@@ -93,6 +94,9 @@ class Truck:
     body: Body = field(default_factory=Body)
     speed: float = 88 / 3.6
     """m/s."""
+
+    def __post_init__(self) -> None:
+        require_no_steering(self.vehicle.steering, "assess")
 
     def changed(self, values: Mapping[str, float]) -> "Truck":
         """The truck with other values of parameters by path, and of `HALF_TRACK`."""

@@ -6,11 +6,12 @@ a module of this room and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if ob
 
 import re
 from collections.abc import Container, Iterable, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.channel import Channel, SignalLimits, SignalName
+from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits, SignalName, StateNoise
 from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
@@ -112,15 +113,45 @@ def register(channel: Channel) -> None:
             raise SignalError(
                 f"{quantity}, {error.kind}: expected a prior of 0 or more, got {error.prior}; give it in SI"
             )
+    if (former := CHANNELS.get(quantity)) is not None:  # perhaps a state of own equations
+        channel = replace(channel, state=channel.state or former.state)
     for listed in (MEASURED, IDENTIFIED, MODELLED):
         listed[:] = [*[other for other in listed if other.quantity != quantity], channel]
     CHANNELS[quantity] = channel
 
 
+OWN_STATE = SensorModel(value=lambda now, _, name: now.own_state(name))
+"""Of a state of a user's own equations."""
+
+
+def register_state(name: str, unit: str, initial_sigma: float) -> None:
+    """Make a state of a user's own equations a quantity, in this process. It has no process noise.
+
+    Raises:
+        SignalError: the name is not quantity.unit, or that of a quantity of fifthwheel or with another unit.
+    """
+    quantity = SignalName.of(name).quantity
+    if not _NAME.fullmatch(name) or not SignalName.of(name).unit:
+        raise SignalError(f"{name}: expected quantity.unit, such as 'actuator.semitrailer'; correct it")
+    known = CHANNELS.get(quantity)
+    if any(quantity == channel.quantity for channel in _ALL) or (known and known.unit != unit):
+        raise SignalError(f"{name}: {quantity} is another quantity; give yours another name")
+    noise = StateNoise(process=0.0, observer_process=0.0, initial_sigma=initial_sigma)
+    if known is None or known.state != noise:
+        _list(replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise), known)
+
+
+def _list(channel: Channel, former: Channel | None) -> None:
+    """Put a channel in the place of a former one; `former` may be in some of the lists."""
+    for listed in (MEASURED, IDENTIFIED, MODELLED):
+        listed[:] = [channel if other is former else other for other in listed]
+    CHANNELS[channel.quantity] = channel
+
+
 def own_channels(names: Iterable[str]) -> tuple[Channel, ...]:
     """The registered channels of some signals."""
     channels = {channel_of(name): None for name in names}
-    return tuple(channel for channel in channels if channel and channel not in _ALL)
+    return tuple(c for c in channels if c and c not in _ALL and c.model is not OWN_STATE)
 
 
 def channel_of(name: str) -> Channel | None:

@@ -37,6 +37,7 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.native import compile_in_background
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_no_steering
 
 EXACT_FILE_NOTE = (
     "The two-stage method assumes that all other values of the vehicle file are exact: suspension, roll axes, yaw "
@@ -62,6 +63,7 @@ def identify_two_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in two stages; arguments and errors as in `identify`."""
+    require_no_steering(vehicle.steering, "the identification in two stages")
     dataset = prepare_dataset(records, vehicle, settings, validate)
     for unit in unmeasured_units(dataset.yaw, dataset.vehicle):
         raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")

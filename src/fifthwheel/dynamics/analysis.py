@@ -36,9 +36,7 @@ def _function(structure: ChainModel) -> ca.Function:
     names = tuple(vehicle.parameters())
     nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
     equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
-    A, B = equations.state_space(u)
-    F = equations.A0 + equations.A1 / u + equations.A2 * u
-    outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), F, equations.B0 + equations.B2 * u, A, B)]
+    outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), *equations.implicit(u), *equations.state_space(u))]
     return ca.Function("matrices", [nothing, u, p], [nothing, ca.vertcat(*outputs)])
 
 

@@ -21,16 +21,19 @@ Range: small angles, linear tyres, slowly varying speed, and longitudinal forces
 
 In all functions p has the parameters by path, numbers or symbols; a vehicle gives units, axles and couplings, and its
 numbers are not used. `roll`: yaw and roll, or yaw only. `bank`: whether the bank of the road is a state. x is the state
-(n,), the speed is in m/s, and `steer` has the angle of each steered axle, rad, by the name of its signal.
+(n,), the speed is in m/s, and `steer` has the angle of the wheels of each steered axle, rad, by the name of its signal.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import unit_equations
+from fifthwheel.dynamics.steering import SteeringSlopes, linear_slopes, own_states, wheel_signals
 from fifthwheel.dynamics.symbolic import Expressions, solve_positive_definite
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -42,7 +45,7 @@ GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"}
 
 
 def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
-    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, and the bank."""
+    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, own ones, and the bank."""
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -52,6 +55,7 @@ def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[st
     if roll:
         names += [f"roll.{u}" for u in units] + [f"roll_rate.{u}" for u in units]
     names += [f"slip_angle.{path}" for path in relaxation_groups(vehicle)]
+    names += own_states(vehicle)
     return (*names, BANK) if bank else tuple(names)
 
 
@@ -83,7 +87,8 @@ class Motion:
 
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """E x' = A x + B d with A = A0 + A1/u + A2 u and B = B0 + B2 u, symbolic in the parameters.
+    """E x' = F x + G d, symbolic in the parameters. With wheels that are steered as measured, F = A0 + A1/u + A2 u and
+    G = B0 + B2 u; own equations of the steering, linearised, change both.
 
     The matrices are linear in the symbols `factors`. E^-1 is applied to what each of them multiplies, so that this
     product depends on parameters only, where the values of the factors change from sample to sample.
@@ -93,15 +98,23 @@ class Equations:
     A0: ca.SX  # (n, n)
     A1: ca.SX
     A2: ca.SX
-    B0: ca.SX  # (n, k), k steered axles
+    B0: ca.SX  # (n, m), m axles that are steered
     B2: ca.SX
     velocities: tuple[int, ...]  # (m,) indices of the generalised velocities in the state
     factors: tuple[tuple[ca.SX, ca.SX], ...]  # symbols, each with its value
+    steering: Callable[[ca.SX], SteeringSlopes] | None  # own equations at a speed, m/s
 
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
-        A0, A1, A2, B0, B2 = (self._solve_E(matrix) for matrix in (self.A0, self.A1, self.A2, self.B0, self.B2))
-        return A0 + A1 / speed + A2 * speed, B0 + B2 * speed
+        return self._at_speed(speed, *map(self._solve_E, (self.A0, self.A1, self.A2, self.B0, self.B2)))
+
+    def implicit(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """F (n, n) and G (n, k) of E x' = F x + G d at a speed, m/s."""
+        return self._at_speed(speed, self.A0, self.A1, self.A2, self.B0, self.B2)
+
+    def _at_speed(self, speed: ca.SX, A0: ca.SX, A1: ca.SX, A2: ca.SX, B0: ca.SX, B2: ca.SX) -> tuple[ca.SX, ca.SX]:
+        A, B = A0 + A1 / speed + A2 * speed, B0 + B2 * speed
+        return (A, B) if self.steering is None else self.steering(speed).applied(A, B)
 
     def E(self) -> ca.SX:
         """E (n, n): the mass matrix in the rows of the generalised velocities, the identity elsewhere."""
@@ -223,6 +236,23 @@ def coupling_moments(p: Expressions, vehicle: Vehicle, motions: Motion) -> ca.SX
     return force
 
 
+def own_values(vehicle: Vehicle, x: ca.SX, *, roll: bool, bank: bool) -> dict[str, ca.SX]:
+    """The own states of the steering in x (n,), by name."""
+    names = state_names(vehicle, roll=roll, bank=bank)
+    return {name: x[names.index(name)] for name in own_states(vehicle)}
+
+
+def linear_wheels(
+    p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, steer: ca.SX, *, roll: bool, bank: bool = False
+) -> dict[str, ca.SX]:
+    """Steer angle of each steered axle by its signal, rad, from measured angles (k,); own equations are linear."""
+    if vehicle.steering is not None:
+        by_state, by_steer, *_ = linear_slopes(p, vehicle, state_names(vehicle, roll=roll, bank=bank), speed)
+        steer = by_state @ x + by_steer @ steer
+    names = wheel_signals(vehicle)
+    return dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {}
+
+
 LINEAR_TYRES: Expressions = {}
 """No factors of cornering stiffnesses."""
 
@@ -239,7 +269,7 @@ def equations(
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
     names = state_names(vehicle, roll=roll, bank=bank)
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
-    steer = {name: ca.SX.sym(name) for name in vehicle.steer_signals()}
+    steer = {name: ca.SX.sym(name) for name in wheel_signals(vehicle)}
     motions = motion(p, vehicle, x, u, roll=roll, bank=bank)
     size = 3 if roll else 2
     m = 1 + (2 if roll else 1) * len(vehicle.units)
@@ -284,4 +314,5 @@ def equations(
         B2=B2,
         velocities=tuple(velocities),
         factors=tuple((symbol, stiffness_factors[name]) for name, symbol in symbols.items()),
+        steering=partial(linear_slopes, without_factors, vehicle, names) if vehicle.steering else None,
     )

@@ -16,7 +16,9 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName, channel_of, own_channels
 from fifthwheel.dynamics import chain, sensors, tyre_law
+from fifthwheel.dynamics import steering as steered
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
+from fifthwheel.dynamics.steering import SteeringSlopes, Wheels
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor
@@ -209,7 +211,9 @@ def topology(vehicle: Vehicle) -> tuple[object, ...]:
     """Structure of a vehicle, without its numbers; vehicles of equal topology share one model."""
     payloads = tuple(unit.payload.shape if unit.payload else None for unit in vehicle.units)
     lifted = tuple(axle.lifted for unit in vehicle.units for axle in unit.axles)
-    return (tuple(vehicle.parameters()), vehicle.steer_signals(), payloads, chain.relaxation_groups(vehicle), lifted)
+    own = vehicle.steering and (vehicle.steering.trace.digest, tuple(vehicle.steering.states))
+    names = tuple(vehicle.parameters()), vehicle.steer_signals()
+    return (*names, payloads, chain.relaxation_groups(vehicle), lifted, own)
 
 
 _models: dict[tuple[object, ...], ChainModel] = {}
@@ -343,9 +347,11 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
     return _Steering(before + correction, after + correction, now, rate, measured_after, error["gain"])
 
 
-def _softening(model: ChainModel, s: _Symbols, speed: ca.SX) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
+def _softening(
+    model: ChainModel, s: _Symbols, speed: ca.SX, steer: Expressions
+) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
     """Factors of the cornering stiffnesses by name, none in a plain model; all parameters with them."""
-    value, steer = s.value, s.steering.now
+    value = s.value
     slips = chain.slip_angles(value, model.vehicle, s.x, speed, steer, roll=model.roll) if model.extended else {}
     factors = {
         f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
@@ -355,12 +361,13 @@ def _softening(model: ChainModel, s: _Symbols, speed: ca.SX) -> tuple[dict[str, 
 
 
 def _linear(model: ChainModel, s: _Symbols) -> _Motion:
-    """With linear tyres: the chain."""
+    """With linear tyres: the chain, with linear equations of the steering."""
     vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.d[len(model.inputs)]
-    factors, softened = _softening(model, s, now)
+    angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
+    wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
+    factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
     A, B = equations.state_space((s.d[0] + now) / 2)
-    angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
     sensed = sensors.sensor_inputs(
         softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning
     )
@@ -371,34 +378,51 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
     k, d, steering, law = len(model.inputs), s.d, s.steering, law_of(model.tyres)
-    _, softened = _softening(model, s, d[k])
+    vehicle, roll, bank, commands = model.vehicle, model.roll, model.bank, ca.vertcat(*s.steering.now.values())
 
-    def motion(state: ca.SX, speed: ca.SX, angles: ca.SX, speed_rate: ca.SX) -> LargeAngles:
-        steer = dict(zip(steering.now, ca.vertsplit(angles), strict=True)) if steering.now else {}
-        vehicle, roll, bank = model.vehicle, model.roll, model.bank
+    def wheels(state: ca.SX, speed: ca.SX, steer: ca.SX) -> Wheels:
+        return steered.wheels(s.value, vehicle, _by_name(model, state), speed, steer)
+
+    last = wheels(s.x, d[k], commands)
+    _, softened = _softening(model, s, d[k], last.angles)
+
+    def motion(state: ca.SX, speed: ca.SX, angles: Expressions, speed_rate: ca.SX) -> LargeAngles:
         return large_angles(
-            softened, vehicle, state, speed, steer, roll=roll, bank=bank, speed_rate=speed_rate, law=law
+            softened, vehicle, state, speed, angles, roll=roll, bank=bank, speed_rate=speed_rate, law=law
         )
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
-    mean, change, angles = (d[0] + d[k]) / 2, (earlier + latest) / 2, ca.SX.sym("angles", len(steering.now))
-    begin, end = motion(s.x, mean, angles, change), motion(s.later, mean, steering.end, change)
+    mean, change = (d[0] + d[k]) / 2, (earlier + latest) / 2
+    before, after = wheels(s.x, mean, steering.start), wheels(s.later, mean, steering.end)
+    angles = ca.SX.sym("angles", len(before.angles))
+    symbols = dict(zip(before.angles, ca.vertsplit(angles), strict=True)) if before.angles else {}
+    begin, end = motion(s.x, mean, symbols, change), motion(s.later, mean, after.angles, change)
     slopes = begin.stages.jacobian(begin.rates, ca.vertcat(s.x, angles))
     A, B, first = (
-        ca.substitute(matrix, angles, steering.start)
+        ca.substitute(matrix, angles, before.stacked)
         for matrix in (*ca.horzsplit(slopes, [0, s.x.shape[0], slopes.shape[1]]), begin.stages.expanded(begin.rates))
     )
-    now = motion(s.x, d[k], ca.vertcat(*steering.now.values()), latest)
+    if vehicle.steering:
+        symbol = ca.SX.sym("steer", commands.shape[0])
+        by = steered.slopes(s.value, vehicle, _by_name(model, s.x), mean, symbol)
+        A, B = SteeringSlopes(*[ca.substitute(part, symbol, steering.start) for part in by]).applied(A, B)
+    now = motion(s.x, d[k], last.angles, latest)
     sensed = sensors.SensorInputs(
         p=softened,
-        vehicle=model.vehicle,
+        vehicle=vehicle,
         motion=now.motion,
         acceleration=now.acceleration,
         speed=d[k],
-        steer=steering.now,
+        steer=last.angles,
         side_force=now.side_force,
         load_change=now.load_change,
-        roll=model.roll,
-        rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates, steering.rate)),
+        roll=roll,
+        own=chain.own_values(vehicle, s.x, roll=roll, bank=bank),
+        rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates + last.rates, steering.rate)),
     )
-    return _Motion(A, B, (first, end.stages.expanded(end.rates)), sensed, now.stages)
+    rates = first + before.rates, end.stages.expanded(end.rates) + after.rates
+    return _Motion(A, B, rates, sensed, now.stages)
+
+
+def _by_name(model: ChainModel, x: ca.SX) -> dict[str, ca.SX]:
+    return dict(zip(model.states, ca.vertsplit(x), strict=True))

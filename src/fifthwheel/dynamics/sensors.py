@@ -40,11 +40,18 @@ class SensorInputs(NamedTuple):
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
     roll: bool  # whether the model has roll
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
+    own: Mapping[str, ca.SX]  # own states of the steering, by name
 
     @property
     def half_track(self) -> ca.SX:
         """Half the distance of the tyres of both sides, m."""
         return self.p[HALF_TRACK]
+
+    def own_state(self, name: str) -> ca.SX:
+        """An own state of the steering; a SignalError where the vehicle has no such state."""
+        if name not in self.own:
+            raise SignalError(f"{name}: {self.vehicle.name} has no such own state; {suggestion(name, self.own)}")
+        return self.own[name]
 
     def coupling_force(self, i: int) -> ca.SX:
         """Side force of the coupling on unit i, N: inertia forces less tyre forces of this unit and all behind it."""
@@ -104,14 +111,15 @@ def sensor_inputs(
     bank: bool = False,
     turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
 ) -> SensorInputs:
-    """The quantities at one instant from state (n,), speed and true steer angles (k,); arguments as in `chain`.
+    """The quantities at one instant from state (n,), speed and measured steer angles without errors (k,); arguments as
+    in `chain`. Own equations of the steering are linear, as `equations` has them.
 
     `turning` are symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
     """
     A, B = equations.state_space(speed)
-    rate, names = A @ x + B @ steer, vehicle.steer_signals()
+    rate = A @ x + B @ steer
     motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
-    angles = dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {}
+    angles = chain.linear_wheels(p, vehicle, x, speed, steer, roll=roll, bank=bank)
     slip = chain.slip_angles(p, vehicle, x, speed, angles, roll=roll)
     velocity_rates = rate[list(equations.velocities)]
     centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
@@ -125,6 +133,7 @@ def sensor_inputs(
         side_force={path: axle_forces(linear(p, path, Contact(alpha)), alpha)[0] for path, alpha in slip.items()},
         load_change={},
         roll=roll,
+        own=chain.own_values(vehicle, x, roll=roll, bank=bank),
         rate_of=Stages().rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
     )
 

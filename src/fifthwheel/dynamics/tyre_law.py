@@ -15,11 +15,8 @@ friction coefficient. It returns the side force (N), which
   the stiffness and in the friction, which the law receives.
 """
 
-import inspect
 import math
-import sys
 from collections.abc import Callable, Iterator, Mapping
-from types import FunctionType
 from typing import Annotated, Any, cast, get_args
 
 import casadi as ca
@@ -27,9 +24,10 @@ import numpy as np
 from pydantic import PlainValidator
 
 from fifthwheel.errors import SignalError
-from fifthwheel.native import c_code, cache
-from fifthwheel.native.instructions import instructions
+from fifthwheel.native import own_function
+from fifthwheel.native.own_function import TOLERANCE, Fault, name_of
 from fifthwheel.options import TyreChoice, TyreLaw
+from fifthwheel.settings import Stored
 
 SideForce = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 """From slip angle, rad, load, N, cornering stiffness, N/rad, and friction to the side force, N."""
@@ -43,13 +41,6 @@ SLIPS = np.array([1e-3, 0.01, 0.03, 0.1, 0.3, 1.0])
 GROUPS = np.array([[60e3, 600e3, 0.75], [20e3, 300e3, 0.2], [100e3, 700e3, 1.0]])
 """Load, N, stiffness, N/rad, and friction of axle groups for which a law is checked."""
 CHOICES = get_args(TyreChoice)
-TOLERANCE = 1e-6
-"""Relative, of side forces that shall be equal."""
-
-
-def law_name(law: SideForce) -> str:
-    """module:function of a law."""
-    return f"{getattr(law, '__module__', None)}:{getattr(law, '__qualname__', law)}"
 
 
 def side_force(law: SideForce) -> ca.Function:
@@ -75,27 +66,22 @@ def identity(tyres: Tyres) -> str:
     """All that determines a law: machine code of one is never that of another."""
     if isinstance(tyres, str):
         return tyres
-    return cache.DIGEST(repr(instructions(force_fraction(tyres))).encode()).hexdigest()
+    return own_function.digest(force_fraction(tyres))
 
 
 def require_law(law: Any) -> None:
     """A SignalError for what is no tyre law; it names the law, the property that it lacks, and the cure."""
     for expected, got, cure in _faults(law):
-        raise SignalError(f"tyres, {law_name(law)}: expected {expected}, got {got}; {cure}")
+        raise SignalError(f"tyres, {name_of(law)}: expected {expected}, got {got}; {cure}")
 
 
-def _faults(law: Any) -> Iterator[tuple[str, str, str]]:
+def _faults(law: Any) -> Iterator[Fault]:
     """What was expected of a law, what it has, and the cure; the first one makes others likely."""
-    if not isinstance(law, FunctionType) or _find(law_name(law)) is not law:
-        yield "a function at the top level of a module", "another object", "define it there with def"
-    names = tuple(inspect.signature(law).parameters)
-    if names != ARGUMENTS:
-        yield f"the arguments {', '.join(ARGUMENTS)}", ", ".join(names) or "none", "name them so, in this order"
+    yield from own_function.definition_faults(law, ARGUMENTS)
     try:
         force = side_force(law)
     except Exception as error:
-        got = f"{type(error).__name__} ({str(error).strip().splitlines()[-1]})"
-        yield "an expression of CasADi", got, "return one, with the functions of casadi in place of those of math"
+        yield own_function.expression_fault(error)
         raise
     if force.size1_out(0) * force.size2_out(0) != 1:
         yield "one side force", f"an array {force.size_out(0)}", "return the force of one slip angle"
@@ -125,23 +111,14 @@ def _faults(law: Any) -> Iterator[tuple[str, str, str]]:
                 got, cure = f"{twice:g}", "let load matter only by stiffness / load and as a factor of the force"
                 yield f"{2 * value:g} N with twice the load and the stiffness {at}", got, cure
     rates = ca.hessian(force_fraction(law)(*symbols), slip)  # a filter needs the derivatives, too
-    try:
-        c_code.function(c_code.step("law", symbols, [slope, *rates]), "law", "abcd", "xyz")
-    except NotImplementedError as error:
-        yield "sqrt, fabs, exp, log, sin, cos, atan, tanh and arithmetic", "another function", str(error)
-
-
-def _find(name: str) -> Any:
-    """What an imported module has under module:name; None if nothing."""
-    module, _, function = name.partition(":")
-    return getattr(sys.modules.get(module), function, None)
+    yield from own_function.code_faults(symbols, [slope, *rates])
 
 
 def stored(tyres: TyreChoice | SideForce) -> Any:
-    """A law for JSON: the word, or the name of a function and side forces that identify it."""
+    """A law for JSON: the word, or the name of a function with side forces and a digest that identify it."""
     if isinstance(tyres, str):
         return tyres
-    return {"law": law_name(tyres), "side_forces": _side_forces(tyres)}
+    return {"law": name_of(tyres), "side_forces": _side_forces(tyres), "digest": identity(tyres)}
 
 
 def _side_forces(law: SideForce) -> list[float]:
@@ -154,19 +131,20 @@ def restored(stored: Mapping[str, Any]) -> SideForce:
     Raises:
         SignalError: it is not imported, or has other side forces.
     """
-    name = str(stored.get("law"))
-    law, module = _find(name), name.partition(":")[0]
-    if law is None:
-        raise SignalError(f"tyres: expected the tyre law {name}, which is not imported; import {module} first")
-    require_law(law)
-    found = _side_forces(law)
-    for a, force, expected in zip(SLIPS, found, stored["side_forces"], strict=True):
-        if not math.isclose(force, expected, rel_tol=TOLERANCE):
-            raise SignalError(
-                f"tyres, {name}: expected the law of this result, with {expected:g} N at {a:g} rad, got another one, "
-                f"with {force:g} N; restore the function"
-            )
-    return cast(SideForce, law)
+
+    def by_slip(forces: list[float]) -> dict[str, float]:
+        return {f"N at {a:g} rad": force for a, force in zip(SLIPS, forces, strict=True)}
+
+    return cast(
+        SideForce,
+        own_function.restored(
+            "tyres",
+            str(stored.get("law")),
+            by_slip(stored["side_forces"]),
+            require_law,
+            lambda law: by_slip(_side_forces(law)),
+        ),
+    )
 
 
 def _checked(value: Any) -> Any:
@@ -181,5 +159,5 @@ def _checked(value: Any) -> Any:
     return value
 
 
-ChosenTyres = Annotated[TyreChoice | SideForce, PlainValidator(_checked)]
+ChosenTyres = Annotated[TyreChoice | SideForce, PlainValidator(_checked), Stored(stored)]
 """A setting: the law of the tyres, or "auto"."""

@@ -127,7 +127,7 @@ def steering(
     """Steer angle of the wheels of an axle by a steering or by the articulation angle in front of its unit, rad, and
     the fraction of its slip angle by which castor wheels turn."""
     name = f"{unit.name}.{axle.name}"
-    if axle.steerable:
+    if f"steer.{name}" in steer:
         return steer[f"steer.{name}"], 0
     return p.get(f"{name}.command_steering", ca.SX(0)) * articulation, p.get(f"{name}.self_steering", 0)
 

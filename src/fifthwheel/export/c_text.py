@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.channels import SignalName, si_unit
+from fifthwheel.channels import si_unit
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.filters.initial_state import INITIAL_SIGMA, STEER_BANDWIDTH, TYPICAL_STEER_SIGMA
+from fifthwheel.filters.initial_state import STEER_BANDWIDTH, TYPICAL_STEER_SIGMA, initial_sigma
 from fifthwheel.native import c_code
 from fifthwheel.stream import StreamSettings
 from fifthwheel.vehicle import Vehicle
@@ -102,7 +102,7 @@ def stream_tables(stream: StreamSettings, vehicle: Vehicle, *, roll: bool, stati
         "input_jump": [rule.jump for rule in stream.inputs],
         "input_rate": [rule.rate for rule in stream.inputs],
         "measured_magnitude": stream.measured.values(),
-        "initial_variance": [INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in states],
+        "initial_variance": [initial_sigma(name) ** 2 for name in states],
         "step_speed": SPEEDS,
         "step_limit": step_limit(vehicle, roll).longest,
     }

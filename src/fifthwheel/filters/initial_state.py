@@ -6,11 +6,21 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, SignalName
+from fifthwheel.channels import CHANNELS, channel_of
+from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
 INITIAL_SIGMA = {quantity: channel.state.initial_sigma for quantity, channel in CHANNELS.items() if channel.state}
 """Standard deviation of each state about its steady value at the first sample, without steering, SI."""
+
+
+def initial_sigma(state: str) -> float:
+    """`INITIAL_SIGMA` of a state by its name, also of an own one."""
+    channel = channel_of(state)
+    if channel is None or channel.state is None:
+        raise SignalError(f"{state}: no state of a model; give the name of one")
+    return channel.state.initial_sigma
+
 
 TYPICAL_STEER_SIGMA = 0.015
 """Standard deviation of the steer angles that an on-line observer assumes before the first sample, rad."""
@@ -102,7 +112,7 @@ def initial_factor(covariance: Array) -> Array:
 
 def initial_covariance(m: dynamics.Matrices, steer_sigma: float) -> Array:
     """Covariance (n, n) of the states about a steady state, without the bank; arguments as in `initial_state`."""
-    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:-1]])
+    floor = np.diag([initial_sigma(name) ** 2 for name in m.states[:-1]])
     return np.asarray(floor + steer_sigma**2 * random_steer_covariance(m))
 
 

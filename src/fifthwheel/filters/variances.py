@@ -51,5 +51,8 @@ def sensor_variance(vehicle: Vehicle, name: str, given: Mapping[str, float]) -> 
 
 
 def process_covariance(states: Sequence[str], table: Mapping[str, float], factor: float = 1.0) -> Array:
-    """Q per second (n, n), diagonal: a factor times the variances per second of a table, by quantity."""
-    return np.diag([factor * table[SignalName.of(name).quantity] for name in states])
+    """Q per second (n, n), diagonal: a factor times the variances per second of a table, by quantity.
+
+    A user's own states, which no table has, follow their equations exactly.
+    """
+    return np.diag([factor * table.get(SignalName.of(name).quantity, 0.0) for name in states])

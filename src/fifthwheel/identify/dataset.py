@@ -35,6 +35,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.record import segments_above
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -161,9 +162,12 @@ def prepare_dataset(
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
-    roll = measured_signals(logged, units, (ROLL_RATE,))
-    others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in USUAL])
-    if not measured_signals(logged, units, MOTION):
+    unused = [c for c in IDENTIFIED if c.of_roll and not getattr(settings, "roll", True)]
+    require_roll(steered.steering, not unused)
+    roll = measured_signals(logged, units, [c for c in (ROLL_RATE,) if c not in unused])
+    others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in (*USUAL, *unused)])
+    notes += [f"{name} is not used, because roll=False." for name in measured_signals(logged, units, unused)]
+    if not measured_signals(logged, units, [c for c in MOTION if c not in unused]):
         raise SignalError(f"yaw_rate.{units[0]}: in none of the logs; map the yaw rate gyro of the {units[0]} to it")
     notes += [
         f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The parameters of the {unit} are estimated "

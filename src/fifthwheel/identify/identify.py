@@ -34,7 +34,8 @@ def identify(
             height, the roll rate of the laden unit.
         vehicle: as known before; its values are the initial values.
         settings: `OneStage()` (default) estimates all unknowns together, `TwoStage()` in the two stages of the
-            article's dual filter, `article()` as published.
+            article's dual filter, `article()` as published. One stage models yaw and roll, with `roll=False` yaw only;
+            two stages model roll if a roll rate is logged. `Identification.models_roll` says which it was.
         knowledge: the information of earlier logs of this truck, such as `Identification.knowledge`; one stage only.
         occasion: trailer, load and date of the logs. What belongs to another trailer or load is not taken over.
         validate: logs that are only predicted.

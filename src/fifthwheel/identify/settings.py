@@ -8,12 +8,14 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.names import ends_with
 from fifthwheel.options import Friction
 from fifthwheel.settings import Count, Cure, Finite, FiniteNonNegative, FinitePositive, NonNegative, Positive, Settings
+from fifthwheel.vehicle import steering_equations
 from fifthwheel.vehicle.parameters import FRICTION, TYRE_PARAMETERS
+from fifthwheel.vehicle.steering import STEERING
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
@@ -21,6 +23,8 @@ Progress = Callable[[str, int, int], None]
 RelativeSigmas = Annotated[Mapping[str, FinitePositive], Cure("give a standard deviation as a fraction of the value")]
 
 
+ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
+"""Parameters of a unit that are identifiable only from its own roll rate."""
 StatedPriors = Annotated[
     Mapping[str, tuple[Finite, FiniteNonNegative]], Cure("give a prior mean and a standard deviation in SI")
 ]
@@ -103,13 +107,19 @@ def refuse_suspension(contents: Mapping[str, Any]) -> None:
         raise ValueError("changes: the suspension of another result, for which this version has --knowledge")
 
 
-def require_tyre_law(contents: Mapping[str, Any], path: str) -> None:
-    """A SignalError for settings in a file whose own tyre law is not imported."""
-    if isinstance(stored := contents.get("tyres"), dict):
-        try:
-            tyre_law.restored(stored)
-        except SignalError as error:
-            raise SignalError(f"{path}: {error}") from None
+def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
+    """A SignalError for a file whose own tyre law or own equations of the steering are not imported, or others."""
+    settings, vehicle = contents.get("settings"), contents.get("vehicle_file", contents.get("vehicle"))
+    tyres, steering = (
+        part.get(key) if isinstance(part, dict) else None for part, key in ((settings, "tyres"), (vehicle, STEERING))
+    )
+    try:
+        if isinstance(tyres, dict):
+            tyre_law.restored(tyres)
+        if isinstance(steering, dict):
+            steering_equations.found(steering.get("equations"))
+    except FifthwheelError as error:
+        raise SignalError(f"{path}: {error}") from None
 
 
 MODEL_ERRORS: Mapping[str, float] = {
@@ -206,6 +216,9 @@ class OneStage(CommonSettings):
     """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
     road, which all logs share and which is estimated too (`dynamics.tyres`); an own function that saturates
     (`dynamics.tyre_law`); or auto: saturating if the static axle loads are determined."""
+    roll: bool = True
+    """Model yaw and roll. False: yaw only, without signals that contain roll (roll rates, lateral accelerations, wheel
+    speeds), and no payload height is estimated."""
     friction: Friction = TYRE_PARAMETERS[FRICTION].default
     """Prior median of the peak friction of the road; 0.75: truck tyres on a dry road."""
     friction_prior: Positive = 0.4
@@ -266,12 +279,22 @@ class OneStage(CommonSettings):
                 raise SignalError(
                     f"free, {name}: expected a parameter that is not fixed; remove it from free or from fixed"
                 )
+        for key in ("height_prior", "roll_inertia_prior", "uniform_payload") if not self.roll else ():
+            if (value := getattr(self, key)) != getattr(type(self), key):
+                raise SignalError(
+                    f"{key}: expected the default, because roll=False estimates no payload height, got {value}; "
+                    "remove it, or use roll=True"
+                )
+        requested = {"free": self.free or (), "priors": self.priors, "stated_priors": self.stated_priors}
+        for key, names in requested.items() if not self.roll else ():
+            for name in names:
+                if any(ends_with(name, of_roll) for of_roll in ROLL_PARAMETERS):
+                    raise SignalError(
+                        f"{key}, {name}: expected a parameter of the yaw motion, because roll=False; remove it, or use "
+                        "roll=True"
+                    )
 
     @property
     def tyre_law(self) -> Tyres:
         """Law of the side forces of one fit; linear with auto."""
         return "linear" if self.tyres == "auto" else self.tyres
-
-    def as_dict(self) -> dict[str, Any]:
-        """All fields by name, for JSON."""
-        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}

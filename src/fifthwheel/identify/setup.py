@@ -148,12 +148,12 @@ class Setup:
 
     @cached_property
     def model(self) -> ChainModel:
-        """The extended yaw-roll model with every parameter free; with tyres that saturate, it brakes."""
+        """The extended model with every parameter free; with tyres that saturate, it brakes."""
         tyres = self.settings.tyre_law
         return dynamics.model(
             self.vehicle,
             self.outputs,
-            roll=True,
+            roll=self.settings.roll,
             bank=self.settings.nuisances,
             free=tuple(self._parameters),
             extended=True,
@@ -184,7 +184,7 @@ class Setup:
         """Rate at which the slowest mode decays at any of the speeds, m/s, in 1/s; z in the order of the unknowns."""
         own = self.vehicle.parameters()
         vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
-        return min(slowest_decay(vehicle, speed) for speed in speeds)
+        return min(slowest_decay(vehicle, speed, roll=self.settings.roll) for speed in speeds)
 
     def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
         """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""

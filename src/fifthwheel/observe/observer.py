@@ -16,7 +16,6 @@ from fifthwheel._arguments import expect, expect_names, expect_optional, expect_
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
-from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs, wheel_speed_difference, with_wheel_speed_differences
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
@@ -32,6 +31,7 @@ from fifthwheel.record import Record
 from fifthwheel.stream.settings import VALID
 from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 
 class Observer:
@@ -45,7 +45,8 @@ class Observer:
         signals: names of the available signals: the speed, a steer angle, and at least one yaw rate, roll rate, roll
             angle or articulation angle; lateral accelerations and wheel speeds of both sides of an axle that is not
             driven are used in addition. With a roll rate, a roll angle, a lateral acceleration, which contains gravity
-            by the roll angle, or wheel speeds, the yaw-roll model is used, otherwise the yaw model.
+            by the roll angle, or wheel speeds, the yaw-roll model is used, otherwise the yaw model; also with
+            `ObserverSettings(roll=False)`, which does not use these signals. `roll` says which model it is.
         settings: of the observer.
 
     Raises:
@@ -76,7 +77,8 @@ class Observer:
         if "speed" not in available:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
         units = [unit.name for unit in vehicle.units]
-        self.outputs = measured_signals(available, units, MEASURED)
+        usable = [channel for channel in MEASURED if self.settings.roll or not channel.of_roll]
+        self.outputs = measured_signals(available, units, usable)
         channels = [CHANNELS[SignalName.of(name).quantity] for name in self.outputs]
         if all(channel.large_offset for channel in channels):  # their offsets would decide
             raise SignalError(
@@ -84,7 +86,9 @@ class Observer:
                 "angle or articulation angle of a unit of the vehicle"
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
-        self.roll = any(channel.of_roll for channel in channels)
+        own_roll = self.vehicle.steering is not None and self.vehicle.steering.uses_roll
+        self.roll = self.settings.roll and (own_roll or any(channel.of_roll for channel in channels))
+        require_roll(self.vehicle.steering, self.roll)
         self.reported = reported_signals(vehicle, roll=self.roll, bank=self.settings.estimate_bank)
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
@@ -202,11 +206,9 @@ class Observer:
 
     def _identity(self) -> dict[str, Any]:
         """Vehicle, signals and settings, for JSON."""
-        settings = {name: value for name, value in vars(self.settings).items() if isinstance(value, float | None)}
-        own_law = {} if isinstance(self.settings.tyres, str) else {"tyres": tyre_law.stored(self.settings.tyres)}
         return {
             "signals": [*self.inputs, *self.outputs],
-            "settings": settings | own_law,
+            "settings": self.settings.as_dict(),
             "constant": self._filter.constant.tolist(),
             "carry": len(self._filter.carry),  # other versions may have another state
         }

@@ -33,6 +33,7 @@ from fifthwheel.channels import (
     YAW_RATE,
 )
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.steering import own_states
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
 from fifthwheel.filters.kalman import ChannelUpdate
@@ -45,7 +46,8 @@ from fifthwheel.vehicle import Vehicle
 
 def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
     """Signals that an observer reports: with roll also roll angles, roll rates and, if the static axle loads are
-    determined, the load transfer ratio of each axle group, present and predicted; the bank of the road if estimated."""
+    determined, the load transfer ratio of each axle group, present and predicted; own states of the steering; the bank
+    of the road if estimated."""
     units = [unit.name for unit in vehicle.units]
     names = [f"{channel.quantity}.{u}" for channel in (SIDESLIP, YAW_RATE) for u in units]
     names += [f"{ARTICULATION.quantity}.{u}" for u in units[1:]]
@@ -54,6 +56,7 @@ def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tup
         with suppress(VehicleError):  # the static loads are not determined
             groups, ratios = vehicle.axle_loads(), (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER)
             names += [f"{channel.quantity}.{path}" for channel in ratios for path in groups]
+    names += own_states(vehicle)
     return (*names, BANK) if bank else tuple(names)
 
 

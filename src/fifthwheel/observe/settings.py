@@ -2,12 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator
 
 from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, SensorErrorName, checked_name, is_of
-from fifthwheel.dynamics import tyre_law
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
@@ -86,6 +85,8 @@ class ObserverSettings(ObserverOptions):
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
     friction, else linear."""
+    roll: bool = True
+    """Model roll if a signal contains it. False: yaw only, without signals that contain roll."""
     speed_smoothing: Positive = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
     `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
@@ -116,7 +117,3 @@ class ObserverSettings(ObserverOptions):
     def tyre_law(self) -> Tyres:
         """Law of the side forces."""
         return self.tyres if self.tyres != "auto" else "linear" if self.friction is None else "saturating"
-
-    def as_dict(self) -> dict[str, Any]:
-        """All fields by name, for JSON."""
-        return super().as_dict() | {"tyres": tyre_law.stored(self.tyres)}

@@ -24,6 +24,7 @@ from fifthwheel.plant.truth import ROLLOVER_ANGLE, true_signals
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_no_steering
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
@@ -83,6 +84,7 @@ class Plant:
     """Properties that a vehicle file does not have."""
 
     def __post_init__(self) -> None:
+        require_no_steering(self.vehicle.steering, "the nonlinear truck")
         sprung_bodies(self.vehicle, self.properties)
 
     @cached_property

@@ -89,7 +89,7 @@ def write_report(
     runs = summarise_runs(identification, records)
     conclusion = conclusion or conclude_identification(identification, records, outlook, states)
     settings = (
-        pages.Hint(f"Estimated in {counted(identification.rounds, unit)}."),
+        pages.Hint(f"Estimated in {counted(identification.rounds, unit)}. Model: {identification.model}."),
         pages.Values(identification.settings.as_dict()),
     )
     fits, first = _fits_by_log(identification), _first_logs(identification)

@@ -16,10 +16,10 @@ from fifthwheel import __version__
 from fifthwheel._arguments import expect, expect_number, expect_optional
 from fifthwheel._atomic.locks import held
 from fifthwheel.cluster import run_all
-from fifthwheel.dynamics import tyre_law
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.settings import Progress
 from fifthwheel.plant import Sensor
+from fifthwheel.settings import Settings as ValidatedSettings
 from fifthwheel.studies.estimators import Estimates, Estimator, Settings, as_estimator
 from fifthwheel.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
@@ -204,8 +204,10 @@ def _text(part: object) -> str:
     name = f"{getattr(part, '__module__', '')}.{getattr(part, '__qualname__', type(part).__qualname__)}"
     if isinstance(part, FunctionType | type):
         return name
-    default, tyres = type(part).__repr__ is object.__repr__, getattr(getattr(part, "settings", None), "tyres", "")
-    name += tyre_law.identity(tyres) if callable(tyres) else ""  # its text is only the name of the function
+    if isinstance(part, Vehicle):
+        return name + part.model_dump_json()
+    settings, default = getattr(part, "settings", None), type(part).__repr__ is object.__repr__
+    name += str(settings.as_dict()) if isinstance(settings, ValidatedSettings) else ""
     return name + re.sub(
         r" at 0x[0-9a-f]+", "", repr(vars(part)) if default and hasattr(part, "__dict__") else repr(part)
     )

@@ -67,6 +67,18 @@ GROUP_TYRE_UNITS: Mapping[str, str] = {
 """Of the numbers of each axle group, which follow from the vehicle, by the last word of their names."""
 _TYRE_UNITS = {**{name.rpartition(".")[2]: p.unit for name, p in TYRE_PARAMETERS.items()}, **GROUP_TYRE_UNITS}
 
+_OWN_UNITS: dict[str, str] = {}
+"""Of the own parameters of a steering, by the last word of their paths."""
+
+
+def register_unit(path: str, unit: str) -> None:
+    """The SI unit of an own parameter, in this process; a VehicleError where its last word has another unit."""
+    quantity = ParameterPath.of(path).quantity
+    known = (SI_UNITS | _TYRE_UNITS).get(quantity, unit)
+    if known != unit:
+        raise VehicleError(f"{path}: expected {known}, as {quantity} elsewhere, got {unit}; use another name")
+    _OWN_UNITS[quantity] = unit
+
 
 def unit_of(path: str) -> str:
     """SI unit of a parameter: 'N/rad', 'kg m^2', 'm'.
@@ -75,7 +87,7 @@ def unit_of(path: str) -> str:
         VehicleError: the path does not end with the name of a quantity.
     """
     quantity = ParameterPath.of(path).quantity
-    units = SI_UNITS | _TYRE_UNITS
+    units = _OWN_UNITS | SI_UNITS | _TYRE_UNITS
     if quantity not in units:
         raise VehicleError(f"{path}: expected the path of a parameter; {suggestion(quantity, SI_UNITS)}")
     return units[quantity]

@@ -13,6 +13,7 @@ from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.steering import STEERING, stated_steering
 from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 
 Table = dict[str, Any]
@@ -58,6 +59,9 @@ def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
     ]
     if "driveline" in fields:
         fields["driveline"] = _fields(_table(fields["driveline"], "driveline"), "driveline", Driveline, stated)
+    if STEERING in fields:
+        fields[STEERING], sigmas = stated_steering(_table(fields[STEERING], STEERING))
+        stated |= sigmas
     for path, sigma in stated.items() if exact else ():
         if sigma:
             raise VehicleError(

@@ -1,7 +1,7 @@
 """A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
-from collections.abc import Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
@@ -17,6 +17,7 @@ from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas
+from fifthwheel.vehicle.steering import STEERING, Steering, own_parameters, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
 if TYPE_CHECKING:
@@ -51,6 +52,7 @@ class Vehicle(Component):
     units: tuple[Unit, ...] = Field(min_length=1, max_length=MAX_UNITS)
     couplings: tuple[Coupling, ...] = ()
     driveline: Driveline | None = None
+    steering: Steering | None = None
     stated: NonNegatives = Field(
         default={}, description="Stated standard deviation of parameters by path, SI; 0 for an exact number."
     )
@@ -99,8 +101,11 @@ class Vehicle(Component):
         """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""
         stated = {} if self.is_exact else self.stated
         texts = {path: toml_format.text(v, unit_of(path), stated.get(path)) for path, v in self.parameters().items()}
-        extra = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
-        return toml_format.dump(self.fields_with(texts) | extra)
+        extra: dict[str, Any] = {"stated": self.is_exact or None, "assumed": dict(self.assumed) or None}
+        fields = self.fields_with(texts)
+        if self.steering is not None:
+            extra[STEERING] = {**fields[STEERING], "equations": self.steering.name, "units": None}
+        return toml_format.dump(fields | extra)
 
     def plot(self) -> "Plot":
         """A drawing to scale, from the side and from above: axles, couplings, payload and CoG.
@@ -135,8 +140,11 @@ class Vehicle(Component):
                 *(u.name for u in self.units),
                 *(c.name for c in self.couplings),
                 *(["driveline"] if self.driveline else []),
+                *([STEERING] if self.steering else []),
             ],
         )
+        if self.steering is not None:
+            self.steering.require_fits(self.units, self.steer_signals())
         for coupling, (front, rear) in zip(self.couplings, pairwise(self.units), strict=True):
             x, supports = coupling.leading_position, self._supports(front)
             _require_within(
@@ -220,6 +228,8 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
+        for path in own_parameters(self.steering):
+            locations[path] = (STEERING, "parameters", path.partition(".")[2])
         return locations
 
     def replace(self, values: Mapping[str, float]) -> Self:
@@ -328,6 +338,36 @@ class Vehicle(Component):
             for axle in (axle for group in unit["axle_groups"] for axle in group["axles"]):
                 axle["steerable"] &= f"steer.{unit['name']}.{axle['name']}" in signals
         return type(self)(**fields)
+
+    def with_steering(
+        self,
+        equations: Callable[..., Any],
+        *,
+        states: Mapping[str, str] | None = None,
+        parameters: Mapping[str, str] | None = None,
+    ) -> Self:
+        """The same vehicle with equations of a user's own between measured steer angles and wheels.
+
+        docs/howto/extend.md has examples.
+
+        Everything that models this vehicle has them: states, identification, learner, linear system, simulation and C.
+        The nonlinear truck, two stages and `assess` refuse such a vehicle.
+
+        Args:
+            equations: function of a module; `vehicle.steering` says what it gets and returns.
+            states: its own states, quantity.unit, each with the standard deviation about its steady value at the first
+                sample, such as {"actuator.semitrailer": "0.01 rad"}.
+            parameters: its own parameters, such as {"lag": "0.15 s +- 0.05 s"}, with the path "steering.lag". One
+                stage estimates those with a standard deviation.
+
+        Raises:
+            VehicleError: the equations lack a property, such as 0 where all is 0, the vehicle has no such signal or
+                axle, or a state or parameter no unit or the name of another quantity.
+        """
+        given = {"equations": equations, "states": states or {}, "parameters": parameters or {}}
+        steering, stated = stated_steering(given)
+        before = {path: sigma for path, sigma in self.stated.items() if not path.startswith(f"{STEERING}.")}
+        return type(self)(**self.model_dump() | {STEERING: steering, "stated": before | stated})
 
     def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
         """Static vertical load of each axle group by its path, N.

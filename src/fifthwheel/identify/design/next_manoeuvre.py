@@ -187,6 +187,6 @@ def _measured(learner: Learner, manoeuvre: CandidateManoeuvre, steer: Array, rat
     for name in setup.inputs[1:]:
         inputs[dynamics.contact_input(name)] = play_contact(record.signals[name], values[f"{name}.play"])
         inputs[dynamics.rate_input(name)] = np.gradient(record.signals[name], 1 / rate)
-    model = dynamics.model(setup.vehicle, setup.outputs, roll=True, extended=True)
+    model = dynamics.model(setup.vehicle, setup.outputs, roll=setup.settings.roll, extended=True)
     _, outputs = free_response(model, values, record.time, inputs)
     return record.with_signals(dict(zip(setup.outputs, outputs.T, strict=True)))

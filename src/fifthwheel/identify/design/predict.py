@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import LATERAL_ACCELERATION, MOTION, USUAL, SignalName, is_of, measured_signals
+from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, MOTION, USUAL, SignalName, is_of, measured_signals
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
@@ -87,14 +87,17 @@ class PredictedPosterior:
         return [self.posterior.names[j] for j in places]
 
 
-def possible_channels(vehicle: Vehicle, logged: Iterable[str] = ()) -> tuple[str, ...]:
+def possible_channels(vehicle: Vehicle, logged: Iterable[str] = (), *, roll: bool = True) -> tuple[str, ...]:
     """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, those others that are
-    logged, and lateral accelerations where a unit has no channel of motion. Where each has one, they add little."""
+    logged, and lateral accelerations where a unit has no channel of motion. Where each has one, they add little.
+
+    `roll`: whether it models roll; without, it uses no channel that contains roll.
+    """
     units, logged = [unit.name for unit in vehicle.units], set(logged)
     complete = set(units) == {SignalName.of(name).unit for name in logged if is_of(name, *MOTION)}
     channels = USUAL if complete else (*USUAL, LATERAL_ACCELERATION)
     possible = {f"{channel.quantity}.{unit}" for channel in channels for unit in units}
-    return measured_signals(possible | logged, units)
+    return measured_signals(possible | logged, units, [c for c in IDENTIFIED if roll or not c.of_roll])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,7 +138,7 @@ class InformationPredictor:
                 axles behind the first are.
         """
         settings = replace(settings, form="output_error", initial_payload_height=None, tyres="linear")
-        setup = Setup.of(vehicle, possible_channels(vehicle, logged), settings)
+        setup = Setup.of(vehicle, possible_channels(vehicle, logged, roll=settings.roll), settings)
         if not setup.estimated:
             raise VehicleError(
                 "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--set)"

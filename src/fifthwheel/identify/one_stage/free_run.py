@@ -29,7 +29,7 @@ def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     z = problem.without_variation(solution.minimum.z)
     values = problem.values(z, 0) | problem.model_values(z, 0)
     sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
-    model = dynamics.model(vehicle, problem.model.outputs, roll=True, bank=problem.model.bank)
+    model = dynamics.model(vehicle, problem.model.outputs, roll=problem.model.roll, bank=problem.model.bank)
 
     def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
         if law != "linear":

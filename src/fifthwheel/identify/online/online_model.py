@@ -59,6 +59,8 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
     consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
     settings = replace(with_tyre_law(vehicle, settings)[0], consider=consider)
+    if not settings.roll:
+        raise SignalError("roll: expected True, because a learner models roll, got False; leave it out")
     if "speed" not in signals:
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")

@@ -116,9 +116,9 @@ def steady_equations(model: OnlineModel, inputs: ca.SX, x: ca.SX, p: ca.SX, c: c
     steer = ca.vertcat(*[value[f"{name}.gain"] * (inputs[i] - value[f"{name}.offset"]) for i, name in steers])
     terms = equations(value, vehicle, roll=True, bank=True)
     A, B = terms.state_space(speed)
-    F = (terms.A0 + terms.A1 / speed + terms.A2 * speed)[:n, :n]
-    slopes = ca.jacobian(F @ x + (terms.B0 + terms.B2 * speed)[:n, :] @ steer, p)
-    return SteadyEquations(A[:n, :n], B[:n, :], F, steer, A[:n, n], slopes)
+    F, G = (matrix[:n, :] for matrix in terms.implicit(speed))
+    slopes = ca.jacobian(F[:, :n] @ x + G @ steer, p)
+    return SteadyEquations(A[:n, :n], B[:n, :], F[:, :n], steer, A[:n, n], slopes)
 
 
 @compiled(Scan)

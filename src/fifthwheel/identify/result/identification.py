@@ -11,7 +11,16 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
-from fifthwheel.channels import LATERAL_ACCELERATION, STEER, WHEEL_SPEED_DIFFERENCE, Channel, is_of, is_sensor_error
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    ROLL_RATE,
+    STEER,
+    WHEEL_SPEED_DIFFERENCE,
+    Channel,
+    is_of,
+    is_sensor_error,
+    names_of,
+)
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
 from fifthwheel.filters.initial_state import INITIAL_SIGMA
@@ -22,7 +31,7 @@ from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.result.posterior import Posterior
-from fifthwheel.identify.settings import OneStage, require_tyre_law
+from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
@@ -85,6 +94,19 @@ class Identification(IdentificationData):
         estimated = next((e.value for e in self.parameters if e.name == FRICTION), settings.friction)
         return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
+    @property
+    def models_roll(self) -> bool:
+        """Whether the method modelled yaw and roll, and not yaw only: one stage unless `roll=False`, two stages if a
+        roll rate is measured."""
+        return getattr(self.settings, "roll", bool(names_of(ROLL_RATE, self.signals)))
+
+    @property
+    def model(self) -> str:
+        """The motion that the method modelled, in words, with the name of own equations of the steering."""
+        motion = "yaw and roll" if self.models_roll else "yaw only"
+        own = self.vehicle.steering
+        return f"{motion}, own steering {own.name}" if own else motion
+
     def sensor_settings(self, log: str | None = None) -> dict[str, Any]:
         """Sensor errors, noise, own tyre law, and friction and bank of the road, as arguments of `ObserverSettings`.
 
@@ -97,8 +119,9 @@ class Identification(IdentificationData):
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
         law = getattr(self.settings, "tyre_law", "linear")
         own_law = {} if isinstance(law, str) else {"tyres": law}
+        yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
         road = {"friction": self.friction} | self._uncertainties(log)
-        return {"sensor_errors": errors, "noise": noise} | own_law | road
+        return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
         """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
@@ -290,7 +313,7 @@ class Identification(IdentificationData):
         path = path / storage.CONTENTS if path.is_dir() else path
         contents = storage.read_contents(path)
         series = storage.read_series(path.with_name(storage.SERIES))
-        require_tyre_law(contents.get("settings", {}), str(path))
+        require_own_functions(contents, str(path))
         try:
             known = path.with_name(KNOWLEDGE)
             knowledge = Knowledge.load(known) if known.exists() else None
@@ -324,7 +347,9 @@ class Identification(IdentificationData):
     def _document(self) -> pages.Document:
         estimates = display.estimates_table(self.parameters, self.derived)
         doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
-        return pages.Document(self._title, [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)])
+        return pages.Document(
+            f"{self._title}, {self.model}", [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)]
+        )
 
 
 def _doubt_in_words(doubt: Doubt) -> str:

@@ -16,7 +16,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, CommonSettings, OneStage
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, ROLL_PARAMETERS, CommonSettings, OneStage
 from fifthwheel.identify.unknowns.unknown import (
     Unknown,
     UnknownKind,
@@ -29,6 +29,7 @@ from fifthwheel.identify.unknowns.unknown import (
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS
+from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
 VARIATION = ".variation"
@@ -44,8 +45,6 @@ SMALL_STEP = 1e-3
 EXACT = 1e-6
 """Of a sensor error that is exactly another number than in an ideal sensor: its standard deviation over the default
 one. The model gets the number as that of an unknown which the logs cannot change."""
-ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
-"""Parameters of a unit that are identifiable only from its own roll rate."""
 
 
 def group_paths(vehicle: Vehicle) -> list[str]:
@@ -77,7 +76,8 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
 
 
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
-    """Paths of the parameters that one stage estimates; not those that the vehicle file states to be exact.
+    """Paths of the parameters that one stage estimates; not those that the vehicle file states to be exact, and own
+    parameters of the steering only with a stated standard deviation.
 
     Raises:
         VehicleError: a name in the settings is neither a parameter nor the end of one.
@@ -87,9 +87,11 @@ def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
     else:
         bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
         separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
-        names = [*stage_1_names(vehicle), *(stage_2_names(vehicle) if settings.uniform_payload else separate)]
+        of_roll = stage_2_names(vehicle) if settings.uniform_payload else separate
+        names = [*stage_1_names(vehicle), *(of_roll if settings.roll else ())]
         uncertain = [name for name in names if vehicle.stated.get(name) != 0]
         names = uncertain or names  # of a simulated vehicle every number is exact
+        names += [name for name in own_parameters(vehicle.steering) if vehicle.stated.get(name)]
     if settings.tyre_law != "linear":
         names = list(dict.fromkeys([*names, FRICTION]))
     fixed = expand_names(vehicle, settings.fixed, settings)
@@ -292,9 +294,11 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
 def _fixed_last_axles(vehicle: Vehicle) -> list[str]:
     """Paths of the self-steering of axles that are fixed, as far as the vehicle file knows: the last axle of each unit
     behind the first, in a group of two or more."""
-    paths = []
+    paths, own = [], vehicle.steering.trace.wheels if vehicle.steering else ()
     for unit in vehicle.units[1:]:
         axles = unit.axle_groups[-1].on_road
+        if f"steer.{unit.name}.{axles[-1].name}" in own:
+            continue
         if len(axles) > 1 and not (axles[-1].steerable or axles[-1].self_steering or axles[-1].command_steering):
             paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
     return paths
@@ -353,6 +357,12 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
             unknowns.append(replace(unknown, centre=centre, scale=scale))
         elif stated:
             unknowns.append(position_unknown(name, *stated))
+        elif (
+            name in own_parameters(vehicle.steering)
+            and not key
+            and 2 * (sigma := vehicle.stated.get(name, 0.0)) > value
+        ):
+            unknowns.append(position_unknown(name, value, sigma))
         elif fraction or name == FRICTION:
             unknowns.append(logarithmic_unknown(name, value, fraction or settings.friction_prior))
         else:
