@@ -103,7 +103,7 @@ class Road:
         grades = rng.normal(size=40_000)
         for length in (truck.vertical_curve, truck.hill_length):
             grades = lfilter([1 / length], [1, 1 / length - 1], grades)
-        self._grades = (truck.hills * grades / grades.std()).tolist()
+        self._grades: list[float] = (truck.hills * grades / grades.std()).tolist()
         self._gust = 0.0
 
     def grade(self, place: float) -> float:
