@@ -1,6 +1,6 @@
 """Articulation angle of the trailer from signals of the tractor: error, sigma and coverage.
 
-    python benchmarks/articulation.py [--seeds 20] [--first 9300] [--minutes 4] [--jobs 2] [--only careful class]
+    python benchmarks/articulation.py [--seeds 20] [--first 9300] [--minutes 2] [--jobs 2] [--only careful class]
 
 The nonlinear truck drives by engine and gears on hilly, banked roads in wind. Each seed draws the errors of all numbers
 of the vehicle file and of all sensors as in sharpness.py:
@@ -8,7 +8,7 @@ of the vehicle file and of all sensors as in sharpness.py:
 * class: nothing is stated, the defaults hold (`vehicle.uncertainty`, `OneStage`);
 * careful: masses from a weighbridge, lengths from a tape, sensors of a known class (`CAREFUL`).
 
-The signals are those that most tractors have, at 25 Hz: speed, steer angle, yaw rate and lateral acceleration; the
+The signals are those that most tractors have, at 20 Hz: speed, steer angle, yaw rate and lateral acceleration; the
 trailer has none. Speed is exact. The accelerometer has offset, gain, delay and place drawn from the priors of
 `OneStage`. One everyday drive is identified. States are those of this log, of an unseen everyday drive of two minutes
 and of unseen turns of 90 degrees at 6 m/s with a radius of 20 m, the last two with offsets and banks of their own.
@@ -39,7 +39,7 @@ from trust_runs import TRUCK
 
 ANGLE, ACCELERATION = "articulation.semitrailer", "lateral_acceleration.tractor"
 SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
-RATE = 25.0
+RATE = 20.0
 """Hz"""
 FAST = 30 / 3.6
 """m/s; the target of 0.5 deg holds above it."""
@@ -91,7 +91,7 @@ def samples(seed: int, knowledge: str, minutes: float) -> Samples:
     settings, rng = OneStage(**priors), np.random.default_rng([seed, 37])
     file, shared, sensor = drawn_file(truck, settings, rng), shared_errors(settings, rng), accelerometer(settings, rng)
     driven = DrivenTruck.drawn(1.0, rng)
-    courses = everyday(duration=60 * minutes, seed=seed), everyday(duration=120, seed=seed + 1_000_000), slow_turns()
+    courses = everyday(duration=60 * minutes, seed=seed), everyday(duration=120.0, seed=seed + 1_000_000), slow_turns()
     logs = []
     for i, path in enumerate(courses):
         offset = settings.acceleration_offset_prior * rng.normal()
@@ -129,21 +129,11 @@ def row(case: str, results: Sequence[Samples]) -> str:
     return f"| {' | '.join(cells)} | {100 * covered.mean():.0f} ± {100 * standard_error:.0f} |"
 
 
-def tables(arguments: argparse.Namespace) -> list[str]:
-    """The tables of all cases, as lines of Markdown."""
-    lines: list[str] = []
-    seeds = range(arguments.first, arguments.first + arguments.seeds)
-    with ProcessPoolExecutor(arguments.jobs) as pool:
-        for knowledge in arguments.only:
-            run = partial(samples, knowledge=knowledge, minutes=arguments.minutes)
-            results = []
-            for seed, result in zip(seeds, pool.map(run, seeds), strict=True):
-                results += [result] if result else []
-                print(f"{knowledge}, seed {seed}", *(row(case, [result]) for case in result), sep="\n", flush=True)
-            head = ("states of", "target", "rms", "median seed", "worst seed", "mean error", "sigma", "covered, %")
-            lines += [f"## {knowledge}", "", f"{len(results)} of {len(seeds)} seeds.", "", f"| {' | '.join(head)} |"]
-            lines += ["|---" * len(head) + "|", *(row(case, results) for case in (CASES if results else ())), ""]
-    return lines
+def table(knowledge: str, results: Sequence[Samples], count: int) -> list[str]:
+    """The table of one knowledge, as lines of Markdown."""
+    head = ("states of", "target", "rms", "median seed", "worst seed", "mean error", "sigma", "covered, %")
+    lines = [f"## {knowledge}", "", f"{len(results)} of {count} seeds.", "", f"| {' | '.join(head)} |"]
+    return [*lines, "|---" * len(head) + "|", *(row(case, results) for case in (CASES if results else ())), ""]
 
 
 def main() -> None:
@@ -151,14 +141,23 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=20)
     parser.add_argument("--first", type=int, default=9300, help="the first seed")
-    parser.add_argument("--minutes", type=float, default=4.0, help="of the identified drive")
+    parser.add_argument("--minutes", type=float, default=2.0, help="of the identified drive")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=["careful", "class"], choices=list(KNOWLEDGE))
     parser.add_argument("-o", type=Path, default=Path(__file__).with_suffix(".md"))
     arguments = parser.parse_args()
-    head = ["# Articulation from tractor signals", "", (__doc__ or "").split("\n\n", 2)[2], ""]
-    head += ["Degrees. The 90 % intervals should contain 85 to 95 % of the true angles; ± is one standard error.", ""]
-    arguments.o.write_text("\n".join([*head, *tables(arguments)]), encoding="utf-8")
+    lines = ["# Articulation from tractor signals", "", (__doc__ or "").split("\n\n", 2)[2], ""]
+    lines += ["Degrees. The 90 % intervals should contain 85 to 95 % of the true angles; ± is one standard error.", ""]
+    seeds = range(arguments.first, arguments.first + arguments.seeds)
+    with ProcessPoolExecutor(arguments.jobs) as pool:
+        for knowledge in arguments.only:
+            run, results, done = partial(samples, knowledge=knowledge, minutes=arguments.minutes), [], 0
+            for done, result in enumerate(pool.map(run, seeds), 1):
+                results += [result] if result else []
+                print(f"{knowledge}, seed {seeds[done - 1]}", *(row(c, [result]) for c in result), sep="\n", flush=True)
+                text = "\n".join([*lines, *table(knowledge, results, done)])
+                arguments.o.write_text(text, encoding="utf-8")
+            lines += table(knowledge, results, done)
 
 
 if __name__ == "__main__":
