@@ -1,21 +1,19 @@
 """Wheel torques of the nonlinear truck: by a controller of its speed, or by a powertrain on a hilly road with wind."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.tyres import AIR_DENSITY
+from fifthwheel.plant.bodies import BeamAxle
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.powertrain import STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.plant.properties import Properties
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from fifthwheel.plant.truck import Plant
 
 TIME_STEP = 1e-3
 """Time step of the integration, s."""
@@ -59,12 +57,11 @@ class SpeedController:
     Driven wheels share the driving force equally; the wheels of a group brake in proportion to their load.
     """
 
-    def __init__(self, plant: "Plant", speed: float) -> None:
-        properties, axles = plant.properties, plant.multibody.axles
-        self.mass = sum(unit.mass for unit in plant.vehicle.units)  # kg, of the whole truck
+    def __init__(self, vehicle: Vehicle, properties: Properties, axles: Sequence[BeamAxle], speed: float) -> None:
+        self.mass = sum(unit.mass for unit in vehicle.units)  # kg, of the whole truck
         self.wheel_radius = properties.wheel_radius
         driven = np.array([float(axle.driven) for axle in axles for _ in SIDES])
-        loads = plant.vehicle.axle_loads()
+        loads = vehicle.axle_loads()
         of_group = {path: properties.brakes.get(path, 0.0) / load for path, load in loads.items()}
         braking = np.array(
             [axle.load * (of_group[axle.group] if properties.brakes else 1.0) for axle in axles for _ in SIDES]
@@ -84,18 +81,16 @@ class SpeedController:
 
 
 class PoweredWheels:
-    """The powertrain of a nonlinear truck and its road, for one run of so many commands; called once per command.
+    """The powertrain of a nonlinear truck with a speed controller, and its road; called once per command.
 
     The engine turns with the mean speed of the driven wheels, and its inertia with them. The driver knows the course:
     the speed to be driven and its rate of change at the present place.
     """
 
-    def __init__(self, plant: "Plant", driven: DrivenTruck, speed: float, commands: int, seed: int) -> None:
-        controller = SpeedController(plant, speed)
-        self._drive, self._brake = controller.drive_fractions, controller.brake_fractions
-        self._truck = matched(driven, plant.vehicle, plant.properties)
-        self._road = Road(self._truck, np.random.default_rng([seed, 41]), commands)
-        self._train = Powertrain(self._truck, speed)
+    def __init__(self, truck: DrivenTruck, wheels: SpeedController, speed: float, commands: int, seed: int) -> None:
+        self._truck, self._drive, self._brake = truck, wheels.drive_fractions, wheels.brake_fractions
+        self._road = Road(truck, np.random.default_rng([seed, 41]), commands)
+        self._train = Powertrain(truck, speed)
         self._wanted, self._place, self._count = speed, 0.0, 0
         self.armature = np.zeros_like(self._drive)
         """Inertia of the engine on each wheel, kg m^2."""

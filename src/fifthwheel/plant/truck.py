@@ -24,6 +24,7 @@ from fifthwheel.plant.powered import (
     PoweredWheels,
     SpeedController,
     gravity,
+    matched,
 )
 from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.plant.properties import Properties
@@ -230,13 +231,17 @@ class Simulation:
         self._bodies = list(layout.bodies)
         self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
         self._start_speed = float(course.speed[0])
-        self.speed_controller = SpeedController(plant, self._start_speed)
-        commands = math.ceil((SETTLING_TIME + course.duration) / (STEPS_PER_COMMAND * TIME_STEP)) + 1
-        self.powered = PoweredWheels(plant, driven, self._start_speed, commands, seed) if driven else None
+        vehicle, properties = plant.vehicle, plant.properties
+        self.speed_controller = SpeedController(vehicle, properties, multibody.axles, self._start_speed)
+        self.powered = None
+        if driven:
+            truck = matched(driven, vehicle, properties)
+            commands = math.ceil((SETTLING_TIME + course.duration) / (STEPS_PER_COMMAND * TIME_STEP)) + 1
+            self.powered = PoweredWheels(truck, self.speed_controller, self._start_speed, commands, seed)
         self.data.qvel[0] = self._start_speed
-        self.data.qvel[self._spin] = self._start_speed / plant.properties.wheel_radius
+        self.data.qvel[self._spin] = self._start_speed / properties.wheel_radius
         self.model.dof_armature[self._spin] = 0.0  # a former run may have left its engine
-        self.model.opt.gravity[:] = gravity(0.0, plant.properties.bank, 0.0)
+        self.model.opt.gravity[:] = gravity(0.0, properties.bank, 0.0)
 
     def _address(self, joint: str) -> int:
         number = mujoco().mj_name2id(self.model, mujoco().mjtObj.mjOBJ_JOINT, joint)
