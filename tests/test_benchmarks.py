@@ -111,6 +111,25 @@ def test_identifications_predict_other_logs_of_carla(carla: str) -> None:
 
 
 @pytest.mark.slow
+def test_the_mass_of_the_nonlinear_truck() -> None:
+    """Two minutes are enough for 15 %; the limit detects a lost coupling, and states nothing about quality."""
+    lines = printed("mass.py", "--nonlinear", "--seeds", "1", "--minutes", "2", "--cases", "1")
+    error, sigma = (float(lines[2].split("|")[k]) for k in (2, 5))
+    assert error < 15
+    assert 1 < sigma < 15
+
+
+@pytest.mark.slow
+def test_articulation_from_tractor_signals(tmp_path: Path) -> None:
+    """One seed: a line for each case, in the file as printed."""
+    arguments = ["--seeds", "1", "--minutes", "1", "--jobs", "1", "--only", "careful", "-o", tmp_path / "a.md"]
+    _, *rows = printed("articulation.py", *map(str, arguments))
+    assert [row.split("|")[2].strip() for row in rows] == ["0.5", "0.5", "1.5"]
+    assert all(0 < float(row.split("|")[3]) < 3 for row in rows)
+    assert "\n".join(rows) in (tmp_path / "a.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.slow
 def test_damaged_and_hostile_files_are_read_or_refused() -> None:
     """A twentieth of what `benchmarks/fuzz.py` reads in a long run."""
     heads, *lines = printed("fuzz.py", "--files", "700", "--seconds", "10", "--every", "13", "--seed", "5")

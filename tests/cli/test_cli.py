@@ -749,6 +749,15 @@ def test_simulates_the_nonlinear_truck(run, tmp_path):
     assert not (tmp_path / "b.csv").exists()
 
 
+def test_simulates_everyday_driving_with_engine_and_hills(run, tmp_path):
+    options = ["--model", "nonlinear", "--manoeuvre", "everyday", "--duration", 5]
+    assert run("simulate", "everyday.parquet", *options).code == 0
+    record = read_log(tmp_path / "everyday.parquet")
+    assert {"yaw_rate.semitrailer", "engine_torque", "wheel_speed.tractor.drive.left"} <= set(record.signals)
+    assert np.nanstd(record.reference["grade"]) > 0
+    assert np.nanmin(record.reference["gear"]) >= 1
+
+
 @pytest.mark.slow
 def test_reproduces_the_article_in_short(run, tmp_path):
     outcome = run("reproduce", "--quick", "--seeds", "1", "--out", "r", "--json")

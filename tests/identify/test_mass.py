@@ -8,6 +8,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks import check
+from fifthwheel.checks.axle_loads import mean_weights
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.plant.driving import DrivenTruck, drive
 from fifthwheel.units import STANDARD_GRAVITY
@@ -58,6 +59,23 @@ def test_the_sigma_of_all_axle_loads_is_that_of_their_sum():
     assert result.mass == pytest.approx(GROSS, rel=1e-6)
     assert result.sigma == pytest.approx(0.02 * math.hypot(*loads.values()) / STANDARD_GRAVITY, rel=0.1)
     assert result.sigma == pytest.approx(math.hypot(*result.parts.values()))
+
+
+def test_bellow_pressures_with_a_calibration_are_an_axle_load(tmp_path):
+    """Both sides with half of 7500 kg at 340 kPa, half way between the weighed loads; sigma is that of the gain."""
+    sides = [f"ASC4.rear_axle_{side}_bellow_pressure@2F" for side in ("left", "right")]
+    rows = [f"{t},340,340" for t in range(60)]
+    (tmp_path / "a.csv").write_text("\n".join([",".join(["t", *sides]), *rows]))
+    signals = fw.SignalMap.parse(f"""
+        [signals."axle_load.tractor.drive"]
+        sum = ["{sides[0]}", "{sides[1]}"]
+        unit = "kg"
+        points = [[120, 1900], [560, 5600]]
+        gain = "1 +- 3 %"
+    """)
+    (name, load), *others = mean_weights([fw.read_log(tmp_path / "a.csv", signals)]).items()
+    assert (name, others) == ("axle_load.tractor.drive", [])
+    assert np.array(load) / STANDARD_GRAVITY == pytest.approx([7500, 0.03 * 7500])
 
 
 def test_the_loads_of_all_axles_of_a_unit_add_up():

@@ -49,6 +49,20 @@ def test_a_load_of_a_group_that_the_vehicle_does_not_have_is_refused():
         weigh_vehicle(loaded({**TRUCK.axle_loads(), "dolly": 5e4}), TRUCK)
 
 
+def test_weights_that_are_not_axle_loads_are_named():
+    """The masses follow from the axle loads alone."""
+    record = loaded(TRUCK.axle_loads())
+    weights = {"gross_weight": 4e5, "weight.semitrailer": 3e5, "axle_load.tractor": 1.7e5}
+    more = record.with_signals({name: np.full(len(record), value) for name, value in weights.items()})
+    weighed = weigh_vehicle(more, TRUCK)
+    assert set(weighed.unused) == weights.keys()
+    assert weighed.vehicle == weigh_vehicle(record, TRUCK).vehicle
+    assert weigh_vehicle(record, TRUCK).unused == ()
+    alone = {name: values for name, values in more.signals.items() if not name.startswith("axle_load")}
+    with pytest.raises(SignalError, match=r"only gross_weight, weight\.semitrailer; `fifthwheel mass` uses"):
+        weigh_vehicle(Record(time=more.time, signals=alone, name="run"), TRUCK)
+
+
 SLIP = {group: load / STANDARD_GRAVITY for group, load in TRUCK.axle_loads().items()}
 SOLO = {"tractor.front": 7200 * (3.7 - 1.03) / 3.7, "tractor.drive": 7200 * 1.03 / 3.7}
 

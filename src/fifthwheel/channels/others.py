@@ -114,5 +114,7 @@ COMPUTED = (
     Channel(quantity="position_x", unit="m"),
     Channel(quantity="position_y", unit="m"),
     Channel(quantity="curvature", unit="1/m"),
+    Channel(quantity="gear", unit="1", of="vehicle"),
+    Channel(quantity="head_wind", unit="m/s", of="vehicle"),
 )
 """Quantities that only simulations and references have."""

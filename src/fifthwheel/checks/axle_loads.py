@@ -37,6 +37,11 @@ def static_loads(record: Record) -> dict[str, StaticLoad]:
         SignalError: there is no axle load, or one has too few samples.
     """
     loads = static_weights(record, (AXLE_LOAD,))
+    if not loads and (weights := sorted(name for name in record.signals if is_of(name, *WEIGHTS))):
+        raise SignalError(
+            f"{record.name}: no axle load, only {', '.join(weights)}; `fifthwheel mass` uses such weights, or map the"
+            " axle loads too"
+        )
     if not loads:
         raise SignalError(
             f"{record.name}: no axle load; map the columns with axle loads in signals.toml:\n"

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -12,6 +12,10 @@ from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption, named_texts
 from fifthwheel.cli.terminal import print_json, progress_bar
+
+if TYPE_CHECKING:
+    from fifthwheel.plant import DrivenTruck
+    from fifthwheel.vehicle import Vehicle
 
 
 @command(
@@ -101,16 +105,13 @@ def simulate(
                 truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
             )
         elif model == "longitudinal":
-            import numpy as np
-
-            from fifthwheel.plant.driving import DrivenTruck, drive
+            from fifthwheel.plant.driving import drive
 
             lateral = nonlinear_only | {"--count": count, "--speed": speed, "--yaw-only": yaw_only}
             lateral |= {"--manoeuvre": manoeuvre != "lane_changes"}
             if refused := [option for option, value in lateral.items() if value]:
                 raise SignalError(f"{', '.join(refused)}: not available in the longitudinal model; remove it")
-            gross = sum(unit.mass for unit in truck.units)
-            driven = DrivenTruck.drawn(gross, np.random.default_rng(seed), wheels=sum(truck.tyres().values()))
+            driven = _driven(truck, seed)
             record = drive(driven, duration=duration or 600.0, rate=min(rate, 100.0), seed=seed, name=log.stem)
         else:
             if yaw_only:
@@ -128,8 +129,9 @@ def simulate(
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
             changed = named_texts("--with", properties, "PROPERTY=VALUE", "'bank=2 deg'")
             plant = Plant(truck, with_changes(Properties(), changed))
+            powertrain = _driven(truck, seed) if manoeuvre == "everyday" else None
             with progress_bar(quiet=as_json) as progress:
-                run = plant.drive(course, rate=rate, name=log.stem, progress=progress)
+                run = plant.drive(course, rate=rate, driven=powertrain, seed=seed, name=log.stem, progress=progress)
             record = run.record(fitted, seed=seed, everything=all_truth)
         write_record(record, log)
         if film:
@@ -142,6 +144,16 @@ def simulate(
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
         if model == "linear":
             typer.echo("Its tyres are linear: identify it with --tyres linear.")
+
+
+def _driven(truck: "Vehicle", seed: int) -> "DrivenTruck":
+    """A powertrain with random numbers, for a vehicle."""
+    import numpy as np
+
+    from fifthwheel.plant import DrivenTruck
+
+    gross = sum(unit.mass for unit in truck.units)
+    return DrivenTruck.drawn(gross, np.random.default_rng(seed), wheels=sum(truck.tyres().values()))
 
 
 @command(

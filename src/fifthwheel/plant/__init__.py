@@ -2,11 +2,13 @@
 
 from fifthwheel.plant.driver import Driver, DriverSettings
 from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.sensors import Sensor, article_sensors, measure, read_sensors
+from fifthwheel.plant.sensors import Sensor, article_sensors, bus_sensors, measure, read_sensors
 from fifthwheel.plant.truck import Plant, PlantRun
 
 __all__ = [
+    "DrivenTruck",
     "Driver",
     "DriverSettings",
     "MagicFormula",
@@ -15,6 +17,7 @@ __all__ = [
     "Properties",
     "Sensor",
     "article_sensors",
+    "bus_sensors",
     "measure",
     "read_sensors",
 ]

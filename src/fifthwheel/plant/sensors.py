@@ -29,6 +29,8 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SignalName, checked_name, is_input, si_unit
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.input_files import flat_tables, parse_toml, read_toml
+from fifthwheel.plant.mujoco_model import SIDES
+from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
@@ -98,6 +100,29 @@ def article_sensors(vehicle: Vehicle) -> dict[str, Sensor]:
     return {name: Sensor() for name in exact} | {
         name: Sensor(variance=variance) for name, variance in article_gyro_variance(units).items()
     }
+
+
+def bus_sensors(vehicle: Vehicle, driven: DrivenTruck) -> dict[str, Sensor]:
+    """The sensors of a truck in ordinary driving with the resolution of SAE J1939-71, by signal.
+
+    CCVS, EEC1 and EEC3 with the errors of the truck, 1 % of the reference torque; wheel speeds of every axle (EBC2,
+    HRW) with a noise of 0.02 m/s, 20 values a second.
+    """
+    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road]
+    per_cent = driven.max_torque / 100
+    speed = Sensor(
+        latency=driven.speed_delay, scale=driven.speed_scale, variance=0.01**2, quantisation=1 / 256 / 3.6, rate=10.0
+    )
+    wheel = Sensor(variance=0.02**2, quantisation=1 / 256 / 3.6, rate=20.0)
+    torque = Sensor(scale=driven.torque_scale, bias=driven.torque_offset, quantisation=per_cent)
+    return {
+        "speed": speed,
+        "engine_speed": Sensor(quantisation=math.pi / 240),
+        "engine_torque": torque,
+        "friction_torque": Sensor(quantisation=per_cent),
+        "driveline_engaged": Sensor(),
+        f"braking.{vehicle.units[0].name}": Sensor(),
+    } | {f"wheel_speed.{axle}.{side}": wheel for axle in axles for side in SIDES}
 
 
 def measure(

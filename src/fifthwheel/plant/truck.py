@@ -11,31 +11,35 @@ import numpy as np
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import Course
 from fifthwheel.plant import tyre_forces
 from fifthwheel.plant.bodies import SprungBody, sprung_bodies
 from fifthwheel.plant.driver import Driver, Pose
 from fifthwheel.plant.mujoco_model import SIDES, model_xml
+from fifthwheel.plant.powered import (
+    LONGITUDINAL,
+    STEPS_PER_COMMAND,
+    TIME_STEP,
+    PoweredWheels,
+    SpeedController,
+    gravity,
+    matched,
+)
+from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.plant.properties import Properties
-from fifthwheel.plant.sensors import Sensor, article_sensors, measure
+from fifthwheel.plant.sensors import Sensor, article_sensors, bus_sensors, measure
 from fifthwheel.plant.truth import ROLLOVER_ANGLE, true_signals
 from fifthwheel.record import Record
-from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.steering import require_no_steering
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
 
-TIME_STEP = 1e-3
-"""Time step of the integration, s."""
-STEPS_PER_COMMAND = 10
-"""Time steps from one command of the driver to the next."""
 SETTLING_TIME = 2.0
 """Straight driving before time 0, s."""
-REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation")
+REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation", "grade", "gear")
 """Quantities that a record holds as reference by default."""
 
 
@@ -50,16 +54,21 @@ class PlantRun:
     truth: dict[str, Array] = field(repr=False)
     """(N,) SI, by signal; see truth.py."""
     name: str
+    driven: DrivenTruck | None = None
+    """The powertrain, with the errors of its sensors."""
 
     def record(self, sensors: Mapping[str, Sensor] | None = None, *, seed: int = 0, everything: bool = False) -> Record:
         """The measured signals, with true signals as reference.
 
         Args:
-            sensors: by signal; None: those of the article, see sensors.py.
+            sensors: by signal; None: those of the article, and of a truck with a powertrain those of its bus, see
+                sensors.py.
             seed: seed of the sensor noise.
             everything: all true signals as reference, not only `REFERENCE_QUANTITIES`.
         """
-        sensors = article_sensors(self.vehicle) if sensors is None else sensors
+        if sensors is None:
+            sensors = article_sensors(self.vehicle)
+            sensors |= bus_sensors(self.vehicle, self.driven) if self.driven else {}
         reference = {
             name: values
             for name, values in self.truth.items()
@@ -101,6 +110,8 @@ class Plant:
         course: Course,
         *,
         rate: float = 100.0,
+        driven: DrivenTruck | None = None,
+        seed: int = 0,
         name: str | None = None,
         progress: Progress | None = None,
         until_rollover: bool = False,
@@ -110,6 +121,10 @@ class Plant:
         Args:
             course: path or open loop.
             rate: sampling rate of the result, Hz; 1000 Hz divided by a whole number.
+            driven: engine, gears and driver that accelerate and brake the truck, with the hills and the wind; its mass,
+                tyres, drag and rolling resistance are those of the vehicle and its properties. None: a controller
+                keeps the speed, on a level road without wind.
+            seed: seed of hills and gusts; a truck without `driven` has none.
             name: name of the run; by default that of the course.
             progress: called once per second of the run.
             until_rollover: the run ends before a unit rolls over, which then is no error.
@@ -122,11 +137,12 @@ class Plant:
         steps = round(1 / (rate * TIME_STEP))  # per sample
         if steps < 1 or not math.isclose(steps * rate * TIME_STEP, 1):
             raise SignalError(f"rate: expected 1000 Hz divided by a whole number, such as 50, 100 or 200, got {rate:g}")
-        simulation = Simulation(self, course)
+        simulation = Simulation(self, course, driven, seed)
         layout = self.multibody.layout
         count = math.floor(course.duration / TIME_STEP / steps) + 1
         sensed = np.full((count, layout.sensed + len(layout.steered)), np.nan)
         wheels = np.full((count, layout.wheel_outputs), np.nan)
+        longitudinal = np.full((count, len(LONGITUDINAL)), np.nan)
         for k in range(-round(SETTLING_TIME / TIME_STEP), (count - 1) * steps + 1):
             if k % STEPS_PER_COMMAND == 0:
                 simulation.command(max(k, 0) * TIME_STEP, settling=k < 0)
@@ -139,13 +155,23 @@ class Plant:
             if k >= 0 and k % steps == 0:
                 sensed[k // steps] = simulation.sample
                 wheels[k // steps] = simulation.wheel_outputs
+                if simulation.powered:
+                    longitudinal[k // steps] = simulation.powered.row
             simulation.step()
         if count < rate:
             raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
         time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
         truth = true_signals(time, sensed[:count], wheels[:count], self.vehicle, self.properties, layout)
+        if driven:
+            names = (f"braking.{self.vehicle.units[0].name}" if name == "braking" else name for name in LONGITUDINAL)
+            truth |= dict(zip(names, longitudinal[:count].T, strict=True))
         return PlantRun(
-            vehicle=self.vehicle, properties=self.properties, time=time, truth=truth, name=name or course.name
+            vehicle=self.vehicle,
+            properties=self.properties,
+            time=time,
+            truth=truth,
+            name=name or course.name,
+            driven=driven,
         )
 
 
@@ -187,7 +213,7 @@ def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayou
 class Simulation:
     """The state of one run; `command`, `sense` and `step` advance it."""
 
-    def __init__(self, plant: Plant, course: Course) -> None:
+    def __init__(self, plant: Plant, course: Course, driven: DrivenTruck | None = None, seed: int = 0) -> None:
         multibody = plant.multibody
         forces, layout = multibody.forces, multibody.layout
         self.plant, self.model = plant, multibody.model
@@ -207,28 +233,40 @@ class Simulation:
         self._bodies = list(layout.bodies)
         self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
         self._start_speed = float(course.speed[0])
-        self.speed_controller = SpeedController(plant, self._start_speed)
+        vehicle, properties = plant.vehicle, plant.properties
+        self.speed_controller = SpeedController(vehicle, properties, multibody.axles, self._start_speed)
+        self.powered = None
+        if driven:
+            truck = matched(driven, vehicle, properties)
+            commands = math.ceil((SETTLING_TIME + course.duration) / (STEPS_PER_COMMAND * TIME_STEP)) + 1
+            self.powered = PoweredWheels(truck, self.speed_controller, self._start_speed, commands, seed)
         self.data.qvel[0] = self._start_speed
-        self.data.qvel[self._spin] = self._start_speed / plant.properties.wheel_radius
-        self._sin_bank, self._cos_bank = math.sin(plant.properties.bank), math.cos(plant.properties.bank)
+        self.data.qvel[self._spin] = self._start_speed / properties.wheel_radius
+        self.model.dof_armature[self._spin] = 0.0  # a former run may have left its engine
+        self.model.opt.gravity[:] = gravity(0.0, properties.bank, 0.0)
 
     def _address(self, joint: str) -> int:
         number = mujoco().mj_name2id(self.model, mujoco().mjtObj.mjOBJ_JOINT, joint)
         return int(self.model.jnt_dofadr[number])
 
     def command(self, time: float, *, settling: bool) -> None:
-        """Set steer rate and wheel torques until the next command, and the direction of gravity on a banked road.
+        """Set steer rate and wheel torques until the next command, and the direction of gravity on a sloping road.
 
         While settling, the truck goes straight ahead at the initial speed of the course.
         """
         pose = self.pose()
         steer, speed = (0.0, self._start_speed) if settling else self.driver(time, pose)
         self._steer_increment[0] = (steer - self._steer[0]) / STEPS_PER_COMMAND
-        self.data.qfrc_applied[self._spin] = self.speed_controller(speed - pose.speed)
-        if self._sin_bank:
-            down, side = -GRAVITY * self._cos_bank, -GRAVITY * self._sin_bank
-            c, s = math.cos(pose.heading), math.sin(pose.heading)
-            self.model.opt.gravity[:] = -s * side, c * side, down
+        if self.powered is None:
+            self.data.qfrc_applied[self._spin] = self.speed_controller(speed - pose.speed)
+        else:
+            self.data.qfrc_applied[self._spin] = self.powered(speed, pose.speed, self.data.qvel[self._spin])
+            self.data.qfrc_applied[0] = self.powered.wind_force * math.cos(pose.heading)
+            self.data.qfrc_applied[1] = self.powered.wind_force * math.sin(pose.heading)
+            self.model.dof_armature[self._spin] = self.powered.armature
+        if self.powered or self.plant.properties.bank:
+            grade = self.powered.grade if self.powered else 0.0
+            self.model.opt.gravity[:] = gravity(grade, self.plant.properties.bank, pose.heading)
 
     def pose(self) -> Pose:
         """Pose of the first unit."""
@@ -256,33 +294,3 @@ class Simulation:
         self.data.xfrc_applied[:] = self._wrench
         self._step2(self.model, self.data)
         self._steer += self._steer_increment
-
-
-class SpeedController:
-    """A PI controller of the speed through driven wheels and brakes, for a truck that starts at a speed, m/s.
-
-    Driven wheels share the driving force equally; the wheels of a group brake in proportion to their load.
-    """
-
-    def __init__(self, plant: Plant, speed: float) -> None:
-        properties, axles = plant.properties, plant.multibody.axles
-        self.mass = sum(unit.mass for unit in plant.vehicle.units)  # kg, of the whole truck
-        self.wheel_radius = properties.wheel_radius
-        driven = np.array([float(axle.driven) for axle in axles for _ in SIDES])
-        loads = plant.vehicle.axle_loads()
-        of_group = {path: properties.brakes.get(path, 0.0) / load for path, load in loads.items()}
-        braking = np.array(
-            [axle.load * (of_group[axle.group] if properties.brakes else 1.0) for axle in axles for _ in SIDES]
-        )
-        self.drive_fractions = driven / max(driven.sum(), 1.0)  # of the driving force on each wheel
-        self.brake_fractions = braking / braking.sum()  # of the braking force on each wheel
-        rolling = properties.rolling_resistance * self.mass * GRAVITY
-        self.integral = rolling + AIR_DENSITY / 2 * properties.drag_area * speed**2  # N, driving resistance
-
-    def __call__(self, error: float) -> Array:
-        """Torque of each wheel, N m, (wheels,), for a speed error, m/s; called once per command."""
-        force = self.mass * 0.8 * error + self.integral
-        force = min(max(force, -0.5 * GRAVITY * self.mass), 0.15 * GRAVITY * self.mass)
-        self.integral += self.mass * 0.3 * min(max(error, -0.5), 0.5) * STEPS_PER_COMMAND * TIME_STEP
-        torques: Array = force * self.wheel_radius * (self.drive_fractions if force > 0 else self.brake_fractions)
-        return torques

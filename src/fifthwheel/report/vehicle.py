@@ -51,7 +51,9 @@ def _effect(fraction: float | None) -> str:
     return "–" if fraction is None else percent(fraction)
 
 
-def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Vehicle) -> pages.Document:
+def weighed_document(
+    loads: Mapping[str, StaticLoad], before: Vehicle, after: Vehicle, unused: Sequence[str] = ()
+) -> pages.Document:
     """Measured axle loads, with masses and CoG positions before, of the vehicle file, and after, from these loads."""
     old_loads, new_loads = before.axle_loads(), after.axle_loads()
     rows = []
@@ -65,7 +67,8 @@ def weighed_document(loads: Mapping[str, StaticLoad], before: Vehicle, after: Ve
     ]
     heads = ("Axle group", "Measured, kN>", "Scatter>", "File, kN>", "New, kN>")
     of_units = ("Unit", "New mass, kg>", "File>", "New CoG, m>", "File>")
-    return pages.Document(after.name, [pages.Table(heads, rows), pages.Table(of_units, units)])
+    hints = [pages.Hint(f"Not used: {enumerated(unused)}. `fifthwheel mass` uses them.")] if unused else []
+    return pages.Document(after.name, [pages.Table(heads, rows), pages.Table(of_units, units), *hints])
 
 
 def mass_document(

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from statistics import fmean
 from typing import Any
 
+from fifthwheel.channels import WEIGHTS, is_of
 from fifthwheel.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import enumerated, with_sigma
@@ -52,12 +53,15 @@ class WeighedVehicle:
     """By the path of the axle group."""
     text: str | None = None
     """The vehicle file with the new numbers, and its comments; None without a file."""
+    unused: tuple[str, ...] = ()
+    """Weights in the log that are not the load of an axle group; `mass` uses them."""
 
     def as_dict(self) -> dict[str, Any]:
         """Loads, masses and CoG positions, for JSON."""
         return {
             "loads": {group: asdict(load) for group, load in self.loads.items()},
             "units": {unit.name: {"mass": unit.mass, "cog": unit.cog} for unit in self.vehicle.units},
+            "unused": list(self.unused),
         }
 
 
@@ -254,7 +258,11 @@ def weigh_vehicle(
         SignalError: the log has no axle load, or one of a group that the vehicle does not have.
         VehicleError: the loads contradict each other.
     """
-    loads, groups = static_loads(record), vehicle.axle_loads()
+    groups = vehicle.axle_loads()
+    of_units = {unit.name for unit in vehicle.units} - set(groups)  # a trailer with one axle group has its name
+    loads = {group: load for group, load in static_loads(record).items() if group not in of_units}
+    weights = [name for name in record.signals if is_of(name, *WEIGHTS)]
+    unused = tuple(name for name in weights if name.removeprefix(PREFIX) not in loads)
     for group in loads:
         if group not in groups:
             raise SignalError(
@@ -264,7 +272,8 @@ def weigh_vehicle(
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
     source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
     weighed = _rounded(weighed.model_copy(update={"source": source}), vehicle)
-    return WeighedVehicle(vehicle=weighed, loads=loads, text=None if text is None else edited(text, weighed))
+    new_text = None if text is None else edited(text, weighed)
+    return WeighedVehicle(vehicle=weighed, loads=loads, text=new_text, unused=unused)
 
 
 def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:

@@ -165,12 +165,26 @@ def test_the_j1939_that_comes_along():
         "ERC1": 61440, "ETC1": 61442, "EEC1": 61444, "EEC3": 65247,
         "EBC1": 61441, "VDC2": 61449, "SSI": 61459, "SSI2": 61481, "ARI": 61482, "ACCS": 61485, "VDC1": 65103,
         "TCO1": 65132, "HRW": 65134, "CVW": 65136, "EBC2": 65215, "EBS22": 65220, "VDS": 65256, "VW": 65258,
-        "CCVS": 65265, "EBS21": 768,
+        "CCVS": 65265, "EBS21": 768, "ASC4": 65112,
     }  # fmt: skip
     for name, number in groups.items():
         message = j1939.message(number << 8 | 0x0B, True)
         assert message.name == name
         assert all(one.highest is not None for one in message.signals)
+
+
+def test_bellow_pressures():
+    """200.0 and 201.0 kPa at the front, 455.5 kPa and no value at the rear."""
+    message = load([]).message(0x18FE582F, True)
+    data = np.frombuffer(b"".join(n.to_bytes(2, "little") for n in (2000, 2010, 4555, 0xFFFF)), np.uint8).reshape(1, 8)
+    values = [int(one.bits.raw(data)[0]) for one in message.signals]
+    assert [round(one.scale * raw, 1) for one, raw in zip(message.signals, values, strict=True)][:3] == [
+        200.0,
+        201.0,
+        455.5,
+    ]
+    assert values[3] > message.signals[3].highest
+    assert [one.unit for one in message.signals] == ["kPa"] * 4
 
 
 def test_multiplexing_on_two_levels_is_as_in_cantools(tmp_path):

@@ -54,7 +54,8 @@ def weigh(
 
     Axle loads come from on-board weighing: J1939 vehicle weight, the trailer's axle load sum, or the pressure of air
     springs with a calibration (points in signals.toml). Samples at rest are used, or straight running if there are
-    none. The load of the front axle may be missing. Yaw and roll inertias stay as they are.
+    none. The load of the front axle may be missing. Yaw and roll inertias stay as they are. Weights of units and of the
+    vehicle are named and not used: `fifthwheel mass` uses them.
 
     A slip file has the loads as masses in tables `[laden]`, `[solo]` (the tractor alone) and `[empty]`, such as
     `tractor.drive = "10500 kg"`, and their standard deviation, `accuracy = "1 %"`. The file then states how well
@@ -76,7 +77,7 @@ def weigh(
             weighed = weigh_by_slip(Slip.load(slip), text, name=slip.name)
         with atomic_write(out) as temporary:
             temporary.write_text(weighed.text or weighed.vehicle.to_toml(), encoding="utf-8")
-    document = partial(weighed_document, weighed.loads, truck, weighed.vehicle)
+    document = partial(weighed_document, weighed.loads, truck, weighed.vehicle, weighed.unused)
     terminal.print_result(weighed.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
 
