@@ -47,6 +47,11 @@ def ramp() -> Record:
     return read_log(DATA / "run02_exit_ramp.csv", SignalMap.parse(MAP), name="ramp")
 
 
+@pytest.fixture(scope="module")
+def result_of_bend(bend: Record, ramp: Record) -> Identification:
+    return identify([bend], vehicle.get("auburn_6x4"), validate=[ramp])
+
+
 def explained(result: Identification, log: str) -> list[float]:
     """Per cent of the variance explained, of the three channels."""
     return [100 * next(f.explained for f in result.fits if f.log == log and f.signal == name) for name in CHANNELS]
@@ -86,10 +91,9 @@ def test_two_stages_on_both_logs(bend: Record, ramp: Record) -> None:
     assert result.histories.keys() == {"stage 1"}
 
 
-def test_bend_alone(bend: Record, ramp: Record) -> None:
-    result = identify([bend], vehicle.get("auburn_6x4"), validate=[ramp])
-    assert np.all(np.array(explained(result, "bend")) >= [98.7, 99.6, 99.7])
-    assert not any(f.identified_on for f in result.fits if f.log == "ramp")
+def test_bend_alone(result_of_bend: Identification) -> None:
+    assert np.all(np.array(explained(result_of_bend, "bend")) >= [98.7, 99.6, 99.7])
+    assert not any(f.identified_on for f in result_of_bend.fits if f.log == "ramp")
 
 
 def test_ramp_alone_predicts_the_bend(bend: Record, ramp: Record) -> None:
@@ -97,9 +101,8 @@ def test_ramp_alone_predicts_the_bend(bend: Record, ramp: Record) -> None:
     assert np.all(np.array(explained(result, "bend")) >= [98, 98, 98])
 
 
-def test_lateral_velocity_against_the_ins(bend: Record) -> None:
-    result = identify([bend], vehicle.get("auburn_6x4"))
-    observer = Observer(result.vehicle, bend.signals, result.observer_settings("bend"))
+def test_lateral_velocity_against_the_ins(bend: Record, result_of_bend: Identification) -> None:
+    observer = Observer(result_of_bend.vehicle, bend.signals, result_of_bend.observer_settings("bend"))
     states = observer.batch(bend)
     assert (but_settling(states.status) == Status.OK).all()
     inverted = bend.with_signals({"steer.tractor.front": -bend.signals["steer.tractor.front"]})
