@@ -18,7 +18,7 @@ from fifthwheel import cli
 from fifthwheel.checks import Fault
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.errors import SignalError
-from fifthwheel.identify import Identification, identify
+from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Observer, Status
@@ -36,6 +36,8 @@ GUESS = TRUCK.replace(
     {n: TRUTH[n] * k for n, k in zip(stage_1_names(TRUCK), [0.8, 1.2, 0.8, 1.2], strict=True)}
     | {"semitrailer.payload.height": 1.0}
 )
+LINEAR = OneStage(tyres="linear")
+"""Of most cases: the true tyres are linear, and an identification of tyres that saturate takes five times as long."""
 BASE = simulate(TRUCK, count=3)
 STEER, SPEED = "steer.tractor.front", "speed"
 YAW, YAW2 = "yaw_rate.tractor", "yaw_rate.semitrailer"
@@ -167,6 +169,14 @@ CASES = [
 cases = pytest.mark.parametrize("case", CASES, ids=str)
 LONG = ("with a noisy gyro",)
 """Variants whose estimation diverges, which takes long."""
+SATURATING = ("dropout yaw_rate.tractor 2 s", "spike roll_rate.semitrailer", "gain steer.tractor.front")
+"""Cases that are identified with tyres that saturate too."""
+
+
+def logged(case: Case) -> Record:
+    """The log of a case; 8 s of it if no sample is right, because the observer restarts at each of them."""
+    record = case.inject(BASE)
+    return record.cut(0, 8) if case.fault in (Fault.DEGREES, Fault.STEERING_WHEEL, Fault.WRONG_COLUMN) else record
 
 
 def require_finite(found: Identification) -> None:
@@ -234,13 +244,23 @@ def test_without_a_fault():
     "case", [pytest.param(c, marks=[pytest.mark.slow] * (c.variant in LONG)) for c in CASES], ids=map(str, CASES)
 )
 def test_identification(case):
+    require_message(case, LINEAR)
+
+
+@pytest.mark.parametrize("case", [case for case in CASES if str(case) in SATURATING], ids=str)
+def test_identification_of_tyres_that_saturate(case):
+    require_message(case, OneStage())
+
+
+def require_message(case: Case, settings: OneStage) -> None:
+    """An identification is refused with the name of the signal, has a message that names it, or is right."""
     record = case.inject(BASE)
     if case.refused:
         with pytest.raises(SignalError) as error:
-            identify([record], GUESS)
+            identify([record], GUESS, settings)
         assert any(line.startswith(f"{case.signal}: ") for line in str(error.value).splitlines())
         return
-    found = identify([record], GUESS)
+    found = identify([record], GUESS, settings)
     require_finite(found)
     named = [name for name in (case.signal, *case.among) if f"{name}" in messages(found)]
     if case.fault is Fault.OFFSET:  # the offset is estimated
@@ -271,7 +291,7 @@ def test_identification_without_checks_gives_finite_numbers_or_an_error(case):
 @cases
 def test_observer(case):
     """Without checks: unusable samples are NaN and have a status, all others are finite and have a sigma."""
-    record = case.inject(BASE)
+    record = logged(case)
     found = Observer(TRUCK, record.signals).batch(record)
     good = ~np.isin(found.status, [Status.TOO_SLOW, Status.INPUT_MISSING])
     for name in found.values:
@@ -299,9 +319,10 @@ def test_observer(case):
 def test_command_line(case, tmp_path, capsys):
     """`states` refuses the same logs as `identify`, with one line for each error, without a traceback."""
     log = tmp_path / "log.parquet"
-    write_record(case.inject(BASE), log)
+    record = case.inject(BASE) if case.refused else logged(case)
+    write_record(record, log)
     code, out, err = run(capsys, "states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json")
-    findings = [f for f in check_signals(case.inject(BASE), TRUCK) if f.severity == "error"]
+    findings = [f for f in check_signals(record, TRUCK) if f.severity == "error"]
     assert "Traceback" not in err
     if findings:
         assert code == 2
@@ -400,11 +421,13 @@ def test_a_csv_file_cut_short(tmp_path, capsys):
     log = tmp_path / "log.csv"
     log.write_text(text[: int(0.8 * len(text))])
     GUESS.save(tmp_path / "guess.toml")
-    found = identify([read_log(log)], GUESS)
+    found = identify([read_log(log)], GUESS, LINEAR)
     require_finite(found)
     assert not wrong_parameters(found)
     assert "log: last line left out" in "\n".join(found.notes)
-    code, out, err = run(capsys, "identify", log, "-v", tmp_path / "guess.toml", "-o", tmp_path / "out")
+    code, out, err = run(
+        capsys, "identify", log, "-v", tmp_path / "guess.toml", "-o", tmp_path / "out", "--tyres", "linear"
+    )
     assert (code, err) == (0, "")
     assert "last line left out" in " ".join(out.split())
 

@@ -39,7 +39,7 @@ def test_measurements_are_in_one_order() -> None:
 
 
 def test_an_identification_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> None:
-    result = fw.identify([record], truck)
+    result = fw.identify([record], truck, fw.OneStage(tyres="linear"))
     assert {SECOND, REAR} <= set(result.signals)
     errors = {error.name for error in result.sensors}
     assert {f"{SECOND}.{kind}" for kind in ("offset", "gain", "misalignment")} <= errors

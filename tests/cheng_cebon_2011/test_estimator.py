@@ -59,7 +59,7 @@ def test_errors_of_twelve_seeds_match_their_sigma(truck: Vehicle) -> None:
     ratios: dict[str, list[float]] = {}
     for seed in range(12):
         factors = tuple(np.random.default_rng([seed, 7]).choice([0.8, 1.2], 4))
-        result = identify([simulate(truck, count=10, seed=seed)], guesses(truck, factors))
+        result = identify([simulate(truck, count=5, seed=seed)], guesses(truck, factors))
         within(result, truck)
         for name, error in errors(result, truck).items():
             sigma = result[name].sigma

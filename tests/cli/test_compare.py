@@ -4,7 +4,7 @@ import csv
 
 import pytest
 
-from tests.cli.test_cli import folder, identified, refused, run  # noqa: F401 - fixtures
+from tests.cli.test_cli import refused, run  # noqa: F401 - a fixture
 from tests.report.conftest import NASTY, Page
 
 

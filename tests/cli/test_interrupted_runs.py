@@ -76,7 +76,7 @@ def test_results_are_replaced_by_the_same_command_only(place, run):  # noqa: F81
 
 
 def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, run):  # noqa: F811
-    assert run("identify", "log.csv", "-v", "truck.toml", "-o", "out").code == 0
+    assert run("identify", "log.csv", "-v", "truck.toml", "-o", "out", "--tyres", "linear").code == 0
     assert sorted(path.name for path in (place / "out").iterdir()) == sorted([*FILES, MANIFEST])
     both = ("log.csv", "-v", "out/vehicle.toml", "-i", "out/identification.json")
     refused(run("states", *both, "-o", "out"), r"out: contains the results of fifthwheel identify")

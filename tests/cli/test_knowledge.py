@@ -8,11 +8,11 @@ import pytest
 
 from fifthwheel._atomic import one_run
 from fifthwheel.identify.knowledge.knowledge import Knowledge
-from tests.cli.test_cli import ESTIMATED, TRUCK, folder, identified, refused, run  # noqa: F401 - fixtures
+from tests.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
 
 
 @pytest.fixture
-def result(identified, tmp_path) -> Path:  # noqa: F811
+def result(identified, tmp_path) -> Path:
     """A result folder of two logs."""
     shutil.copytree(identified[0], tmp_path / "result")
     return tmp_path / "result"
@@ -92,7 +92,19 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
     assert merged["logs"] == ["second", "first"]
     refused(run("knowledge", "merge", "one.json", "-o", "merged.json"), "merged.json: exists")
     begun = run(
-        *("identify", folder / "flat.csv", "-v", TRUCK, "--knowledge", "merged.json", "-o", "next", "--json"),
+        *(
+            "identify",
+            folder / "flat.csv",
+            "-v",
+            TRUCK,
+            "--knowledge",
+            "merged.json",
+            "-o",
+            "next",
+            "--json",
+            "--tyres",
+            "linear",
+        ),
     ).json()
     assert any("Begins with the information of earlier logs (2," in note for note in begun["notes"])
     assert [log.name for log in Knowledge.load("next").logs] == ["second", "first", "flat"]

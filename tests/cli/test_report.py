@@ -28,7 +28,8 @@ def ran(*arguments) -> dict:
 def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     note = "40 t, dry"
     told = ran(
-        "identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--note", note, "--author", "J. Smith"
+        *("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--tyres", "linear"),
+        *("--note", note, "--author", "J. Smith"),
     )
     conclusion = told["conclusion"]
     assert conclusion.keys() >= {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}

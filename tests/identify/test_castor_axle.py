@@ -70,11 +70,10 @@ def test_a_log_contradicts_a_fixed_axle() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [1, 2])
-def test_of_the_nonlinear_truck(seed: int) -> None:
+def test_of_the_nonlinear_truck() -> None:
     pytest.importorskip("mujoco")
     run = Plant(CASTOR).drive(lane_changes(count=3))
-    record = run.record(seed=seed)
+    record = run.record(seed=1)
     doubtful, right = (fw.identify([record], file) for file in (FIXED, CASTOR))
     assert PATH in blamed(doubtful)
     assert blamed(right) == []

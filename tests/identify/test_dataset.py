@@ -19,6 +19,7 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from tests.identify.conftest import without
 
+LINEAR = OneStage(tyres="linear")
 FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"
 STIFFNESS_AND_INERTIA = (
     *(f"{group}.cornering_stiffness" for group in ("tractor.front", "tractor.drive", "semitrailer")),
@@ -33,7 +34,7 @@ def copy(record: Record) -> Record:
 
 @pytest.mark.parametrize(
     "settings",
-    [OneStage(), pytest.param(OneStage(form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
+    [LINEAR, pytest.param(replace(LINEAR, form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
     ids=["oe", "pe", "two"],
 )
 def test_identification_changes_none_of_its_arguments(truck: Vehicle, settings: OneStage | TwoStage) -> None:
@@ -162,7 +163,7 @@ def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: Tyr
 
 @pytest.mark.parametrize(
     "settings",
-    [OneStage(), pytest.param(OneStage(form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
+    [LINEAR, pytest.param(replace(LINEAR, form="prediction_error"), marks=pytest.mark.slow), TwoStage()],
     ids=["oe", "pe", "two"],
 )
 def test_a_channel_without_samples_counts_as_absent(truck: Vehicle, settings: OneStage | TwoStage) -> None:

@@ -67,8 +67,17 @@ def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"])
-@pytest.mark.parametrize("is_blind", [False, True], ids=["all gyros", "none of the dolly"])
+@pytest.mark.parametrize(
+    ("name", "is_blind"),
+    [
+        ("b_double", False),  # without a dolly
+        ("a_double", False),
+        ("a_double", True),
+        ("truck_dolly_semitrailer", True),
+        ("truck_full_trailer", False),
+        ("truck_full_trailer", True),
+    ],
+)
 def test_one_lane_change_identifies_a_long_combination(name: str, is_blind: bool) -> None:
     """From initial values 20 % off, each estimate converges within 4 sigma of the true value."""
     vehicle = get(name)

@@ -21,6 +21,7 @@ from fifthwheel.vehicle import get
 from tests.logs.formats import FORMATS, stored
 
 TRUCK = get("cheng_cebon_2011")
+LINEAR = OneStage(tyres="linear")
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +32,7 @@ def drive():
 
 @pytest.fixture(scope="module")
 def identification(drive):
-    return identify([drive], TRUCK, OneStage())
+    return identify([drive], TRUCK, LINEAR)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -45,7 +46,7 @@ def test_every_format_gives_the_same_record_and_parameters(tmp_path, drive, iden
     assert record.time - shift == pytest.approx(drive.time, abs=1.1e-4 if name == "drive.trc" else 2e-6)
     for signal, values in drive.signals.items():
         assert record.signals[signal] == pytest.approx(values, rel=1e-6, abs=1e-7)
-    again = identify([record], TRUCK, OneStage())
+    again = identify([record], TRUCK, LINEAR)
     for one, other in zip(identification.parameters, again.parameters, strict=True):
         assert other.verdict == one.verdict
         assert other.value == pytest.approx(one.value, abs=(0.1 if name == "drive.trc" else 0.01) * one.sigma)
@@ -118,13 +119,13 @@ def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive, name):
     path, signal_map = stored(drive, tmp_path, name)
     whole, rng, identified = path.read_bytes(), random.Random(name), 0
     truth = TRUCK.parameters()
-    for k in range(12):
+    for k in range(6):
         data = bytearray(whole)
         for _ in range(rng.choice([1, 10, 40])):
             data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
         path.write_bytes(data)
         with contextlib.suppress(SignalError):
-            result = identify([read_log(path, signal_map)], TRUCK, OneStage(check=k % 2 == 0))
+            result = identify([read_log(path, signal_map)], TRUCK, OneStage(check=k % 2 == 0, tyres="linear"))
             identified += 1
             assert all(np.isfinite([e.value, e.sigma]).all() for e in result.parameters)
             converged = [e for e in result.parameters if e.verdict == "converged"]

@@ -1,6 +1,7 @@
 """One short identification and its variants, for the tests of diagnosis and report."""
 
 import base64
+import functools
 import itertools
 import zlib
 from dataclasses import dataclass, replace
@@ -31,6 +32,11 @@ class Result:
 @pytest.fixture(scope="session")
 def result() -> Result:
     """Two lane changes, and two more with faults in a log with special characters in its name, only predicted."""
+    return _result()
+
+
+@functools.cache  # a fixture that several conftest.py import runs once for each
+def _result() -> Result:
     truck = vehicle.get("cheng_cebon_2011")
     first = simulate(truck, count=2, seed=1, name="lane changes")
     records = [first, faulty(simulate(truck, count=2, seed=2, name=NASTY))]

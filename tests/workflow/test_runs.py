@@ -26,6 +26,7 @@ from fifthwheel.workflow import (
 
 TRUCK = get("cheng_cebon_2011")
 RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")
+LINEAR = OneStage(tyres="linear")
 HEIGHT = "semitrailer.payload.height"
 NAMES = {"identification.json", "vehicle.toml", "states.parquet", "report.html", "knowledge.json"}
 
@@ -50,11 +51,11 @@ def progress() -> list[tuple[str, int, int]]:
 
 @pytest.fixture(scope="module")
 def run(progress) -> IdentificationRun:
-    return run_identification([RUN], TRUCK, validate=[OTHER], progress=lambda *call: progress.append(call))
+    return run_identification([RUN], TRUCK, LINEAR, validate=[OTHER], progress=lambda *call: progress.append(call))
 
 
 def test_an_identification_with_its_states(run, progress, capsys):
-    plain = identify([RUN], TRUCK, OneStage(), validate=[OTHER])
+    plain = identify([RUN], TRUCK, LINEAR, validate=[OTHER])
     assert run.identification.to_json() == plain.to_json()
     assert [record.name for record in run.records] == [states.name for states in run.states] == ["run", "other"]
     observer = Observer(plain.vehicle, RUN.signals, plain.observer_settings("run"))
@@ -83,7 +84,7 @@ def test_no_remedies_where_all_is_known():
 
 def test_remedies_are_predicted_with_the_stated_sigma():
     """The identified vehicle has the sigma of the result, which contains the logs already."""
-    run = run_identification([RUN], TRUCK.with_stated({HEIGHT: 0.4}))
+    run = run_identification([RUN], TRUCK.with_stated({HEIGHT: 0.4}), LINEAR)
     sigma = run.identification[HEIGHT].sigma
     assert sigma < 0.3
     assert run.identification.vehicle.stated == {HEIGHT: pytest.approx(sigma, rel=6e-3)}

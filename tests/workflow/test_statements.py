@@ -385,7 +385,7 @@ def test_identify_uses_what_is_stated(run: Any) -> None:
     path = "semitrailer.roll_axis_height"
 
     def identified(*texts: str) -> Any:
-        outcome = run("identify", log, "-v", truck, "--json", *[f"--set={text}" for text in texts])
+        outcome = run("identify", log, "-v", truck, "--json", "--tyres=linear", *[f"--set={text}" for text in texts])
         assert (outcome.code, outcome.err) == (0, "")
         result = outcome.json()
         rows = {row["name"]: row for key in ("parameters", "sensors", "uncertain") for row in result[key]}

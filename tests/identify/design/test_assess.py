@@ -56,17 +56,6 @@ def sigmas(assessment: InformationAssessment) -> np.ndarray:
     return np.array([p.sigma for p in assessment.parameters])
 
 
-@pytest.mark.slow
-def test_errors_of_fits_scatter_as_predicted(truck):
-    """60 fits of one lane change each against the mean prediction from three of the logs; 9 % is chance."""
-    logs = [simulate(truck, count=1, seed=seed) for seed in range(60)]
-    expected = np.mean([sigmas(predict_sigmas([log], truck, EXACT)) for log in logs[:3]], axis=0)
-    values = truck.parameters()
-    errors = [[e.value - values[e.name] for e in identify([log], truck, EXACT).parameters] for log in logs]
-    rms = np.sqrt(np.mean(np.square(errors), axis=0))
-    assert rms / expected == pytest.approx(1, abs=0.3)
-
-
 @pytest.mark.parametrize("settings", [OneStage(), EXACT], ids=["default", "exact"])
 @pytest.mark.parametrize("quantities", [(), ("roll_rate",)], ids=["all", "no roll rates"])
 def test_a_fit_gives_the_predicted_result(truck, record, quantities, settings):

@@ -119,7 +119,7 @@ def test_merged_knowledge_counts_a_log_once(logs):
         merged.merged(other)
 
 
-def test_doubts_are_kept_and_named_by_later_results():
+def test_doubts_are_kept_and_named_by_later_results(logs):
     quick = fw.vehicle("cheng_cebon_2011").replace({"tractor.front.cornering_stiffness": 1.4e6})
     record = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1, seed=1, name="run 1")
     settings = fw.OneStage(free=(), prior=0.1, consider={}, tyres="linear")
@@ -131,4 +131,4 @@ def test_doubts_are_kept_and_named_by_later_results():
     again = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1, seed=2, name="run 2")
     later = fw.identify([again], quick, settings, knowledge=first.knowledge)
     assert any(f"run 1 is doubtful ({log.doubts[0]})" in note for note in later.notes)
-    assert not any("doubtful" in note for note in identified(4, identified(1).knowledge).notes)
+    assert not any("doubtful" in note for note in identified(4, fw.Knowledge(logs=logs[:1])).notes)

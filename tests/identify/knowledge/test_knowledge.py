@@ -15,6 +15,8 @@ TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
 TYRES = "semitrailer.cornering_stiffness"
 FRONT = "tractor.front.cornering_stiffness"
+LINEAR = fw.OneStage(tyres="linear")
+"""The tyres of the simulated truck."""
 SMALL = fw.OneStage(free=(FRONT,), consider={}, tyres="linear", nuisances=False)
 """Settings that are identified in a fraction of a second."""
 
@@ -26,7 +28,7 @@ def log(seed, truck=TRUCK, *, name=None):
 def one_after_another(records, **options):
     result = None
     for record in records:
-        result = fw.identify([record], GUESS, knowledge=result and result.knowledge, **options)
+        result = fw.identify([record], GUESS, LINEAR, knowledge=result and result.knowledge, **options)
     return result
 
 
@@ -46,7 +48,7 @@ def records():
 
 @pytest.fixture(scope="module")
 def together(records):
-    return fw.identify(records, GUESS)
+    return fw.identify(records, GUESS, LINEAR)
 
 
 @pytest.mark.slow
@@ -76,13 +78,13 @@ def test_a_log_counts_once(records):
 def test_softer_tyres_begin_again(together):
     """A fifth softer, as new tyres or less pressure: all estimates but theirs go on, also in the next log."""
     soft = TRUCK.replace({TYRES: 0.8 * TRUCK.parameters()[TYRES]})
-    result = fw.identify([log(7, soft, name="soft")], GUESS, knowledge=together.knowledge)
+    result = fw.identify([log(7, soft, name="soft")], GUESS, LINEAR, knowledge=together.knowledge)
     assert result.knowledge.logs[-1].changed == (TYRES,)
     (caution,) = contradiction_cautions(result)
     assert str(caution).startswith("soft differs from the earlier logs: tyres of semitrailer changed.")
     assert abs(result[TYRES].value / soft.parameters()[TYRES] - 1) < 2 * result[TYRES].sigma / result[TYRES].value
     assert result[FRONT].sigma < together[FRONT].sigma
-    later = fw.identify([log(8, soft, name="later")], GUESS, knowledge=result.knowledge)
+    later = fw.identify([log(8, soft, name="later")], GUESS, LINEAR, knowledge=result.knowledge)
     assert later.knowledge.logs[-1].changed == ()
     assert later[TYRES].sigma < result[TYRES].sigma
     assert abs(later[TYRES].value - result[TYRES].value) < result[TYRES].sigma
@@ -91,15 +93,15 @@ def test_softer_tyres_begin_again(together):
 @pytest.mark.slow
 def test_another_trailer_is_set_aside(together):
     other = TRUCK.replace({"semitrailer.mass": 15e3, "semitrailer.payload.mass": 2e3, "semitrailer.yaw_inertia": 2.2e5})
-    result = fw.identify([log(9, other, name="other")], GUESS, knowledge=together.knowledge)
+    result = fw.identify([log(9, other, name="other")], GUESS, LINEAR, knowledge=together.knowledge)
     *before, last = result.knowledge.logs
     assert "contradicts the earlier logs" in last.set_aside
     assert not any(log.set_aside for log in before)
     (caution,) = contradiction_cautions(result)
     assert "other contradicts the earlier logs" in str(caution)
-    alone = fw.identify([log(9, other, name="other")], GUESS)
+    alone = fw.identify([log(9, other, name="other")], GUESS, LINEAR)
     assert result[FRONT].value == alone[FRONT].value
-    after = fw.identify([log(5)], GUESS, knowledge=result.knowledge)
+    after = fw.identify([log(5)], GUESS, LINEAR, knowledge=result.knowledge)
     assert after[FRONT].sigma < together[FRONT].sigma  # the log is not used, the others are
 
 
@@ -109,7 +111,7 @@ def test_a_late_steering_signal_is_found(together):
     steer = record.signals["steer.tractor.front"]
     late = np.interp(record.time - 0.25, record.time, steer)
     record = replace(record, signals={**record.signals, "steer.tractor.front": late})
-    result = fw.identify([record], GUESS, knowledge=together.knowledge)
+    result = fw.identify([record], GUESS, LINEAR, knowledge=together.knowledge)
     last = result.knowledge.logs[-1]
     assert last.set_aside or "steer.tractor.front.delay" in last.changed
     assert any("steer.tractor.front.delay" in text for text in last.doubts)
@@ -118,7 +120,7 @@ def test_a_late_steering_signal_is_found(together):
 def test_another_load_shares_the_tyres_at_their_nominal_load(records):
     """The stiffness of the unladen trailer gives that of the laden one, by the load of its tyres."""
     empty = fw.with_payload(TRUCK, 0.0)
-    unladen = fw.identify([log(3, empty)], fw.with_payload(GUESS, 0.0), occasion=fw.Occasion(load="0t"))
+    unladen = fw.identify([log(3, empty)], fw.with_payload(GUESS, 0.0), LINEAR, occasion=fw.Occasion(load="0t"))
     laden = fw.identify([records[0]], GUESS, knowledge=unladen.knowledge)
     alone = fw.identify([records[0]], GUESS)
     assert unladen[TYRES].value < 0.6 * laden[TYRES].value
@@ -186,12 +188,13 @@ def test_with_payload_keeps_the_unladen_vehicle():
         fw.with_payload(fw.with_payload(TRUCK, 0.0), 5e3)
 
 
-def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(together):
+def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(records):
+    known = fw.identify(records[:1], GUESS)
     record = log(19, name="tractor")
     record = replace(record, signals={n: v for n, v in record.signals.items() if not n.endswith("rate.semitrailer")})
-    result = fw.identify([record], GUESS, knowledge=together.knowledge)
+    result = fw.identify([record], GUESS, knowledge=known.knowledge)
     assert result[TYRES].verdict == result["semitrailer.payload.height"].verdict == "converged"
-    assert result[TYRES].sigma < 1.02 * together[TYRES].sigma
+    assert result[TYRES].sigma < 1.02 * known[TYRES].sigma
     states = result.observer(log="tractor").batch(record, result.uncertainty("tractor"))
     truth = fw.simulate(TRUCK, count=2, seed=19, speed=20.0).reference["sideslip.semitrailer"]
     error = np.abs(states.values["sideslip.semitrailer"] - truth)

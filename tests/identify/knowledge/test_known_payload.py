@@ -1,11 +1,14 @@
 """A log with a known payload, and a later one with an unknown payload."""
 
+from dataclasses import replace
+
 import pytest
 
 import fifthwheel as fw
 from fifthwheel.identify import OneStage
 from fifthwheel.vehicle import Vehicle
 
+LINEAR = OneStage(tyres="linear")
 HEIGHT, STIFFNESS = "semitrailer.payload.height", "semitrailer.roll_stiffness"
 
 
@@ -20,10 +23,10 @@ def test_a_known_payload_makes_the_next_payload_height_more_accurate(truck: Vehi
     """The known one has the same mass, and a height of 0.8 m."""
     low, record = fw.simulate(truck.replace({HEIGHT: 0.8}), count=1, seed=3), fw.simulate(truck, count=1, seed=4)
     known = fw.identify(
-        [low], assumed.replace({HEIGHT: 0.8}), OneStage(fixed=(HEIGHT,)), occasion=fw.Occasion(load="a")
+        [low], assumed.replace({HEIGHT: 0.8}), replace(LINEAR, fixed=(HEIGHT,)), occasion=fw.Occasion(load="a")
     )
-    alone = fw.identify([record], assumed)[HEIGHT]
-    after = fw.identify([record], assumed, knowledge=known.knowledge, occasion=fw.Occasion(load="b"))[HEIGHT]
+    alone = fw.identify([record], assumed, LINEAR)[HEIGHT]
+    after = fw.identify([record], assumed, LINEAR, knowledge=known.knowledge, occasion=fw.Occasion(load="b"))[HEIGHT]
     true = truck.parameters()[HEIGHT]
     assert abs(alone.value / true - 1) > 0.09
     assert abs(after.value / true - 1) < 0.08
@@ -35,6 +38,6 @@ def test_the_cog_height_of_the_unladen_body_is_that_of_both(truck: Vehicle, assu
     """It is uncertain with a payload of unknown height too, as its file states."""
     name = "semitrailer.sprung.cog_height"
     stated = assumed.with_stated({**assumed.stated, name: 0.02})
-    result = fw.identify([fw.simulate(truck, count=1, seed=4)], stated)
+    result = fw.identify([fw.simulate(truck, count=1, seed=4)], stated, LINEAR)
     (found,) = (number for number in result.uncertain if number.name == name)
     assert found.prior == pytest.approx(0.02, rel=0.01)

@@ -75,7 +75,7 @@ def test_single_logs_combine_to_the_identification_of_all() -> None:
 
 
 def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:
-    (log,) = fw.identify([record(2, without="roll_rate")], GUESS, fw.OneStage()).knowledge.logs
+    (log,) = fw.identify([record(2, without="roll_rate")], GUESS, fw.OneStage(tyres="linear")).knowledge.logs
     information = log.information
     assert "semitrailer.payload.height" not in information.names
     assert "semitrailer.cornering_stiffness" in information.names

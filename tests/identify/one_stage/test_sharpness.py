@@ -44,9 +44,8 @@ def test_more_information_never_enlarges_a_sigma(logs: list[Record], wrong: Vehi
     better = {
         "second log": sigmas(logs, wrong, settings),
         "steer gain": sigmas(logs[:1], wrong, replace(settings, steer_gain_prior=0.02)),
-        "misalignment": sigmas(logs[:1], wrong, replace(settings, misalignment_prior=0.005)),
     }
-    for name in ("semitrailer.cog", "semitrailer.roll_stiffness", "tractor.yaw_inertia"):
+    for name in ("semitrailer.cog", "semitrailer.roll_stiffness"):
         measured = wrong.replace({name: true[name]}).with_stated({name: 0.002 * abs(true[name])})
         better[name] = sigmas(logs[:1], measured, settings)
     for information, sigma in better.items():

@@ -68,9 +68,10 @@ def test_automatic_tyres_are_linear_without_axle_loads(guess: Vehicle, lanes: Re
     axles = [group.model_copy(update={"name": f"part{i}", "axles": (axle,)}) for i, axle in enumerate(group.axles)]
     trailer = guess.units[1].model_copy(update={"axle_groups": tuple(axles)})
     undetermined = guess.model_copy(update={"units": (guess.units[0], trailer)})
+    automatic = replace(FIVE, tyres="auto")
     for vehicle, settings, law in (
-        (undetermined, OneStage(), "linear"),
-        (guess, OneStage(), "saturating"),
+        (undetermined, automatic, "linear"),
+        (guess, automatic, "saturating"),
         (guess, None, "linear"),
     ):
         assert Learner(vehicle, lanes.signals, settings).live.setup.settings.tyres == law
@@ -119,7 +120,7 @@ def test_a_roll_rate_without_samples_counts_as_absent(guess: Vehicle, lanes: Rec
 def test_on_a_straight_road_nothing_is_learned(truck: Vehicle, guess: Vehicle) -> None:
     record = simulate(truck, manoeuvre="straight", duration=20.0, seed=3)
     steer = record.signals["steer.tractor.front"] + 0.01 + 2e-4 * np.random.default_rng(0).normal(size=len(record))
-    learner = Learner(guess, record.signals, OneStage(priors={}, consider={}))
+    learner = Learner(guess, record.signals, OneStage(priors={}, consider={}, tyres="linear"))
     answers = [learner.push(sample) for sample in samples(record.with_signals({"steer.tractor.front": steer}))]
     assert not any(answer["learning"] for answer in answers)
     z, Pz = estimates(learner)
