@@ -13,6 +13,7 @@ from fifthwheel.identify.doubts import DoubtKind, PriorTest
 from fifthwheel.identify.one_stage import alternatives
 from fifthwheel.identify.one_stage.alternatives import LARGE_DISCREPANCY, Causes, likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
+from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.workflow.identification import run_identification
@@ -63,7 +64,7 @@ def causes(monkeypatch):
             started.append(test.name)
             usual, possible, gain = test.name not in unusual, test.name not in impossible, gains[test.name]
             return alternatives._Alternative(
-                test=test, minimum=_Fit(test.name), gain=gain, possible=possible, usual=usual
+                test=test, minimum=_Fit(test.name), gain=gain, promise=gain, possible=possible, usual=usual
             )
 
         monkeypatch.setattr(alternatives, "_base", lambda _: None)
@@ -140,17 +141,19 @@ def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, pos
     problem = SimpleNamespace(
         names=("a", "clock", "roll@0.0"),
         unknowns_by_name={"clock": unknown},
-        bounds=(np.full(3, -100.0), np.full(3, 100.0)),
+        bounds=(np.full(3, -300.0), np.full(3, 300.0)),
         cost=lambda z: abs(z[1] - implied),
         layout=SimpleNamespace(initial_states=[[np.array([2])]]),
     )
     objective = SimpleNamespace(without_prior=lambda name, tail, wider: problem)
     base = SimpleNamespace(objective=objective, z=np.array([1.0, 2.0, 3.0]), model=SimpleNamespace(cost=50.0))
 
+    model = Quadratic(10.0, np.array([2.0, 0.0, 0.0]), np.eye(3))
+
     def fitted(_, z, iterations):
         assert iterations == 0
         starts.append(z.tolist())
-        return SimpleNamespace(objective=problem, z=np.array([5.0, implied, 9.0]), model=SimpleNamespace(cost=10.0))
+        return SimpleNamespace(objective=problem, z=np.array([5.0, implied, 9.0]), model=model)
 
     monkeypatch.setattr(alternatives, "_fit", fitted)
     for shift in (implied, -implied):  # the linear test gives the start only if it decreases the cost
@@ -158,22 +161,25 @@ def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, pos
         found = alternatives._without_prior(
             base, PriorTest(name="clock", statistic=8.0, implied=shift, size=8.0, shifts=shifts)
         )
-        assert (found.gain, found.rank) == (40.0, 40.0 if usual else 20.0)
+        assert (found.gain, found.promise, found.rank) == (40.0, 42.0, 40.0 if usual else 20.0)
         assert (found.usual, found.possible) == (usual, possible)
         assert found.test.implied == implied
         assert found.test.shifts.tolist() == [4.0, implied - 2.0, 0.0]
-    best = [1.0, float(np.clip(2.0 + implied, -100, 100)), 100.0]
+    best = [1.0, float(np.clip(2.0 + implied, -300, 300)), 300.0]
     assert starts == [best, [1.0, 2.0, 3.0]]
 
 
 def test_only_the_better_half_of_the_fits_goes_on(monkeypatch):
-    """With those that are about as good as the best one; a fit that has converged takes no more steps."""
+    """By what they promise, with those that are about as good as the best one; a fit that has converged takes no more
+    steps."""
     steps = []
 
     def fit(name, gain, converged):
-        minimum = SimpleNamespace(converged=converged)
+        minimum, promise = SimpleNamespace(converged=converged), {"f": 100.0}.get(name, gain)
         test = PriorTest(name=name, statistic=8.0, implied=8.0, size=8.0, shifts=np.zeros(1))
-        return alternatives._Alternative(test=test, minimum=minimum, gain=gain, possible=name != "i", usual=True)
+        return alternatives._Alternative(
+            test=test, minimum=minimum, gain=gain, promise=promise, possible=name != "i", usual=True
+        )
 
     def continued(_, alternative, iterations):
         name = alternative.test.name
@@ -186,9 +192,9 @@ def test_only_the_better_half_of_the_fits_goes_on(monkeypatch):
     found = alternatives._alternatives(None, list(gains), lambda *_: None)
     first, second, third = alternatives.ITERATIONS
     assert [name for name, n in steps if n == first] == list(gains)
-    assert [name for name, n in steps if n == second] == ["e", "b", "c", "d", "i"]
-    assert [name for name, n in steps if n == third] == ["e", "b", "c", "d", "i"]
-    assert [a.test.name for a in found] == ["e", "b", "c", "d", "i"]
+    assert [name for name, n in steps if n == second] == ["e", "b", "c", "d", "f", "i"]
+    assert [name for name, n in steps if n == third] == ["e", "b", "c", "d", "f", "i"]
+    assert [a.test.name for a in found] == ["e", "b", "c", "d", "f", "i"]
 
 
 @pytest.fixture(scope="module")

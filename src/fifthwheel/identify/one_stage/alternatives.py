@@ -11,6 +11,7 @@ prior and the covariance P, twice the cost of the prior has the expected value t
 explains them, the vehicle file or the signal map does not fit, and the change of any one number would mislead.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -20,7 +21,7 @@ from fifthwheel._types import Array
 from fifthwheel.checks import Fault
 from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import AS_LIKELY, UNUSUAL_CHANGE, PriorTest
-from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, Quadratic, minimise
+from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, Quadratic, minimise, newton_step
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import Progress
@@ -33,9 +34,9 @@ MOST_CANDIDATES = 12
 SAMPLES = 6_000
 """Of longer logs, the fits use about this number of samples."""
 ITERATIONS, TOLERANCE = (5, 4, 7), 1.0
-"""Of each fit, whose result is a rank and a size. After the first steps, and again after the next ones, only the better
-half of the fits goes on, with those that are about as good as the best one. The first steps are within a small trust
-region: after three of them, a cause of 50 prior standard deviations explains less than a wrong one."""
+"""Of each fit, whose result is a rank and a size. After the first steps, and again after the next ones, the half of the
+fits goes on that promises more, with those that are about as good as the best one. The first steps are within a small
+trust region: after three of them, a cause of 50 prior standard deviations explains less than a wrong one."""
 WIDER = 10.0
 """The bounds of an unknown without its prior are so many times further apart."""
 USUAL_CLOCK_ERROR = 0.02
@@ -71,6 +72,8 @@ class _Alternative:
     minimum: Minimum[Problem]
     gain: float
     """Decrease of the cost."""
+    promise: float
+    """The decrease that its quadratic model predicts after all further steps."""
     possible: bool
     """Whether the unknown may be so far from its prior mean."""
     usual: bool
@@ -120,8 +123,9 @@ def _alternatives(base: Minimum[Problem], candidates: Sequence[PriorTest], progr
     found, done, total = [_without_prior(base, test) for test in candidates], 0, sum(ITERATIONS)
     for iterations in ITERATIONS:
         if done:
+            promising = sorted(found, key=lambda alternative: -alternative.promise)[: math.ceil(len(found) / 2)]
             likely = _likely(found)
-            found = [a for i, a in enumerate(found) if 2 * i < len(found) or a in likely]
+            found = [a for a in found if a in promising or a in likely]
         for i, alternative in enumerate(found):
             progress(TITLE, done + iterations * i // len(found), total)
             if not alternative.minimum.converged:
@@ -155,7 +159,8 @@ def _continued(base: Minimum[Problem], alternative: _Alternative, iterations: in
 
 def _alternative(base: Minimum[Problem], test: PriorTest, minimum: Minimum[Problem]) -> _Alternative:
     """A fit without the prior of one unknown."""
-    problem, shifts = minimum.objective, minimum.z - base.z
+    problem, shifts, model = minimum.objective, minimum.z - base.z, minimum.model
+    further, gain = newton_step(minimum.z, model.gradient, model.hessian, *problem.bounds), base.model.cost - model.cost
     shifts[_initial_states(problem)] = 0.0
     implied = float(minimum.z[problem.names.index(test.name)])
     unknown = problem.unknowns_by_name[test.name]
@@ -163,7 +168,8 @@ def _alternative(base: Minimum[Problem], test: PriorTest, minimum: Minimum[Probl
     return _Alternative(
         test=replace(test, implied=implied, shifts=shifts),
         minimum=minimum,
-        gain=base.model.cost - minimum.model.cost,
+        gain=gain,
+        promise=gain - float(model.gradient @ further + further @ model.hessian @ further / 2),
         possible=unknown.is_possible(implied),
         usual=not clock_error,
     )
