@@ -40,7 +40,7 @@ def rows(source, *names):
 def gone(pid: int, seconds: float = 5.0) -> bool:
     """Whether a process ends within some time."""
     for _ in range(round(seconds / 0.02)):
-        with suppress(FileNotFoundError):
+        with suppress(FileNotFoundError, ProcessLookupError):  # it may end while it is looked at
             if Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[0] != "Z":
                 time.sleep(0.02)
                 continue
