@@ -56,20 +56,21 @@ def rows(text: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line[:1] == "|"]
 
 
-def blocks(path: Path, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```$", path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+def blocks(path: Path, language: str, marker: str = "") -> list[str]:
+    """The code of a page, or that behind the marker."""
+    pattern = rf"^{marker}```{language}\n(.*?)^```$"
+    return re.findall(pattern, path.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
 
 
 SLOW = {("live", "python"), ("limits", "python")}
 """Pages and languages of the examples that compile the learner, or the observer with saturating tyres."""
 
 
-def examples(language: str, first: str = "") -> list[object]:
+def examples(language: str, marker: str = "") -> list[object]:
     return [
         pytest.param(block, id=f"{path.stem}-{i}", marks=[pytest.mark.slow] if (path.stem, language) in SLOW else [])
         for path in PAGES
-        for i, block in enumerate(blocks(path, language))
-        if block.startswith(first)
+        for i, block in enumerate(blocks(path, language, marker))
     ]
 
 
@@ -210,7 +211,7 @@ def test_every_key_of_a_vehicle_file_is_in_the_example() -> None:
             assert re.search(rf"\b{FILE_KEYS.get(field, field)}\b( =|\]\])|\.{field}[].]|\n\[{field}\]", example), field
 
 
-@pytest.mark.parametrize("block", examples("python", "# runnable"))
+@pytest.mark.parametrize("block", examples("python", "<!-- runnable -->\n"))
 def test_examples_run(
     block: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
