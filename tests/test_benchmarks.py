@@ -131,9 +131,9 @@ def test_articulation_from_tractor_signals(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_damaged_and_hostile_files_are_read_or_refused() -> None:
-    """A twentieth of what `benchmarks/fuzz.py` reads in a long run."""
-    heads, *lines = printed("fuzz.py", "--files", "700", "--seconds", "10", "--every", "13", "--seed", "5")
+    """A sixtieth of what `benchmarks/fuzz.py` reads in a long run."""
+    heads, *lines = printed("fuzz.py", "--files", "200", "--seconds", "3", "--every", "37", "--seed", "5")
     assert heads.split()[-2:] == ["foreign", "hang"]
     counts = np.array([line.split()[-9:] for line in lines], dtype=int)
-    assert counts[:, 0].sum() > 3000
+    assert counts[:, 0].sum() > 1000
     assert not counts[:, -2:].any(), lines
