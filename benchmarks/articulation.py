@@ -124,9 +124,9 @@ def row(case: str, results: Sequence[Samples]) -> str:
     error, sigma = (np.concatenate(parts) for parts in zip(*of_seeds, strict=True))
     covered = np.array([np.mean(np.abs(e) <= INTERVAL * s) for e, s in of_seeds])
     numbers = (np.sqrt(np.mean(rms**2)), np.median(rms), rms.max(), error.mean(), np.sqrt(np.mean(sigma**2)))
-    standard_error = covered.std(ddof=1) / math.sqrt(len(covered)) if len(covered) > 1 else math.nan
+    error = f" ± {100 * covered.std(ddof=1) / math.sqrt(len(covered)):.0f}" if len(covered) > 1 else ""
     cells = [case, f"{CASES[case]:g}", *(f"{number:.2f}" for number in numbers)]
-    return f"| {' | '.join(cells)} | {100 * covered.mean():.0f} ± {100 * standard_error:.0f} |"
+    return f"| {' | '.join(cells)} | {100 * covered.mean():.0f}{error} |"
 
 
 def table(knowledge: str, results: Sequence[Samples], count: int) -> list[str]:
