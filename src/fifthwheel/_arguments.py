@@ -9,7 +9,7 @@ from fifthwheel.errors import FifthwheelError, SignalError, VehicleError, sugges
 
 CURES = {
     "Vehicle": "use fw.Vehicle.load(path), fw.vehicle(name) or result.vehicle",
-    "Record": "use fw.read_log(path) for a file, fw.Record(time=..., signals=...) for arrays",
+    "Record": "use fw.read_log(path) for a file, fw.Record.from_pandas or fw.Record.from_arrays for data in memory",
     "Identification": "use the result of fw.identify, or fw.Identification.load(folder)",
     "Knowledge": "use result.knowledge, or fw.Knowledge.load(path)",
     "Occasion": "write fw.Occasion(trailer=...)",

@@ -15,6 +15,7 @@ from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 
 def simulate(
@@ -54,6 +55,7 @@ def simulate(
         (0.0, 15.99)
     """
     expect("vehicle", vehicle, Vehicle)
+    require_roll(vehicle.steering, roll)
     expect_number("count", count, ge=1, whole=True)
     expect_number("rate", rate, ge=5, le=1000, unit="Hz")
     expect_number("seed", seed, ge=0, whole=True)

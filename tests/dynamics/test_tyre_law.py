@@ -28,6 +28,12 @@ def brush(slip, load, stiffness, friction):
     return friction * load * s * (1 - ca.fabs(s) / 3 + s * s / 27)
 
 
+def brush_of_magnitude(slip, load, stiffness, friction):
+    """The same force, of which CasADi takes the slope at 0 as 0."""
+    z = ca.fmin(stiffness * ca.fabs(slip) / (3 * friction * load), 1)
+    return ca.sign(slip) * friction * load * (3 * z - 3 * z**2 + z**3)
+
+
 def two_arguments(slip, stiffness):
     return stiffness * slip
 
@@ -106,6 +112,10 @@ def test_laws_are_accepted_and_equal_to_their_fraction(law) -> None:
         ),
         (ply_steer, "expected 0 N at the slip angle 0 for 60000 N, .*, got 599"),
         (half_slope, "expected the slope 600000 at the slip angle 0 .*, got 300000; let the slope be the stiffness"),
+        (
+            brush_of_magnitude,
+            "expected the slope 600000 .*, got 0; CasADi takes those of sign and fabs as 0 there; write",
+        ),
         (half_slope_on_one_side, "expected -.* N at -0.001 rad .*; make it odd in the slip angle"),
         (of_load, "with twice the load and the stiffness at 0.001 rad .*; let load matter only by stiffness / load"),
         (linear, "expected up to 45000 N at 0.1 rad .*, got 60000; let friction times load limit the force"),

@@ -12,6 +12,7 @@ from fifthwheel import channels, dynamics
 from fifthwheel.assess import assess
 from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits
 from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.dynamics import linear_system
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
@@ -22,6 +23,7 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.record import Record
 from fifthwheel.report import write_report
+from fifthwheel.simulate import simulate
 from fifthwheel.studies.monte_carlo import _digest
 from fifthwheel.vehicle import Vehicle, get
 
@@ -192,6 +194,9 @@ def test_roll_steer_needs_a_model_with_roll() -> None:
     assert Observer(truck, signals).roll
     with pytest.raises(VehicleError, match="steering: its equations use roll; use roll=True"):
         Observer(truck, signals, ObserverSettings(roll=False))
+    for use in (lambda: simulate(truck, roll=False), lambda: linear_system(truck, 20.0, roll=False)):
+        with pytest.raises(VehicleError, match="steering: its equations use roll; use roll=True"):
+            use()
 
 
 def test_what_has_no_own_equations_refuses_them(record: Record) -> None:

@@ -134,8 +134,11 @@ def register_state(name: str, unit: str, initial_sigma: float) -> None:
     if not _NAME.fullmatch(name) or not SignalName.of(name).unit:
         raise SignalError(f"{name}: expected quantity.unit, such as 'actuator.semitrailer'; correct it")
     known = CHANNELS.get(quantity)
-    if any(quantity == channel.quantity for channel in _ALL) or (known and known.unit != unit):
+    if any(quantity == channel.quantity for channel in _ALL):
         raise SignalError(f"{name}: {quantity} is another quantity; give yours another name")
+    if known and known.unit != unit:
+        cure = f"give it the unit {known.unit}, or another name"
+        raise SignalError(f"{name}: {quantity} has the unit {known.unit} in this process, got {unit}; {cure}")
     noise = StateNoise(process=0.0, observer_process=0.0, initial_sigma=initial_sigma)
     if known is None or known.state != noise:
         _list(replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise), known)

@@ -25,6 +25,7 @@ from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.steering import require_roll
 
 if TYPE_CHECKING:
     from scipy import signal
@@ -183,6 +184,7 @@ def linear_system(
         'steer.tractor.front'
     """
     expect("vehicle", vehicle, Vehicle)
+    require_roll(vehicle.steering, roll)
     if not isinstance(speed, int | float | np.number) or not 0 < speed <= MAX_SPEED:
         raise VehicleError(
             f"speed: expected a number of m/s above 0, up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s"

@@ -98,7 +98,11 @@ def _faults(law: Any) -> Iterator[Fault]:
             )
         steep = float(ca.Function("slope", symbols, [slope])(0, load, stiffness, friction))
         if not math.isclose(steep, stiffness, rel_tol=TOLERANCE):
-            yield f"the slope {stiffness:g} at the slip angle 0 {place}", f"{steep:g}", "let the slope be the stiffness"
+            secant = float(force(SMALLEST_SLIP, load, stiffness, friction)) / SMALLEST_SLIP
+            cure = "let the slope be the stiffness"
+            if steep == 0 and math.isclose(secant, stiffness, rel_tol=1e-3):
+                cure = "CasADi takes those of sign and fabs as 0 there; write slip, not sign(slip) * fabs(slip)"
+            yield f"the slope {stiffness:g} at the slip angle 0 {place}", f"{steep:g}", cure
         for a in SLIPS:
             at, value = f"at {a:g} rad {place}", float(force(a, load, stiffness, friction))
             if not 0 < value <= friction * load * (1 + TOLERANCE):
@@ -108,8 +112,8 @@ def _faults(law: Any) -> Iterator[Fault]:
                 yield f"{-value:g} N {at.replace('at ', 'at -')}", f"{opposite:g}", "make it odd in the slip angle"
             twice = float(force(a, 2 * load, 2 * stiffness, friction))
             if not math.isclose(2 * value, twice, rel_tol=TOLERANCE):
-                got, cure = f"{twice:g}", "let load matter only by stiffness / load and as a factor of the force"
-                yield f"{2 * value:g} N with twice the load and the stiffness {at}", got, cure
+                got, cure = f"{twice:.9g}", "let load matter only by stiffness / load and as a factor of the force"
+                yield f"{2 * value:.9g} N with twice the load and the stiffness {at}", got, cure
     rates = ca.hessian(force_fraction(law)(*symbols), slip)  # a filter needs the derivatives, too
     yield from own_function.code_faults(symbols, [slope, *rates])
 

@@ -79,6 +79,10 @@ class Steering(Component):
         self._refuse(self._faults())
         for name, text in self.states.items():
             unit, sigma, _ = quantity_of(f"states, {name}", text)
+            if len(text.split()) < 2:
+                raise VehicleError(
+                    f"states, {name}: expected a unit, such as '{text} rad', got {text!r}; write '{text} 1' for none"
+                )
             if not sigma > 0:
                 raise VehicleError(f"states, {name}: expected a standard deviation above 0, got {text}; correct it")
             try:
@@ -89,6 +93,7 @@ class Steering(Component):
             if name not in self.units:
                 raise VehicleError(f"parameters, {name}: expected a text with a unit, got a number; write '0.1 s'")
             register_unit(f"{STEERING}.{name}", self.units[name])
+        self._refuse(self._unused())
         return self
 
     def _refuse(self, faults: Iterator[tuple[str, str, str]], prefix: str = "") -> None:
@@ -96,6 +101,11 @@ class Steering(Component):
 
         for fault in faults:
             raise VehicleError(prefix + message(self.equations, fault))
+
+    def _unused(self) -> Iterator[tuple[str, str, str]]:
+        for name in self.parameters:
+            if name not in self.trace.used["p"]:
+                yield "parameters that the equations use", name, "remove it, or use it"
 
     def _faults(self) -> Iterator[tuple[str, str, str]]:
         used, rates = self.trace.used, self.trace.rates
@@ -181,7 +191,8 @@ def quantity_of(path: str, text: Any) -> tuple[str, float, float | None]:
     try:
         return own_quantity(text)
     except UnitError as error:
-        raise VehicleError(f"{path}: {error}; correct it") from None
+        cure = "" if "; " in str(error) else "; correct it"
+        raise VehicleError(f"{path}: {error}{cure}") from None
 
 
 def stated_steering(fields: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, float]]:

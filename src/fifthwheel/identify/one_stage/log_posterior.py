@@ -73,6 +73,10 @@ class LogPosterior:
     are deviations from the steady state, and have no values. One unknown may move several numbers of the vehicle file,
     such as "semitrailer.axle_positions"; samples of `Identification.posterior`, by number, are no points of this one.
 
+    `density(x)` is the logarithm of the density at x (k,), or at values in SI by name: `density({"mass_scale": 1.0})`.
+    Unknowns without a value then keep that of the maximum, so that a chain of some of them has their conditional
+    sigmas, which are smaller. It is -inf beyond the bounds of the unknowns and where the vehicle is unstable.
+
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
@@ -115,10 +119,7 @@ class LogPosterior:
         return lower[self._indices], upper[self._indices]
 
     def __call__(self, x: ArrayLike | Mapping[str, float]) -> float:
-        """The logarithm of the density at x (k,), or at values in SI by name.
-
-        Unknowns without a value keep that of the maximum; `profile` maximises over them. It is -inf beyond the bounds
-        of the unknowns, and where the vehicle is unstable.
+        """The logarithm of the density at x (k,), or at values in SI by name; `profile` maximises over the others.
 
         Raises:
             SignalError: another number of elements than k, or an unknown name.
@@ -127,7 +128,7 @@ class LogPosterior:
         return -self.problem.cost(z) if ((z >= lower) & (z <= upper)).all() else -np.inf
 
     def gradient(self, x: ArrayLike | Mapping[str, float]) -> Array:
-        """Derivatives (k,) of the logarithm of the density by x, exact; arguments and errors as of a call."""
+        """Derivatives (k,) of the logarithm of the density by x, exact; arguments and errors as of `density(x)`."""
         return -self.problem.expand(self._z(x)).gradient[self._indices]
 
     def fisher_information(self, x: ArrayLike | Mapping[str, float]) -> Array:
