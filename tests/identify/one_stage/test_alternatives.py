@@ -105,6 +105,16 @@ def test_the_likeliest_causes_come_first(causes):
     assert causes(statistics[:2], {"a": 39.0, "b": 40.0}, impossible="ab", left={"a": 0.1, "b": 0.2})[0] == 0.1
 
 
+def test_a_cause_has_to_explain_a_contradiction(causes):
+    """One that explains less than an unusual statistic is none; an impossible one has to explain far more."""
+    statistics, least = [("a", 4.0), ("b", 3.9)], (0.85 * 3.5) ** 2 / 2
+    assert causes(statistics, {"a": 0.01, "b": 6.0}, impossible="b")[0] == []
+    assert causes(statistics, {"a": least - 0.01, "b": 4.0})[0] == []
+    assert causes(statistics, {"a": least + 0.01, "b": 1.0})[0] == ["a"]
+    assert causes(statistics, {"a": 0.01, "b": 4 * least + 0.01}, impossible="b")[0] == ["b"]
+    assert causes(statistics, {"a": 0.01, "b": 6.0}, impossible="b", left={"all": 0.3})[0] == 0.3
+
+
 def test_a_cause_has_to_explain_the_logs(causes):
     """Without one that does, none is named, unless delays that the samples show explain them."""
     statistics, gains = [("a", 8.0), ("b", 7.9)], {"a": 40.0, "b": 39.0}

@@ -37,6 +37,10 @@ ITERATIONS, TOLERANCE = (5, 4, 7), 1.0
 """Of each fit, whose result is a rank and a size. After the first steps, and again after the next ones, the half of the
 fits goes on that promises more, with those that are about as good as the best one. The first steps are within a small
 trust region: after three of them, a cause of 50 prior standard deviations explains less than a wrong one."""
+LEAST_GAIN = (AS_LIKELY * UNUSUAL_CHANGE) ** 2 / 2
+"""Decrease of the cost by a cause of a contradiction: less would be no contradiction."""
+GROSS = 4.0
+"""A cause that is physically impossible, such as a digit too many, has at least so many times this decrease."""
 WIDER = 10.0
 """The bounds of an unknown without its prior are so many times further apart."""
 USUAL_CLOCK_ERROR = 0.02
@@ -80,6 +84,11 @@ class _Alternative:
     """Whether such errors are common; all are but gross errors of a clock."""
 
     @property
+    def explains(self) -> bool:
+        """Whether it explains an unusual contradiction."""
+        return self.gain >= LEAST_GAIN * (1.0 if self.possible else GROSS)
+
+    @property
     def rank(self) -> float:
         """The larger, the likelier."""
         return self.gain if self.usual else UNUSUAL_WEIGHT * self.gain
@@ -97,7 +106,9 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
     least = CANDIDATE_FRACTION * abs(tests[0].statistic)
     candidates = [test for test in tests if abs(test.statistic) >= least][:MOST_CANDIDATES]
     base = _base(solution)
-    found = _alternatives(base, candidates, progress)
+    found = [a for a in _alternatives(base, candidates, progress) if a.explains]
+    if not found:
+        return Causes(left=_left(solution.minimum) or None)
     possible = [a for a in found if a.possible]
     likely = _likely(possible or found)
     left = [_unexplained(a.minimum) for a in likely]
