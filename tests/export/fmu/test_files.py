@@ -58,7 +58,7 @@ def texts(path: Path) -> Archive:
 def variables(files: Archive, fmi: int) -> dict[str, dict[str, str]]:
     """Attributes of the variables by name."""
     root = ET.fromstring(files["modelDescription.xml"])
-    found = list(root.find("ModelVariables") or [])
+    found = root.findall("ModelVariables/*")
     attributes = [element.attrib | (element[0].attrib if fmi == 2 else {}) for element in found]
     assert [int(a["valueReference"]) for a in attributes] == list(range(len(attributes)))
     by_name = {a["name"]: a for a in attributes}

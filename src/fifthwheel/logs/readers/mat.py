@@ -173,7 +173,9 @@ def _variable(path: Path, header: int, at: int, length: int) -> tuple[str, Any]:
         warnings.simplefilter("ignore")
         loaded = loadmat(io.BytesIO(data), simplify_cells=True)
     name, value = next((name, value) for name, value in reversed(loaded.items()))
-    return value["s0"][0].decode() if isinstance(value, MatlabOpaque) else name, value
+    if isinstance(value, MatlabOpaque) and "s0" in value.dtype.names:  # SciPy before 1.18
+        name = value["s0"][0].decode()
+    return name, value
 
 
 def _value(path: Path, header: int, at: int, length: int) -> Any:
@@ -183,7 +185,8 @@ def _value(path: Path, header: int, at: int, length: int) -> Any:
 def _node(value: Any, load: Callable[[], Any] | None = None) -> Node:
     """What scipy.io gives as a node; `load` reads it again."""
     if isinstance(value, MatlabOpaque):
-        return Opaque(value["s2"][0].decode())
+        kind = value["_Class"][0] if "_Class" in value.dtype.names else value["s2"][0].decode()
+        return Opaque(kind)
     if isinstance(value, MatlabObject | MatlabFunction):
         return Opaque(getattr(value, "classname", "function"))
     if isinstance(value, dict):
