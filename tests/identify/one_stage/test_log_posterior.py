@@ -135,3 +135,12 @@ def test_the_plot_of_a_profile(density: LogPosterior) -> None:
     np.testing.assert_allclose(line.y, np.exp(profile.log_density))
     np.testing.assert_allclose(normal.x, np.degrees(profile.values))
     assert maximum.x == pytest.approx(np.degrees(profile.best))
+
+
+def test_there_is_no_derivative_where_an_unknown_is_not_finite(density: LogPosterior) -> None:
+    x = density.mean.copy()
+    x[0] = np.nan
+    assert density(x) == -np.inf
+    for derivative in (density.gradient, density.fisher_information):
+        with pytest.raises(SignalError, match=r"x, tractor.front.*: expected a finite number, got nan; the density"):
+            derivative(x)

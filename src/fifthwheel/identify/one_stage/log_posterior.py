@@ -129,11 +129,11 @@ class LogPosterior:
 
     def gradient(self, x: ArrayLike | Mapping[str, float]) -> Array:
         """Derivatives (k,) of the logarithm of the density by x, exact; arguments and errors as of `density(x)`."""
-        return -self.problem.expand(self._z(x)).gradient[self._indices]
+        return -self.problem.expand(self._finite(x)).gradient[self._indices]
 
     def fisher_information(self, x: ArrayLike | Mapping[str, float]) -> Array:
         """Information (k, k) of the logs on x; the prior adds its precision, which is about the identity."""
-        z = self._z(x)
+        z = self._finite(x)
         information: Array = self.problem.expand(z).hessian - self.problem.prior.expand(z).hessian
         return information[np.ix_(self._indices, self._indices)]
 
@@ -230,12 +230,21 @@ class LogPosterior:
             names = self._checked(list(x))
             places = self._indices[[self.names.index(name) for name in names]]
             with np.errstate(invalid="ignore", divide="ignore"):  # below 0: NaN, which is beyond the bounds
-                z[places] = scaling([self._unknowns[n] for n in names]).to_z(np.array([x[n] for n in names]))
+                z[places] = scaling([self._unknowns[n] for n in names]).to_z(np.array([float(x[n]) for n in names]))
             return z
         point = np.asarray(x, dtype=np.float64)
         if point.shape != self._indices.shape:
             raise SignalError(f"x: expected {len(self._indices)} numbers, as in names, got shape {point.shape}")
         z[self._indices] = point
+        return z
+
+    def _finite(self, x: ArrayLike | Mapping[str, float]) -> Array:
+        z = self._z(x)
+        for name, value in zip(self.names, z[self._indices], strict=True):
+            if not np.isfinite(value):
+                raise SignalError(
+                    f"x, {name}: expected a finite number, got {value}; the density has no derivative there"
+                )
         return z
 
     def __repr__(self) -> str:
