@@ -114,7 +114,7 @@ def test_laws_are_accepted_and_equal_to_their_fraction(law) -> None:
         (half_slope, "expected the slope 600000 at the slip angle 0 .*, got 300000; let the slope be the stiffness"),
         (
             brush_of_magnitude,
-            "expected the slope 600000 .*, got 0; CasADi takes those of sign and fabs as 0 there; write",
+            "expected the slope 600000 .*, got 0; CasADi takes the slopes of sign and fabs as 0; write",
         ),
         (half_slope_on_one_side, "expected -.* N at -0.001 rad .*; make it odd in the slip angle"),
         (of_load, "with twice the load and the stiffness at 0.001 rad .*; let load matter only by stiffness / load"),

@@ -5,10 +5,9 @@ import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
 from fifthwheel import dynamics
-from fifthwheel.channels import SignalName
 from fifthwheel.filters.initial_state import (
-    INITIAL_SIGMA,
     initial_factor,
+    initial_sigma,
     initial_state,
     random_steer_covariance,
     steady_initial_state,
@@ -65,7 +64,7 @@ def test_the_covariance_under_random_steering(roll, speed):
 
 
 def test_the_prior_of_a_bank_is_that_of_an_identification():
-    assert INITIAL_SIGMA["bank"] == OneStage().bank_prior == 0.03
+    assert initial_sigma("bank.road") == OneStage().bank_prior == 0.03
 
 
 @pytest.mark.parametrize("bank", [None, 0.02])
@@ -74,7 +73,7 @@ def test_the_covariance_is_that_of_steering_of_each_state_and_of_the_bank(bank):
     steady, m = steady_initial_state(TRUCK, FIRST, {}, roll=True)
     n = len(steady)
     np.testing.assert_array_equal(x[:n], steady)
-    floor = np.diag([INITIAL_SIGMA[SignalName.of(name).quantity] ** 2 for name in m.states[:n]])
+    floor = np.diag([initial_sigma(name) ** 2 for name in m.states[:n]])
     expected = floor + 1e-4 * random_steer_covariance(m)
     assert len(x) == len(P) == n + (bank is not None)
     if bank is not None:

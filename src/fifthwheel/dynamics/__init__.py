@@ -6,9 +6,9 @@ from fifthwheel.dynamics.analysis import (
     critical_speed,
     is_stable,
     matrices,
+    matrices_of_variants,
     modes,
     steady_state,
-    variants,
 )
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
@@ -48,6 +48,7 @@ __all__ = [
     "is_stable",
     "linear_system",
     "matrices",
+    "matrices_of_variants",
     "model",
     "modes",
     "rate_input",
@@ -57,5 +58,4 @@ __all__ = [
     "steady_steer",
     "steer_parameters",
     "understeer_gradient",
-    "variants",
 ]

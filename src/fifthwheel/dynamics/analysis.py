@@ -56,11 +56,13 @@ def matrices(
         VehicleError: the speed is not positive.
     """
     values = vehicle.parameters() | dict(changed or {})
-    m = variants(vehicle, speed, np.array([list(values.values())]), roll=roll, bank=bank)
+    m = matrices_of_variants(vehicle, speed, np.array([list(values.values())]), roll=roll, bank=bank)
     return Matrices(states=m.states, E=m.E[0], F=m.F[0], G=m.G[0], A=m.A[0], B=m.B[0])
 
 
-def variants(vehicle: Vehicle, speed: float, parameters: Array, *, roll: bool, bank: bool = False) -> Matrices:
+def matrices_of_variants(
+    vehicle: Vehicle, speed: float, parameters: Array, *, roll: bool, bank: bool = False
+) -> Matrices:
     """Matrices of N vehicles with the parameters (N, n_p), in the order of those of `vehicle`; else as `matrices`."""
     if not speed > 0:
         raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")

@@ -101,7 +101,7 @@ def _faults(law: Any) -> Iterator[Fault]:
             secant = float(force(SMALLEST_SLIP, load, stiffness, friction)) / SMALLEST_SLIP
             cure = "let the slope be the stiffness"
             if steep == 0 and math.isclose(secant, stiffness, rel_tol=1e-3):
-                cure = "CasADi takes those of sign and fabs as 0 there; write slip, not sign(slip) * fabs(slip)"
+                cure = "CasADi takes the slopes of sign and fabs as 0; write slip, not sign(slip) * fabs(slip)"
             yield f"the slope {stiffness:g} at the slip angle 0 {place}", f"{steep:g}", cure
         for a in SLIPS:
             at, value = f"at {a:g} rad {place}", float(force(a, load, stiffness, friction))

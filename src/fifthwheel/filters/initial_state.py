@@ -6,16 +6,13 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, channel_of
+from fifthwheel.channels import channel_of
 from fifthwheel.errors import SignalError
 from fifthwheel.vehicle import Vehicle
 
-INITIAL_SIGMA = {quantity: channel.state.initial_sigma for quantity, channel in CHANNELS.items() if channel.state}
-"""Standard deviation of each state about its steady value at the first sample, without steering, SI."""
-
 
 def initial_sigma(state: str) -> float:
-    """`INITIAL_SIGMA` of a state by its name, also of an own one."""
+    """Standard deviation of a state about its steady value at the first sample, without steering, SI."""
     channel = channel_of(state)
     if channel is None or channel.state is None:
         raise SignalError(f"{state}: no state of a model; give the name of one")
@@ -53,16 +50,11 @@ def steer_angles(vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[
     return np.array([errors.get(f"{n}.gain", 1.0) * (inputs[n] - errors.get(f"{n}.offset", 0.0)) for n in steers])
 
 
-def is_stable(m: dynamics.Matrices) -> bool:
-    """Whether all modes decay, without the bank, the last state of `m`."""
-    return bool(np.linalg.eigvals(m.A[:-1, :-1]).real.max() < 0)
-
-
 def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:
     """x (n,) or (n, k) with A x + excitation = 0, without the bank; zero for an unstable vehicle."""
-    if not is_stable(m):
-        return np.zeros_like(excitation, dtype=np.float64)
-    return np.asarray(-np.linalg.solve(m.A[:-1, :-1], excitation), dtype=np.float64)
+    A = m.A[:-1, :-1]
+    stable = np.linalg.eigvals(A).real.max() < 0
+    return np.asarray(-np.linalg.solve(A, excitation) if stable else np.zeros_like(excitation), dtype=np.float64)
 
 
 def bank_effect(m: dynamics.Matrices) -> Array:
@@ -87,7 +79,7 @@ def initial_state(
     """State (n,) at the first sample and its covariance (n, n).
 
     The state is the steady state of the first steer angles. The record may start within a manoeuvre. Therefore the
-    covariance is the sum of `INITIAL_SIGMA` and the stationary covariance under random steer angles. The bank moves all
+    covariance is the sum of `initial_sigma` and the stationary covariance under random steer angles. The bank moves all
     states to its own steady state: otherwise a truck in equilibrium on a banked road would look like one on a level
     road.
 

@@ -21,7 +21,7 @@ from fifthwheel.channels import CHANNELS, SignalName, is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
-from fifthwheel.filters.initial_state import INITIAL_SIGMA, initial_factor, initial_state
+from fifthwheel.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData
 from fifthwheel.identify.result import Fit
@@ -184,7 +184,7 @@ def _free_run(
     p |= {name: value for name, value in values.items() if not is_sensor_error(name, "delay")}
     inputs = corrected_inputs(segment, model.inputs, values)
     first = {name: float(v[0]) for name, v in inputs.items()}
-    bank = INITIAL_SIGMA["bank"] if model.bank else None
+    bank = initial_sigma("bank.road") if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
     own, shared = _unit_responses(model, p, segment.time, inputs, initial_factor(P0), unknowns)
     missing = np.full(len(segment.time), np.nan)

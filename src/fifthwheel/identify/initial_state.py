@@ -14,7 +14,6 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.initial_state import (
     bank_effect,
     equilibrium,
-    is_stable,
     steady_initial_state,
     steer_angles,
 )
@@ -64,9 +63,9 @@ def steady_state_slopes(
     moved = {
         i: rates for i, u in enumerate(unknowns) if (rates := {n: r for n, r in u.slopes.items() if n in relevant})
     }
-    x, m = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
-    if not moved or not is_stable(m):
+    if not moved:
         return slopes
+    x, m = steady_initial_state(vehicle, inputs, values, roll=model.roll, bank=bank)
     state, rows, steers, steps = np.append(x, bank), [], [], []
     for i, rates in moved.items():
         steps.append(1e-3 * unknowns[i].prior_sigma)
@@ -75,10 +74,10 @@ def steady_state_slopes(
             changed = {**values, **_added(values, change)}
             rows.append([changed.get(name, value) for name, value in parameters.items()])
             steers.append(steer_angles(vehicle, _delayed(inputs, change), changed))
-    varied = dynamics.variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
+    varied = dynamics.matrices_of_variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
     unbalanced = np.einsum("nij,j->ni", varied.F, state) + np.einsum("nij,nj->ni", varied.G, np.array(steers))
-    rates = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
-    slopes[list(moved), : len(x)] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], rates.T)).T
+    slope = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
+    slopes[list(moved), : len(x)] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], slope.T)).T
     return slopes
 
 

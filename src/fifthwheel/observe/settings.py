@@ -10,7 +10,7 @@ from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, Se
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.filters.variances import Variances
 from fifthwheel.options import ObserverOptions
 from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, NonNegative, Positive
@@ -67,7 +67,7 @@ class ObserverSettings(ObserverOptions):
     """Noise variance of measured signals, SI squared; by default the article's R."""
     process_noise: NonNegative = 1.0
     """Factor of the process noise `filters.variances.OBSERVER_PROCESS_VARIANCE`, equation (14) of the article."""
-    bank: Annotated[float, Limits(ge=0, lt=1), _RADIANS] = INITIAL_SIGMA["bank"]
+    bank: Annotated[float, Limits(ge=0, lt=1), _RADIANS] = initial_sigma("bank.road")
     """Standard deviation of the bank of the road, rad; 0 if it is exact. Every sigma contains it."""
     bank_mean: Annotated[float, Limits(ge=-1, lt=1), _RADIANS] = 0.0
     """Mean of the bank of the road, rad, positive with the left edge higher."""

@@ -302,14 +302,16 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
     if one_stage:
         yield pages.Hint(
             "Each point is the estimate from all data up to that time; all unknowns are estimated together. The band "
-            "is one sigma; at the end it is that of the table, with model error and uncertain numbers."
+            "is one sigma; at the end it is that of the table, with model error and uncertain numbers. Before it, what "
+            "these add to the filter's variance is interpolated."
         )
     else:
         rounds = " All rounds are shown; in the first, stage 1 has no roll, which biases its estimates."
         yield pages.Hint(
             "The estimate while the filter passes through the logs several times; grey vertical lines separate the "
             "passes. A pass starts at the last estimate with the prior sigma; its last step restores the prior mean. "
-            "The band is one sigma; at the end it is that of the table, with the autocorrelation of the residuals."
+            "The band is one sigma; at the end it is that of the table, with the autocorrelation of the residuals. "
+            "Before it, what this adds to the filter's variance is interpolated."
             f"{rounds if identification.rounds > 1 else ''}"
         )
     for title, history in identification.histories.items():

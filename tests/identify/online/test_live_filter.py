@@ -9,7 +9,7 @@ from fifthwheel.filters.step_rows import play_contact
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.live_filter import InnovationStatistics, LiveFilter
 from fifthwheel.identify.online.online_model import online_setup
-from fifthwheel.identify.online.steering import Excitation, Steering
+from fifthwheel.identify.online.steering import Excitation, PlayContacts
 from fifthwheel.observe import Status
 from fifthwheel.vehicle import Vehicle
 from tests.identify.online.conftest import FIVE
@@ -112,7 +112,7 @@ def test_the_steering_equals_that_of_a_record() -> None:
     time = np.arange(0, 10, 0.01)
     steer = 0.02 * np.sin(3 * time) + 0.005 * np.sin(17 * time)
     for play in (0.01, 0.001):
-        steering, contacts = Steering(1), [0.0]
+        steering, contacts = PlayContacts(1), [0.0]
         for k in range(1, time.size):
             last, inputs = [20.0, steer[k - 1]], [21.0, steer[k]]
             before, after = steering.update(0.01, last, inputs, [play])
@@ -121,7 +121,7 @@ def test_the_steering_equals_that_of_a_record() -> None:
             contacts.append(after[2])
             assert after == pytest.approx([*inputs, contacts[-1], rate])
         np.testing.assert_allclose(contacts, play_contact(steer, play), atol=1e-12)
-    before, after = Steering(1).update(0.0, [20.0, 0.1], [20.0, 0.2], [])
+    before, after = PlayContacts(1).update(0.0, [20.0, 0.1], [20.0, 0.2], [])
     assert before[2] == after[2] == 0.0  # exactly no play
     assert after[3] == pytest.approx(0.1 / 1e-3)  # the shortest step
 

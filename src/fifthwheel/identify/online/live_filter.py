@@ -16,7 +16,7 @@ from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import Considered, block_diagonal, discrepancy_variances, start_state
-from fifthwheel.identify.online.steering import Excitation, Steering
+from fifthwheel.identify.online.steering import Excitation, PlayContacts
 from fifthwheel.identify.setup import Setup
 from fifthwheel.observe.monitor import Monitor
 from fifthwheel.observe.observer_step import reported_signals
@@ -60,7 +60,7 @@ class LiveFilter:
         inputs = setup.inputs
         self.stream = Stream(stream_settings(setup, learner), StepLimit(setup.vehicle, roll=True))
         self.monitor = Monitor(inputs, len(setup.outputs), setup.settings.gate, ObserverSettings())
-        self._steering = Steering(len(inputs) - 1)
+        self._steering = PlayContacts(len(inputs) - 1)
         estimated = [u.name for u in setup.estimated_unknowns]
         self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
         self._excitation = Excitation(setup.vehicle, len(inputs) - 1, learner, tyres=setup.settings.tyre_law)

@@ -17,7 +17,7 @@ NO_LIMIT = 1e6
 """More than any lateral acceleration, m/s^2; a number that C has too."""
 
 
-class Steering:
+class PlayContacts:
     """The contacts of the plays of some steer angles, sample by sample; see `step_rows.play_contact`."""
 
     def __init__(self, count: int) -> None:

@@ -23,7 +23,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
-from fifthwheel.filters.initial_state import INITIAL_SIGMA
+from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
@@ -132,7 +132,7 @@ class Identification(IdentificationData):
         settings = self.settings
         if not settings.nuisances:
             return dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
-        prior = getattr(settings, "bank_prior", INITIAL_SIGMA["bank"])
+        prior = getattr(settings, "bank_prior", initial_sigma("bank.road"))
         estimates = [each.bank for each in self.logs if each.name == log and each.bank]
         variation = getattr(settings, "consider", {}).get("bank_variation", 0.0)
         mean, bank = (estimates[0][0], math.hypot(estimates[0][1], variation)) if estimates else (0.0, prior)
