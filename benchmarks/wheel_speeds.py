@@ -5,26 +5,29 @@ of all sensors and of the track, as in sharpness.py (careful). The wheel speeds 
 of 1/256 km/h, 20 values a second, a latency of up to 60 ms, and rolling radii that differ by 0.5 % (standard deviation)
 between the sides. The rolling radii follow the wheel loads by the Magic Formula.
 
-    python benchmarks/wheel_speeds.py --seeds 5 --first 8000
+    python benchmarks/wheel_speeds.py --seeds 5 --first 8000 [--learner]
 
 prints error and sigma of each parameter, with the tractor's gyros alone, with wheel speeds and with gyros of the
-trailer, and the estimated and the true difference of the rolling radii.
+trailer, and the estimated and the true difference of the rolling radii; of one stage, or of a learner with linear
+tyres, which learns from one log after the other, so that its difference is that of the last log.
 """
 
 import argparse
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.online import Learner
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.plant.sensors import Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.studies.scenarios import initial_guess
+from fifthwheel.vehicle import Vehicle
 from sharpness import CAREFUL, SPEEDS, careful_truck
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK
@@ -61,7 +64,7 @@ def wheel_speeds(
     return measure(time, truth, sensors, seed=seed)
 
 
-def of_seed(seed: int, cases: Sequence[str]) -> dict[str, Result]:
+def of_seed(seed: int, cases: Sequence[str], *, learner: bool = False) -> dict[str, Result]:
     """The results of one seed by case."""
     settings, rng = OneStage(**CAREFUL), np.random.default_rng([seed, 31])
     file, shared = drawn_file(careful_truck(), settings, rng), shared_errors(settings, rng)
@@ -78,14 +81,22 @@ def of_seed(seed: int, cases: Sequence[str]) -> dict[str, Result]:
     truth, results = TRUCK.parameters(), {}
     for case in cases:
         seen = [_seen(record, SENSORS[case]) for record in records]
-        identification = identify(seen, initial_guess(file, seed), settings)
-        estimates = {name: identification[name] for name in PARAMETERS}
-        offsets = [e for e in identification.sensors if e.name == OFFSET]
+        result = (_learned if learner else identify)(seen, initial_guess(file, seed), settings)
+        estimates = {name: result[name] for name in PARAMETERS}
+        offsets = [e for e in result.sensors if e.name == OFFSET]
         results[case] = Result(
             parameters={n: (e.value / truth[n] - 1, (e.sigma or 0.0) / truth[n]) for n, e in estimates.items()},
-            offsets=[(e.value - d, e.sigma) for e, d in zip(offsets, differences, strict=bool(offsets))],
+            offsets=[(e.value - d, e.sigma) for e, d in zip(offsets[::-1], differences[::-1], strict=False)],
         )
     return results
+
+
+def _learned(records: Sequence[Record], vehicle: Vehicle, settings: OneStage) -> Learner:
+    """A learner after all records, an hour apart."""
+    learner = Learner(vehicle, records[0].signals, replace(settings, tyres="linear"))
+    for i, record in enumerate(records):
+        learner.learn(replace(record, time=record.time + 3600.0 * i))
+    return learner
 
 
 def _seen(record: Record, of_trailer: Sequence[str]) -> Record:
@@ -105,11 +116,12 @@ def main() -> None:
     parser.add_argument("--first", type=int, default=7000, help="the first seed")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--cases", nargs="*", default=list(SENSORS), choices=list(SENSORS))
+    parser.add_argument("--learner", action="store_true", help="learn in place of one stage")
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     results = []
     with ProcessPoolExecutor(arguments.jobs) as pool:
-        for seed, result in zip(seeds, pool.map(partial(of_seed, cases=arguments.cases), seeds), strict=True):
+        for seed, result in zip(seeds, pool.map(partial(of_seed, cases=arguments.cases, learner=arguments.learner), seeds), strict=True):
             results.append(result)
             print(seed, {case: each.parameters for case, each in result.items()}, flush=True)
     print(

@@ -27,6 +27,7 @@ GOOD = Relation(
     leading=RATE,
     correlation=0.99,
     coherence=0.99,
+    best=0.99,
     lead=0.0,
     gain=1.0,
     offset=0.0,

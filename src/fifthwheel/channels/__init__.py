@@ -54,7 +54,9 @@ MEASURED = [YAW_RATE, ARTICULATION, ROLL_RATE, ROLL, LATERAL_ACCELERATION, WHEEL
 IDENTIFIED = [YAW_RATE, ARTICULATION, ROLL_RATE, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE]
 """Those that an identification compares with the model, in its order."""
 USUAL = (YAW_RATE, ARTICULATION, ROLL_RATE)
-"""Those of them that test trucks usually have, and that a learner and two stages use; one stage uses the others too."""
+"""Those of them that test trucks usually have, and that two stages use; one stage uses the others too."""
+LEARNED = (*USUAL, WHEEL_SPEED_DIFFERENCE)
+"""Those of them that a learner uses."""
 MOTION = (YAW_RATE, ARTICULATION, LATERAL_ACCELERATION)
 """Those of which one, of any unit, is enough for an identification; roll rates alone are not."""
 GYROS = (YAW_RATE, ROLL_RATE)
@@ -330,6 +332,7 @@ __all__ = [
     "INPUTS",
     "LATERAL_ACCELERATION",
     "LATERAL_VELOCITY",
+    "LEARNED",
     "LOAD_TRANSFER",
     "MEASURED",
     "MODELLED",

@@ -101,6 +101,11 @@ class Turn(NamedTuple):
         """(N,) rad/s, of a typical towed unit: L/u r2' + r2 = r."""
         return self.lagged(self.yaw_rate, self.towed_length / self.speed)
 
+    @property
+    def unit_yaw_rate(self) -> Array:
+        """(N,) rad/s, expected of the unit of the signal."""
+        return self.towed_yaw_rate if self.is_towed else self.yaw_rate
+
     def lagged(self, values: Array, time_constant: Array | float) -> Array:
         """First-order lag of values (N,) with a time constant, (N,) or one, s."""
         state, result = float(values[0]), np.empty(values.size)
@@ -146,6 +151,9 @@ class TurnRelation:
     """The part of a unit to which the relation applies; None for all."""
     has_other_causes: bool = False
     """Whether more than turns excites the signal: then only an inverted sign and a wrong gain are faults."""
+    sign_only: bool = False
+    """Whether only an inverted sign is a fault, where no delay explains the signal as well: it may be as small as its
+    noise, and nothing else finds its delay."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -39,7 +39,7 @@ YAW_RATE = Channel(
     proposed="signal",
     limit=SignalLimits(magnitude=1.5, jump=0.15, turn=0.03),
     turn=TurnRelation(
-        expected=lambda turn: turn.towed_yaw_rate if turn.is_towed else turn.yaw_rate,
+        expected=lambda turn: turn.unit_yaw_rate,
         least_sigma=0.01,
         gain_faults=DEGREES,
         largest_offset=0.02,

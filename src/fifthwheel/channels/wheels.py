@@ -1,6 +1,9 @@
 """Speeds of wheels, and their difference between the sides of an axle."""
 
-from fifthwheel.channels.channel import Channel, ErrorKind, NamePattern, SensorModel, SignalLimits
+from fifthwheel.channels.channel import Channel, ErrorKind, NamePattern, SensorModel, SignalLimits, TurnRelation
+
+_HALF_TRACK = 1.0
+"""m, typical."""
 
 WHEEL_SPEED = Channel(
     quantity="wheel_speed",
@@ -21,7 +24,14 @@ WHEEL_SPEED_DIFFERENCE = Channel(
     unit="1",
     proposed="signal",
     limit=SignalLimits(magnitude=0.5, jump=0.1),
+    turn=TurnRelation(
+        expected=lambda turn: 2 * _HALF_TRACK * turn.unit_yaw_rate / turn.speed,
+        least_sigma=5e-4,
+        gain_faults=(),
+        sign_only=True,
+    ),
     noise=(0.005**2, 0.005**2),  # with the effect of the load transfer, where it is not identified
+    discrepancy=0.0007,
     large_offset=True,
     of_roll=True,
     model=SensorModel(

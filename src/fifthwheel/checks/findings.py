@@ -46,7 +46,7 @@ class Fault(StrEnum):
     DUPLICATE = "duplicate"
     """The samples of another signal."""
     EXCHANGED = "exchanged"
-    """The signal of another unit."""
+    """The signal of another unit, or of the other side of an axle."""
     TIME_OFFSET = "time offset"
     """Timestamps that are late or early."""
     CLOCK_RATE = "clock rate"

@@ -2,7 +2,8 @@
 
 With speed u and yaw rate r of the leading unit, left positive: the steer angle is r (l + K u^2) / u; the yaw rate r2 of
 a towed unit of length L obeys L/u r2' + r2 = r; its articulation is -r2 L/u, negative in a left turn; the lateral
-acceleration is u r; a body rolls outwards in proportion to it, so its roll rate is proportional to (u r)'. These
+acceleration is u r; a body rolls outwards in proportion to it, so its roll rate is proportional to (u r)'; the right
+wheel of an axle is faster than the left one by a fraction proportional to the yaw rate of its unit over u. These
 relations are approximate, but sufficient to detect a wrong sign, degrees or a wrong column.
 """
 
@@ -19,6 +20,7 @@ from fifthwheel.channels.channel import Turn, TurnRelation
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.checks.samples import MAX_SPEED, present_samples, spike_mask
 from fifthwheel.record.record import Record
+from fifthwheel.record.wheel_speeds import all_pairs, sides_of, with_differences
 
 _STEP = 0.05
 """s; step of the common time on which signals are compared."""
@@ -49,6 +51,8 @@ class Relation:
     """Of both, smoothed, at the nominal delay."""
     coherence: float
     """Largest magnitude of the correlation at delays from -1.5 to 1.5 s."""
+    best: float
+    """Largest correlation at these delays."""
     lead: float
     """Time by which the signal leads the expected value, s; 0 where the correlation is low."""
     gain: float
@@ -77,6 +81,8 @@ class Relation:
     def fault(self) -> Fault | None:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
         turn = self.turn
+        if turn.sign_only:
+            return Fault.SWAPPED_SIGN if self.excited and self.correlation < -max(0.5, self.best) else None
         if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         if self.excited and self.correlation < -0.5:
@@ -114,7 +120,10 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
         if fault is Fault.DEGREES and relation.gain < 1:
             yield _finding(relation, fault, of_leading=True)
         elif fault is not None and fault not in leading_faults:
-            yield _finding(relation, fault, of_leading=False, confirmed=confirmed)
+            if relation.signal in record.signals:
+                yield _finding(relation, fault, of_leading=False, confirmed=confirmed)
+            else:
+                yield _exchanged_sides(relation, confirmed=confirmed)
     # A roll rate is compared with the yaw rate of its own unit, which must be without a fault.
     doubtful = {SignalName.of(r.signal).unit for r in turning if r.fault and is_of(r.signal, YAW_RATE)}
     for relation in rolling:
@@ -127,6 +136,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
     leading = _leading_yaw_rate(record)
     if leading is None:
         return
+    record = with_differences(record, _used_differences(record))
     time = common_time(record, _STEP)
     speed, speed_known = at_common_time(record, "speed", time)
     rate, rate_known = at_common_time(record, leading, time)
@@ -162,6 +172,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             leading=leading,
             correlation=nominal,
             coherence=max(map(abs, shifted)),
+            best=shifted[best],
             lead=shifts[best] * _STEP if shifted[best] > 0.9 else 0.0,
             gain=gain,
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
@@ -175,6 +186,13 @@ def _leading_yaw_rate(record: Record) -> str | None:
     yaw_rates = names_of(YAW_RATE, record.signals)
     steered = [s.unit for s in map(SignalName.of, names_of(STEER, record.signals)) if s.part == "front"]
     return next((name for name in yaw_rates if SignalName.of(name).unit in steered), next(iter(yaw_rates), None))
+
+
+def _used_differences(record: Record) -> list[str]:
+    """The wheel speed differences that estimators use: driven wheels, of the unit with the front steer angle, slip."""
+    steered = {s.unit for s in map(SignalName.of, names_of(STEER, record.signals)) if s.part == "front"}
+    signals = {name: SignalName.of(name) for name in all_pairs(record.signals)}
+    return [n for n, each in signals.items() if each.unit not in steered or f"steer.{each.place}" in record.signals]
 
 
 def common_time(record: Record, step: float) -> Array:
@@ -223,6 +241,17 @@ def correlation(a: Array, b: Array, mask: NDArray[np.bool_], shift: int) -> floa
     if x.size < 40 or np.std(x) < 1e-12 or np.std(y) < 1e-12:
         return 0.0
     return float(np.corrcoef(x, y)[0, 1])
+
+
+def _exchanged_sides(relation: Relation, *, confirmed: bool) -> Finding:
+    """The finding on a wheel speed difference that has the wrong sign."""
+    left, right = sides_of(relation.signal)
+    problem = (
+        f"less {left} contradicts {relation.leading} (correlation {relation.correlation:.2f}, positive expected); in a "
+        "left turn the right wheel is faster; exchange the columns of both in signals.toml"
+    )
+    problem += "" if confirmed else f", or invert {relation.leading}: sign = -1"
+    return error(right, Fault.EXCHANGED, problem, others=(left,))
 
 
 def _finding(relation: Relation, fault: Fault, *, of_leading: bool, confirmed: bool = False) -> Finding:

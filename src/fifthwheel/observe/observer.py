@@ -15,8 +15,15 @@ import numpy as np
 from fifthwheel._arguments import expect, expect_names, expect_optional, expect_sample
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, MEASURED, SignalName, measured_signals
-from fifthwheel.dynamics.wheel_speeds import wheel_pairs, wheel_speed_difference, with_wheel_speed_differences
+from fifthwheel.channels import (
+    CHANNELS,
+    MEASURED,
+    WHEEL_SPEED_DIFFERENCE,
+    SignalName,
+    measured_signals,
+    names_of,
+)
+from fifthwheel.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
@@ -28,6 +35,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.states import States
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
+from fifthwheel.record.wheel_speeds import sample_with_differences, sides_of
 from fifthwheel.stream.settings import VALID
 from fifthwheel.stream.stream import Stream
 from fifthwheel.vehicle import Vehicle
@@ -70,9 +78,8 @@ class Observer:
         expect_names("signals", signals)
         expect_optional("settings", settings, ObserverSettings)
         self.settings = settings or ObserverSettings()
-        available = set(signals)
-        self._wheels = {name: pair for name, pair in wheel_pairs(vehicle, available).items() if name not in available}
-        available |= self._wheels.keys()
+        given = frozenset(signals)
+        available = given.union(wheel_pairs(vehicle, given))
         self.vehicle = vehicle.with_logged_steering(available, "the signals")
         if "speed" not in available:
             raise SignalError("speed: not among the signals; map the forward speed in m/s to it")
@@ -86,6 +93,9 @@ class Observer:
                 "angle or articulation angle of a unit of the vehicle"
             )
         self.inputs = ("speed", *self.vehicle.steer_signals())
+        self._differences = names_of(WHEEL_SPEED_DIFFERENCE, self.outputs)
+        sources = {name: sides_of(name) for name in self._differences if name not in given}
+        self._measured = [source for name in self.outputs for source in sources.get(name, (name,))]
         own_roll = self.vehicle.steering is not None and self.vehicle.steering.uses_roll
         self.roll = self.settings.roll and (own_roll or any(channel.of_roll for channel in channels))
         require_roll(self.vehicle.steering, self.roll)
@@ -113,8 +123,7 @@ class Observer:
     @property
     def signals(self) -> tuple[str, ...]:
         """The signals that it uses: of a wheel speed difference the wheel speeds, unless the difference is given."""
-        measured = [source for name in self.outputs for source in self._wheels.get(name, (name,))]
-        return (*self.inputs, *measured)
+        return (*self.inputs, *self._measured)
 
     @property
     def scan(self) -> Scan:
@@ -147,8 +156,8 @@ class Observer:
             SignalError: the time is missing, not finite, or not after the previous one. The observer does not change.
         """
         try:
-            if self._wheels:
-                sample = self._with_differences(sample)
+            if self._differences:
+                sample = sample_with_differences(sample, self._differences)
             get = sample.get
             status = self.stream.process_sample(
                 self._filter, get("time"), map(get, self.inputs), map(get, self.outputs)
@@ -195,14 +204,6 @@ class Observer:
         expect("record", record, Record)
         record = with_wheel_speed_differences(record, self.vehicle)
         return offline.states(record, self._model, uncertainty, smooth=smooth)
-
-    def _with_differences(self, sample: Mapping[str, float | None]) -> dict[str, float | None]:
-        """The sample with its wheel speed differences."""
-        differences: dict[str, float | None] = {}
-        for name, sides in self._wheels.items():
-            left, right = (math.nan if value is None else value for value in map(sample.get, sides))
-            differences[name] = float(wheel_speed_difference(left, right))
-        return {**sample, **differences}
 
     def _identity(self) -> dict[str, Any]:
         """Vehicle, signals and settings, for JSON."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel._types import Array
-from fifthwheel.channels import YAW_RATE, channel_of, is_input, is_of
+from fifthwheel.channels import WHEEL_SPEED, YAW_RATE, channel_of, is_input, is_of, names_of
 from fifthwheel.checks import Fault, Finding, check
 from fifthwheel.checks.findings import error, remedy_text, warning
 from fifthwheel.record import Record
@@ -17,7 +17,7 @@ from fifthwheel.time_bases.predictions import Prediction, predict_channels
 from fifthwheel.time_bases.rates import ClockRate, channel_rates, common_rates
 from fifthwheel.vehicle import Vehicle
 
-_BY_TIME = (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN)
+_BY_TIME = (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN, Fault.EXCHANGED)
 """Faults that a time offset or an exchange of channels can be taken for."""
 _WELL_EXPLAINED = 0.8
 """Fraction of the variance from which a channel with a corrected offset is neither wrong nor inverted."""
@@ -55,6 +55,8 @@ def check_signals(record: Record, vehicle: Vehicle | None = None) -> tuple[Findi
     offsets = offsets_of(record, prediction)
     found = list(time_base_findings(record, prediction, offsets))
     explained = {name for finding in found for name in (finding.signal, *finding.others)}
+    if prediction.leading in explained:  # with which wheel speeds are compared
+        explained.update(names_of(WHEEL_SPEED, record.signals))
     well = {o.name for o in offsets if o.explained > _WELL_EXPLAINED}
     if found and well:  # then speed and steer angle are right too, and so is the reference of the offsets
         explained |= well | {name for name in record.signals if is_input(name)} | {prediction.leading}

@@ -20,7 +20,6 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
-from fifthwheel.dynamics.wheel_speeds import all_pairs
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
@@ -34,6 +33,7 @@ from fifthwheel.identify.unknowns.parameters import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.record import Record
+from fifthwheel.record.wheel_speeds import all_pairs
 from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.masses import with_consistent_masses
 from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of

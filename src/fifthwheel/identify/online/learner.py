@@ -16,7 +16,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fifthwheel._arguments import expect, expect_known, expect_names, expect_optional, expect_sample
-from fifthwheel.channels import CHANNELS
+from fifthwheel.channels import CHANNELS, WHEEL_SPEED_DIFFERENCE, names_of
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
@@ -36,6 +36,7 @@ from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
+from fifthwheel.record.wheel_speeds import all_pairs, sample_with_differences, with_differences
 from fifthwheel.stream import VALID
 from fifthwheel.vehicle import Vehicle
 
@@ -140,6 +141,8 @@ class Learner:
         """
         live, setup = self._live, self._live.setup
         try:
+            if differences := names_of(WHEEL_SPEED_DIFFERENCE, setup.outputs):
+                sample = sample_with_differences(sample, differences)
             get = sample.get
             time = get("time", math.nan)
             if time is None or not math.isfinite(time):
@@ -174,6 +177,7 @@ class Learner:
         """
         setup = self._live.setup
         names = (*setup.inputs, *setup.outputs)
+        record = with_differences(record, set(names).intersection(all_pairs(record.signals)))
         for name in names:
             if name not in record.signals:
                 raise SignalError(f"{name}: not in {record.name}; make a Learner with the signals that it has")

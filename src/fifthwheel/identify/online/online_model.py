@@ -9,8 +9,9 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import USUAL, YAW_RATE, is_of, measured_signals
+from fifthwheel.channels import LEARNED, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
@@ -65,7 +66,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
         raise SignalError("speed: not among the signals; the model needs the forward speed, add it in m/s")
     vehicle = simplified(vehicle, settings).with_logged_steering(signals, "the signals")
     units = [unit.name for unit in vehicle.units]
-    outputs = measured_signals(signals, units, USUAL)
+    outputs = measured_signals({*signals, *wheel_pairs(vehicle, signals)}, units, LEARNED)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fifthwheel.channels import USUAL
+from fifthwheel.channels import LEARNED
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION
@@ -35,7 +35,7 @@ class LearnerSettings(Settings):
     """Nothing is learned while the steer angle corresponds to a larger steady lateral acceleration, m/s^2: the model is
     linear. Tyres that saturate have no such limit."""
     discrepancy: Mapping[str, FiniteNonNegative] = field(
-        default_factory=lambda: {channel.quantity: channel.discrepancy for channel in USUAL}
+        default_factory=lambda: {channel.quantity: channel.discrepancy for channel in LEARNED}
     )
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
     does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
