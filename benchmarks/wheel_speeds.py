@@ -5,11 +5,11 @@ of all sensors and of the track, as in sharpness.py (careful). The wheel speeds 
 of 1/256 km/h, 20 values a second, a latency of up to 60 ms, and rolling radii that differ by 0.5 % (standard deviation)
 between the sides. The rolling radii follow the wheel loads by the Magic Formula.
 
-    python benchmarks/wheel_speeds.py --seeds 5 --first 8000 [--learner]
+    python benchmarks/wheel_speeds.py --seeds 5 --first 8000 [--learner [--noise 0.002]]
 
 prints error and sigma of each parameter, with the tractor's gyros alone, with wheel speeds and with gyros of the
 trailer, and the estimated and the true difference of the rolling radii; of one stage, or of a learner with linear
-tyres, which learns from one log after the other, so that its difference is that of the last log.
+tyres, which learns from one log after the other, with one difference of the radii.
 """
 
 import argparse
@@ -33,7 +33,8 @@ from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, sh
 from trust_runs import TRUCK
 
 AXLE = "semitrailer.middle"
-OFFSET = f"wheel_speed_difference.{AXLE}.offset"
+NAME = f"wheel_speed_difference.{AXLE}"
+OFFSET = f"{NAME}.offset"
 PARAMETERS = (
     "tractor.front.cornering_stiffness",
     "tractor.drive.cornering_stiffness",
@@ -64,9 +65,10 @@ def wheel_speeds(
     return measure(time, truth, sensors, seed=seed)
 
 
-def of_seed(seed: int, cases: Sequence[str], *, learner: bool = False) -> dict[str, Result]:
-    """The results of one seed by case."""
-    settings, rng = OneStage(**CAREFUL), np.random.default_rng([seed, 31])
+def of_seed(seed: int, cases: Sequence[str], *, learner: bool = False, noise: float | None = None) -> dict[str, Result]:
+    """The results of one seed by case; `noise` is stated of the wheel speed difference."""
+    stated = {} if noise is None else {NAME: noise**2}
+    settings, rng = OneStage(**CAREFUL, noise=stated), np.random.default_rng([seed, 31])
     file, shared = drawn_file(careful_truck(), settings, rng), shared_errors(settings, rng)
     latency, half_track = rng.uniform(0, 0.06), 1 + settings.wheel_speed_gain_prior * rng.normal()
     records, differences = [], []
@@ -75,7 +77,8 @@ def of_seed(seed: int, cases: Sequence[str], *, learner: bool = False) -> dict[s
         properties = Properties(bank=errors["bank"], half_track=half_track)
         run = Plant(TRUCK, properties).drive(lane_changes(count=2, speed=speed))
         record = measured_record(run.time, run.truth, errors, f"log {i}", 100 * seed + i)
-        differences.append(settings.wheel_speed_offset_prior * rng.normal())
+        drawn = settings.wheel_speed_offset_prior * rng.normal()
+        differences.append(differences[0] if learner and differences else drawn)
         wheels = wheel_speeds(run.truth, run.time, differences[-1], latency, 100 * seed + i)
         records.append(record.with_signals(wheels))
     truth, results = TRUCK.parameters(), {}
@@ -117,11 +120,14 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--cases", nargs="*", default=list(SENSORS), choices=list(SENSORS))
     parser.add_argument("--learner", action="store_true", help="learn in place of one stage")
+    parser.add_argument(
+        "--noise", type=float, help="of the wheel speed difference, one sigma; a learner does not fit it"
+    )
     arguments = parser.parse_args()
     seeds = range(arguments.first, arguments.first + arguments.seeds)
-    results = []
+    run, results = partial(of_seed, cases=arguments.cases, learner=arguments.learner, noise=arguments.noise), []
     with ProcessPoolExecutor(arguments.jobs) as pool:
-        for seed, result in zip(seeds, pool.map(partial(of_seed, cases=arguments.cases, learner=arguments.learner), seeds), strict=True):
+        for seed, result in zip(seeds, pool.map(run, seeds), strict=True):
             results.append(result)
             print(seed, {case: each.parameters for case, each in result.items()}, flush=True)
     print(

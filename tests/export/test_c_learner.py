@@ -131,6 +131,17 @@ def test_sensor_errors_and_verdicts(guess: Vehicle, truck: Vehicle, tmp_path: Pa
 
 
 @pytest.mark.slow
+def test_a_wheel_speed_difference_is_an_input(guess: Vehicle, truck: Vehicle, tmp_path: Path) -> None:
+    name = "wheel_speed_difference.semitrailer"
+    record = simulate(truck, count=1, seed=5, sensors={"yaw_rate.tractor": 1.5e-5, name: 1e-6})
+    settings, limits = SETTINGS["sensor errors"]
+    learner = Learner(guess, record.signals, settings, learner=limits)
+    assert name in learner.live.setup.outputs
+    _, verdicts = assert_equal(learner, compiled(learner, tmp_path), record)
+    assert "converged" in verdicts
+
+
+@pytest.mark.slow
 def test_three_units_with_two_steered_axles(tmp_path: Path) -> None:
     train = b_double()
     record = simulate(train, count=1, seed=1)

@@ -23,6 +23,7 @@ from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
 from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.formatting import enumerated
 from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
 from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
@@ -46,6 +47,10 @@ EXACT_FILE_NOTE = (
 SENSORS_NOTE = (
     "Two stages do not use the sensor classes and the uncertainties that are stated of {}: the sensor errors have the "
     "priors of the settings. Use one stage."
+)
+CHANNELS_NOTE = (
+    "Two stages do not use {}: as in the article, they use yaw rates, articulation angles and roll rates. One stage "
+    "uses every channel."
 )
 ARTICLE_NOTE = (
     "The settings of the article need logs with more than ten lane changes. The sigma of the payload height does not "
@@ -221,6 +226,8 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     """
     vehicle = dataset.vehicle
     notes = [*dataset.notes, EXACT_FILE_NOTE, *([ARTICLE_NOTE] if settings.average else [])]
+    if dataset.others:
+        notes.append(CHANNELS_NOTE.format(enumerated(dataset.others)))
     if dataset.sensors:
         notes.append(SENSORS_NOTE.format(", ".join(dataset.sensors)))
     stage_1 = parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings)

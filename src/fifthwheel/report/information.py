@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.channels import si_unit
+from fifthwheel.channels import SignalName, si_unit
 from fifthwheel.diagnose.information_summary import describe_remedy
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.formatting import approximate, enumerated, percent, relative, with_sigma
@@ -19,8 +19,6 @@ PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
     "include model errors."
 )
-MOST_SENSORS = 5
-"""Signals in the table of those that could be logged too."""
 HEADS = (
     *("Parameter|name", "Value>|wide", "Prior\nsigma>|wide", "Predicted\nsigma>", "Prior and predicted sigma"),
     "Verdict",
@@ -113,8 +111,11 @@ def _improvement(p: ParameterAssessment) -> str:
 
 
 def _sensors(outlook: InformationAssessment) -> Iterator[pages.Block]:
-    """Predicted sigma of each parameter with one more signal, for the most useful ones."""
-    signals = list(outlook.sensors)[:MOST_SENSORS]
+    """Predicted sigma of each parameter with one more signal, for the most useful one of each quantity."""
+    best: dict[str, str] = {}
+    for signal in outlook.sensors:
+        best.setdefault(SignalName.of(signal).quantity, signal)
+    signals = list(best.values())
     if not signals:
         return
     heads = [spoken(signal).replace(", ", "\n") for signal in signals]
@@ -143,7 +144,10 @@ def _notes(outlook: InformationAssessment) -> Iterator[str]:
         speed = f"{3.6 * outlook.speed:.0f} km/h"
         yield f"One more lane change: SAE J2179, 1.5 m lateral offset within 61 m, at {speed}."
     if outlook.sensors:
-        yield "One more sensor: in the order of the mean reduction of sigma, of its logarithm over all parameters."
+        yield (
+            "One more sensor: the best of each quantity, in the order of the mean reduction of sigma, of its logarithm "
+            "over all parameters."
+        )
     yield from explain_known(remedies)
     variances: dict[str, list[float]] = {}
     for noise in outlook.noise.values():

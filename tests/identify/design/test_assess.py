@@ -316,11 +316,14 @@ def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
     kept = [p.name for p in both.parameters if p.verdict is Verdict.CONVERGED]
     np.testing.assert_allclose([alone.sensors[added][name] for name in kept], [both[n].sigma for n in kept], rtol=0.03)
     assert {name.split(".")[0] for name in alone.sensors} >= {"articulation", "lateral_acceleration"}
+    assert "wheel_speed_difference.semitrailer" in alone.sensors
     without_effect = alone[HEIGHT]
     assert alone.sensors[added][HEIGHT] == pytest.approx(without_effect.prior), "not identifiable even then"
     means = [np.log(list(sigmas.values())).mean() for sigmas in alone.sensors.values()]
     assert means == sorted(means), "the order that the page states"
-    assert "One more sensor: in the order of the mean reduction of sigma" in str(information_document(alone))
+    page = str(information_document(alone))
+    assert "One more sensor: the best of each quantity, in the order of the mean reduction of sigma" in page
+    assert "wheel speed" in page
 
 
 def test_a_complete_log_needs_no_other_sensor(assessment):

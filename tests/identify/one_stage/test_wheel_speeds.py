@@ -90,3 +90,5 @@ def test_two_stages_do_not_use_it(log: Record, without: Record, truck: Vehicle) 
     )
     results = [identify([record.with_signals(towed)], truck, settings) for record in (log, without)]
     assert results[0].parameters == results[1].parameters
+    told = [[note for note in result.notes if note.startswith(f"Two stages do not use {NAME}: ")] for result in results]
+    assert [len(notes) for notes in told] == [1, 0]

@@ -14,7 +14,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import IDENTIFIED, LATERAL_ACCELERATION, MOTION, USUAL, SignalName, is_of, measured_signals
+from fifthwheel.channels import (
+    IDENTIFIED,
+    LATERAL_ACCELERATION,
+    MOTION,
+    USUAL,
+    WHEEL_SPEED_DIFFERENCE,
+    SignalName,
+    is_of,
+    measured_signals,
+    names_of,
+)
+from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
@@ -89,7 +100,8 @@ class PredictedPosterior:
 
 def possible_channels(vehicle: Vehicle, logged: Iterable[str] = (), *, roll: bool = True) -> tuple[str, ...]:
     """Every channel that a one-stage fit can use: yaw rates, articulation angles, roll rates, those others that are
-    logged, and lateral accelerations where a unit has no channel of motion. Where each has one, they add little.
+    logged, and lateral accelerations and wheel speed differences where a unit has no channel of motion. Where each has
+    one, they add little.
 
     `roll`: whether it models roll; without, it uses no channel that contains roll.
     """
@@ -97,7 +109,18 @@ def possible_channels(vehicle: Vehicle, logged: Iterable[str] = (), *, roll: boo
     complete = set(units) == {SignalName.of(name).unit for name in logged if is_of(name, *MOTION)}
     channels = USUAL if complete else (*USUAL, LATERAL_ACCELERATION)
     possible = {f"{channel.quantity}.{unit}" for channel in channels for unit in units}
+    possible |= set() if complete else _wheel_speed_differences(vehicle, logged)
     return measured_signals(possible | logged, units, [c for c in IDENTIFIED if roll or not c.of_roll])
+
+
+def _wheel_speed_differences(vehicle: Vehicle, logged: Collection[str]) -> set[str]:
+    """Those of the steered axles of the first unit and of the towed units, where the unit has none and the model has
+    it."""
+    first, *towed = [unit.name for unit in vehicle.units]
+    steered = [signal for signal in map(SignalName.of, vehicle.steer_signals()) if signal.unit == first]
+    measured = {SignalName.of(name).unit for name in names_of(WHEEL_SPEED_DIFFERENCE, logged)}
+    places = [*[signal.place for signal in steered if first not in measured], *[u for u in towed if u not in measured]]
+    return set(wheel_pairs(vehicle, [f"wheel_speed.{place}.{side}" for place in places for side in ("left", "right")]))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
