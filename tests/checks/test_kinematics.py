@@ -21,6 +21,7 @@ from fifthwheel.record import Record
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
 HITCH, ACCELERATION, ROLL = "articulation.semitrailer", "lateral_acceleration.tractor", "roll_rate.semitrailer"
+WHEELS = "wheel_speed_difference.semitrailer"
 
 GOOD = Relation(
     signal=STEER,
@@ -58,6 +59,11 @@ LIMITS = [
     (ACCELERATION, {}, "gain", 2.5, None, Fault.UNIT),
     (ACCELERATION, {}, "gain", 5, Fault.UNIT, None),
     (ROLL, {}, "correlation", -0.5, Fault.SWAPPED_SIGN, None),
+    (WHEELS, {"best": 0.0}, "correlation", -0.8, Fault.SWAPPED_SIGN, None),
+    (WHEELS, {"correlation": -0.9}, "best", 0.9, Fault.SWAPPED_SIGN, None),
+    (WHEELS, {"correlation": -0.9, "best": 0.0}, "gain", 0.4, None, Fault.SWAPPED_SIGN),
+    (WHEELS, {"correlation": -0.9, "best": 0.0}, "gain", 2.5, Fault.SWAPPED_SIGN, None),
+    (WHEELS, {}, "coherence", 0.3, None, None),
     (ROLL, {}, "gain", 20, None, Fault.DEGREES),
     (ROLL, {"gain": 57}, "correlation", 0.8, None, Fault.DEGREES),
     *((name, {}, "offset", limit, None, Fault.OFFSET) for name, limit in ((STEER, 0.02), (RATE2, 0.02), (HITCH, 0.04))),

@@ -102,6 +102,24 @@ def test_a_late_gyro_of_the_tractor_is_not_an_exchange():
         assert [(f.fault, f.signal) for f in findings] == [(Fault.TIME_OFFSET, YAW)]
 
 
+def test_a_late_gyro_of_the_tractor_does_not_exchange_wheel_speeds():
+    """The sign of their difference is judged by this gyro, and again once it is right."""
+    speed, turned = BASE.signals["speed"], BASE.signals[YAW2]
+    sides = [f"wheel_speed.semitrailer.{side}" for side in ("left", "right")]
+    right = BASE.with_signals(dict(zip(sides, (speed - turned, speed + turned), strict=True)))
+    exchanged = BASE.with_signals(dict(zip(sides, (speed + turned, speed - turned), strict=True)))
+    assert not found(right, TRUCK)
+    for delay in (0.6, 1.0):
+        findings = found(resampled(right, right.time - delay, YAW), TRUCK)
+        assert [(f.fault, f.signal) for f in findings] == [(Fault.TIME_OFFSET, YAW)]
+    (finding,) = found(exchanged, TRUCK)
+    assert (finding.fault, finding.signal, finding.others) == (Fault.EXCHANGED, sides[1], (sides[0],))
+    late = found(resampled(exchanged, exchanged.time - 0.6, YAW2), TRUCK)
+    assert {(f.fault, f.signal) for f in late} == {(Fault.EXCHANGED, sides[1]), (Fault.TIME_OFFSET, YAW2)}
+    with pytest.raises(ValueError, match=f"{sides[1]}: less {sides[0]} contradicts"):
+        prepare_dataset([exchanged], TRUCK, OneStage())
+
+
 @pytest.mark.parametrize("gap", [1e4, 1e5, 1e9])
 def test_a_corrupted_timestamp_or_a_long_gap_costs_no_memory_and_time(gap):
     half = len(BASE) // 2

@@ -152,8 +152,8 @@ class TurnRelation:
     has_other_causes: bool = False
     """Whether more than turns excites the signal: then only an inverted sign and a wrong gain are faults."""
     sign_only: bool = False
-    """Whether only an inverted sign is a fault, where no delay explains the signal as well: it may be as small as its
-    noise, and nothing else finds its delay."""
+    """Whether only an inverted sign is a fault, of a signal of the expected size that no delay explains as well: it may
+    be as small as its noise, and nothing else finds its delay."""
 
 
 @dataclass(frozen=True, kw_only=True)

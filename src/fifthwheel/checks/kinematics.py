@@ -8,7 +8,7 @@ relations are approximate, but sufficient to detect a wrong sign, degrees or a w
 """
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -82,7 +82,8 @@ class Relation:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
         turn = self.turn
         if turn.sign_only:
-            return Fault.SWAPPED_SIGN if self.excited and self.correlation < -max(0.5, self.best) else None
+            inverted = self.correlation < -max(0.8, self.best) and 0.4 < self.gain < 2.5
+            return Fault.SWAPPED_SIGN if self.excited and inverted else None
         if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         if self.excited and self.correlation < -0.5:
@@ -103,20 +104,12 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     every = list(relations(record, wheelbase=wheelbase, min_speed=min_speed))
     rolling = [relation for relation in every if relation.turn.has_other_causes]
     turning = [relation for relation in every if not relation.turn.has_other_causes]
-    faults = [relation.fault for relation in turning]
-    counts = Counter(faults)
-    # The smallest number of faults that explains all: one of the leading yaw rate, or one of each signal. A roll rate
-    # that agrees with a yaw rate is inverted with it, so it counts against the inversion of the leading one.
-    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
-    following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
-    agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
-    leading_faults = [
-        fault for fault, others in agreeing.items() if counts[fault] > 1 + len(turning) - counts[fault] + others
-    ]
+    leading_faults = _leading_faults(turning, rolling)
     for culprit in leading_faults:
         yield _finding(next(r for r in turning if r.fault is culprit), culprit, of_leading=True)
     confirmed = any(relation.agrees for relation in turning)
-    for relation, fault in zip(turning, faults, strict=True):
+    for relation in turning:
+        fault = relation.fault
         if fault is Fault.DEGREES and relation.gain < 1:
             yield _finding(relation, fault, of_leading=True)
         elif fault is not None and fault not in leading_faults:
@@ -129,6 +122,22 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
     for relation in rolling:
         if relation.fault and not leading_faults and SignalName.of(relation.signal).unit not in doubtful:
             yield _finding(relation, relation.fault, of_leading=False, confirmed=confirmed)
+
+
+def _leading_faults(turning: Sequence[Relation], rolling: Sequence[Relation]) -> list[Fault]:
+    """Faults of the leading yaw rate, by the smallest number of faults that explains all: one of it, or one of each
+    signal.
+
+    A roll rate that agrees with a yaw rate is inverted with it, so it counts against the inversion of the leading one.
+    Who exchanges the wheel speeds of one axle may do so of all, so wheel speed differences count as one signal.
+    """
+    wheels = sorted((r for r in turning if r.turn.sign_only), key=lambda relation: relation.fault is not None)
+    witnesses = [*(r for r in turning if not r.turn.sign_only), *wheels[:1]]
+    counts = Counter(relation.fault for relation in witnesses)
+    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
+    following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
+    agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
+    return [fault for fault, others in agreeing.items() if counts[fault] > 1 + len(witnesses) - counts[fault] + others]
 
 
 def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator[Relation]:
