@@ -108,6 +108,16 @@ def test_a_record_that_starts_later_has_the_same_channels():
     np.testing.assert_allclose(later.predicted, prediction.predicted, atol=1e-9)
 
 
+def test_a_wheel_speed_difference_needs_the_model_with_roll():
+    name = "wheel_speed_difference.semitrailer"
+    record = simulate(TRUCK, count=1, sensors={"yaw_rate.tractor": 1.5e-5, name: 1e-6})
+    prediction = predict_channels(record, TRUCK)
+    assert prediction.names == ("yaw_rate.tractor", name)
+    predicted, measured = prediction.predicted[0, :, 1], prediction.measured[:, 1]
+    known = np.isfinite(predicted + measured)
+    assert np.corrcoef(predicted[known], measured[known])[0, 1] > 0.9
+
+
 def test_records_that_cannot_be_predicted():
     other = {"speed": RECORD.signals["speed"], STEER: RECORD.signals[STEER]}
     for names in ((), (f"{YAW2}2",), ("articulation.tractor",), ("lateral_velocity.tractor",)):

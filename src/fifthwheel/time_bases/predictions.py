@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import MEASURED, ROLL, ROLL_RATE, SignalName, is_of, measured_signals
+from fifthwheel.channels import MEASURED, SignalName, is_of, measured_signals
 from fifthwheel.checks.kinematics import is_mostly_gaps, without_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
 from fifthwheel.checks.samples import MAX_SPEED, remove_input_spikes
@@ -83,7 +83,7 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     except FifthwheelError:
         return None
     fastest = max(float(columns["speed"].max()) for columns in inputs)
-    roll = any(is_of(name, ROLL_RATE, ROLL) for name in names)
+    roll = any(is_of(name, *[c for c in MEASURED if c.model and c.model.needs_roll]) for name in names)
     variants = [variant for variant in variants if dynamics.is_stable(variant, fastest, roll=roll)]
     if not names or not variants or fastest > MAX_SPEED or len(record) < _START * RATE:
         return None
