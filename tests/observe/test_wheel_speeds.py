@@ -44,6 +44,9 @@ def test_the_difference_itself_is_a_signal(truck: Vehicle, record: Record) -> No
     """An exported observer gets it."""
     observer = Observer(truck, record.signals)
     assert observer.signals == observer.inputs + observer.outputs == ("speed", STEER, YAW, DIFFERENCE)
+    log = wheel_speeds(record).cut(stop=float(record.time[0]) + 1.0)
+    formed, given = (pushed(Observer(truck, signals), log)[YAWS[1]] for signals in (log.signals, record.signals))
+    np.testing.assert_array_equal(formed, given)
 
 
 def states(truck: Vehicle, log: Record, **settings: float) -> States:
