@@ -60,8 +60,8 @@ class Learner:
 
     Args:
         vehicle: what is known of the truck.
-        signals: names of the measured signals; speed, a steer angle and a yaw rate must be among them. It uses `LEARNED`
-            of `channels`; of wheel speeds those of both sides of an axle that is not driven.
+        signals: names of the measured signals; speed, a steer angle and a yaw rate must be among them. A
+            learner uses `channels.LEARNED`, and wheel speeds of both sides of an axle that is not driven.
         settings: estimated, considered and fixed parameters, priors, noise and limits, as for `identify`; settings of
             the search have no effect. A delay of the steer angle is compensated to first order, by its slope.
         sensors: what is stated of them by signal, such as `SignalMap.sensors` or `Record.sensors`.
