@@ -26,6 +26,8 @@ _STEP = 0.05
 """s; step of the common time on which signals are compared."""
 _MIN_DURATION = 3.0
 """s; a shorter common time is not compared."""
+_NOISY_DURATION = 6.0
+"""s; the same of a signal that may be as small as its noise (`TurnRelation.sign_only`)."""
 _MAX_INSTANTS = 1e7
 """Instants of a common time, 6 days; more result from a corrupted timestamp only."""
 _GAP = 10.0
@@ -53,6 +55,8 @@ class Relation:
     """Largest magnitude of the correlation at delays from -1.5 to 1.5 s."""
     best: float
     """Largest correlation at these delays."""
+    inverted: float
+    """The same of the inverted signal, at delays from -0.3 to 0.3 s."""
     lead: float
     """Time by which the signal leads the expected value, s; 0 where the correlation is low."""
     gain: float
@@ -82,8 +86,8 @@ class Relation:
         """The fault of the signal, or of the leading yaw rate if the inverse gain explains it; None without a fault."""
         turn = self.turn
         if turn.sign_only:
-            inverted = self.correlation < -max(0.8, self.best) and 0.4 < self.gain < 2.5
-            return Fault.SWAPPED_SIGN if self.excited and inverted else None
+            is_inverted = self.inverted > max(0.8, self.best) and 0.4 < self.gain < 4
+            return Fault.SWAPPED_SIGN if self.excited and is_inverted else None
         if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         if self.excited and self.correlation < -0.5:
@@ -164,7 +168,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         if turn.lag:
             values = motion.lagged(values, turn.lag)
         compared = fast & known
-        if compared.sum() * _STEP < _MIN_DURATION:
+        if compared.sum() * _STEP < (_NOISY_DURATION if turn.sign_only else _MIN_DURATION):
             continue
         own_rate, own_known = at_common_time(record, f"yaw_rate.{signal.unit}", time)
         own = motion._replace(
@@ -182,6 +186,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             correlation=nominal,
             coherence=max(map(abs, shifted)),
             best=shifted[best],
+            inverted=-min(shifted[i] for i, shift in enumerate(shifts) if abs(shift) <= 6),
             lead=shifts[best] * _STEP if shifted[best] > 0.9 else 0.0,
             gain=gain,
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
@@ -256,8 +261,8 @@ def _exchanged_sides(relation: Relation, *, confirmed: bool) -> Finding:
     """The finding on a wheel speed difference that has the wrong sign."""
     left, right = sides_of(relation.signal)
     problem = (
-        f"less {left} contradicts {relation.leading} (correlation {relation.correlation:.2f}, positive expected); in a "
-        "left turn the right wheel is faster; exchange the columns of both in signals.toml"
+        f"less {left} contradicts {relation.leading} (correlation {-relation.inverted:.2f}, positive expected); in "
+        "a left turn the right wheel is faster; exchange the columns of both in signals.toml"
     )
     problem += "" if confirmed else f", or invert {relation.leading}: sign = -1"
     return error(right, Fault.EXCHANGED, problem, others=(left,))

@@ -83,6 +83,14 @@ def test_states_use_the_estimated_errors(result: Identification, log: Record) ->
     assert 0.7 < np.nanstd(error[100:]) < 1.3
 
 
+def test_exchanged_sides_are_refused(log: Record, truck: Vehicle) -> None:
+    """Of the nonlinear truck, whose load transfer adds to the difference."""
+    left, right = (f"wheel_speed.{AXLE}.{side}" for side in ("left", "right"))
+    exchanged = log.with_signals({left: log.signals[right], right: log.signals[left]})
+    with pytest.raises(ValueError, match=f"^{right}: less {left} contradicts yaw_rate.tractor .* exchange the columns"):
+        identify([exchanged], truck, EXACT)
+
+
 def test_two_stages_do_not_use_it(log: Record, without: Record, truck: Vehicle) -> None:
     towed, settings = (
         {"yaw_rate.semitrailer": log.signals["yaw_rate.tractor"]},
