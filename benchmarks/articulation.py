@@ -1,6 +1,7 @@
 """Articulation angle of the trailer from signals of the tractor: error, sigma and coverage.
 
     python benchmarks/articulation.py [--seeds 20] [--first 9400] [--minutes 4] [--jobs 2] [--only careful class]
+                                      [--hide engine_torque]
 
 The nonlinear truck drives by engine and gears on hilly, banked roads in wind. Each seed draws the errors of all numbers
 of the vehicle file and of all sensors as in sharpness.py:
@@ -9,9 +10,10 @@ of the vehicle file and of all sensors as in sharpness.py:
 * careful: masses from a weighbridge, lengths from a tape, sensors of a known class (`CAREFUL`).
 
 The signals are those that most tractors have, at 25 Hz: speed, steer angle, yaw rate and lateral acceleration; the
-trailer has none. Speed is exact. The accelerometer has offset, gain, delay and place drawn from the priors of
-`OneStage`. One everyday drive is identified. States are those of this log, of an unseen everyday drive of two minutes
-and of unseen turns of 90 degrees at 6 m/s with a radius of 20 m, the last two with offsets and banks of their own.
+trailer has none. Engine speed and torque, clutch and brakes, as the bus has them, give the grade. Speed is exact. The
+accelerometer has offset, gain, delay and place drawn from the priors of `OneStage`. One everyday drive is identified.
+States are those of this log, of an unseen everyday drive of two minutes and of unseen turns of 90 degrees at 6 m/s with
+a radius of 20 m, the last two with offsets and banks of their own.
 """
 
 import argparse
@@ -30,7 +32,7 @@ from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.manoeuvres import Course, everyday, slow_turns
 from fifthwheel.observe import Observer, ObserverSettings
-from fifthwheel.plant import DrivenTruck, Plant, Properties, Sensor, measure
+from fifthwheel.plant import DrivenTruck, Plant, Properties, Sensor, bus_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.studies.scenarios import initial_guess
 from sharpness import KNOWLEDGE
@@ -39,6 +41,7 @@ from trust_runs import TRUCK
 
 ANGLE, ACCELERATION = "articulation.semitrailer", "lateral_acceleration.tractor"
 SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
+ENGINE = ("engine_speed", "engine_torque", "friction_torque", "driveline_engaged", "braking.tractor")
 RATE = 25.0
 """Hz"""
 FAST = 30 / 3.6
@@ -81,12 +84,13 @@ def log(
         time, {ACCELERATION: sensor["gain"] * late + offset}, {ACCELERATION: Sensor(variance=0.05**2)}, seed=seed
     )
     record = measured_record(time, truth, errors, f"{path.name} {seed}", seed)
-    signals = {name: record.signals[name] for name in SIGNALS} | noisy
+    bus = {name: sensor for name, sensor in bus_sensors(TRUCK, run.driven).items() if name in ENGINE}
+    signals = {name: record.signals[name] for name in SIGNALS} | noisy | measure(time, truth, bus, seed=seed)
     return replace(record, signals=signals, reference={ANGLE: truth[ANGLE]})
 
 
-def samples(seed: int, knowledge: str, minutes: float) -> Samples:
-    """Errors and sigmas of one seed; empty if a log is refused."""
+def samples(seed: int, knowledge: str, minutes: float, hidden: Sequence[str] = ()) -> Samples:
+    """Errors and sigmas of one seed without some signals; empty if a log is refused."""
     truck, priors = KNOWLEDGE[knowledge]
     settings, rng = OneStage(**priors), np.random.default_rng([seed, 37])
     file, shared, sensor = drawn_file(truck, settings, rng), shared_errors(settings, rng), accelerometer(settings, rng)
@@ -95,7 +99,8 @@ def samples(seed: int, knowledge: str, minutes: float) -> Samples:
     logs = []
     for i, path in enumerate(courses):
         offset = settings.acceleration_offset_prior * rng.normal()
-        logs.append(log(path, driven, shared | log_errors(settings, rng), sensor, offset, 10 * seed + i))
+        record = log(path, driven, shared | log_errors(settings, rng), sensor, offset, 10 * seed + i)
+        logs.append(replace(record, signals={k: v for k, v in record.signals.items() if k not in hidden}))
     try:
         result = identify(logs[:1], initial_guess(file, seed), settings)
     except FifthwheelError as error:
@@ -144,6 +149,7 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, default=4.0, help="of the identified drive")
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=["careful", "class"], choices=list(KNOWLEDGE))
+    parser.add_argument("--hide", nargs="*", default=[], metavar="SIGNAL", help="signals to leave out of the logs")
     parser.add_argument("-o", type=Path, default=Path(__file__).with_suffix(".md"))
     arguments = parser.parse_args()
     lines = ["# Articulation from tractor signals", "", (__doc__ or "").split("\n\n", 2)[2], ""]
@@ -151,7 +157,8 @@ def main() -> None:
     seeds = range(arguments.first, arguments.first + arguments.seeds)
     with ProcessPoolExecutor(arguments.jobs) as pool:
         for knowledge in arguments.only:
-            run, results, done = partial(samples, knowledge=knowledge, minutes=arguments.minutes), [], 0
+            results, done = list[Samples](), 0
+            run = partial(samples, knowledge=knowledge, minutes=arguments.minutes, hidden=arguments.hide)
             for done, result in enumerate(pool.map(run, seeds), 1):
                 results += [result] if result else []
                 print(f"{knowledge}, seed {seeds[done - 1]}", *(row(c, [result]) for c in result), sep="\n", flush=True)

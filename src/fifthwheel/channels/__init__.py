@@ -12,7 +12,7 @@ from functools import lru_cache
 from typing import NamedTuple, Self
 
 from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits, SignalName, StateNoise
-from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED
+from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
 from fifthwheel.channels.others import (
@@ -326,6 +326,7 @@ __all__ = [
     "CHANNELS",
     "DRIVING",
     "ENGINE_SPEED",
+    "GRADE",
     "GROSS_WEIGHT",
     "GYROS",
     "IDENTIFIED",

@@ -26,7 +26,8 @@ and moves load from its front to its rear axle group. On a rolled body the inert
 axis: its yaw moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the
 longitudinal forces of the couplings. The braking loads contain the X of groups that brake in proportion to their static
 loads. Of the rest only that part moves load which is larger than the braking forces of the units behind: the drag
-relieves their brakes.
+relieves their brakes. On a road with a grade, u' + g sin(grade) takes the place of u' in all of this, because u' occurs
+in forces only.
 """
 
 from collections.abc import Mapping

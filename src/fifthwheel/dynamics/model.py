@@ -163,7 +163,7 @@ CONTACT = "contact"
 STEER_RATE = "steer_rate"
 """Quantity of `rate_input`."""
 SPEED_RATE = "speed_rate"
-"""Input of a model that brakes: the derivative of the speed, m/s^2."""
+"""Input of a model that brakes: the derivative of the speed, and g sin(grade) where the grade is known, m/s^2."""
 TIME_SCALE = "time_base.scale"
 """True duration of a second of the log, a parameter of an extended model."""
 

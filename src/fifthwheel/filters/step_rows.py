@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import SignalName
+from fifthwheel.channels import GRADE, SignalName
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.dynamics.speed_rate import central_speed_rates
 from fifthwheel.filters.model import sample_rows
 from fifthwheel.filters.spline import Spline
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
 
@@ -87,8 +88,18 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
         else:
             inputs[name] = inputs[name] - play * contact
     if dynamics.SPEED_RATE in names:
-        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"])
+        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"]) + _along_road(record)
     return inputs
+
+
+def _along_road(record: Record) -> Array | float:
+    """Component of gravity against the direction of motion (N,), m/s^2, if the record has the grade."""
+    grade = record.signals.get(GRADE.quantity, np.empty(0))
+    present = np.isfinite(grade)
+    if not present.any():
+        return 0.0
+    slope = np.interp(record.time, record.time[present], grade[present])
+    return np.asarray(STANDARD_GRAVITY * slope / np.hypot(1.0, slope))
 
 
 def _shifted(time: Array, values: Array, delay: float) -> tuple[Array, Array]:

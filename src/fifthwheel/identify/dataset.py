@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel.channels import (
     ARTICULATION,
+    GRADE,
     IDENTIFIED,
     MOTION,
     ROLL_RATE,
@@ -18,6 +19,7 @@ from fifthwheel.channels import (
     SignalName,
     is_input,
     measured_signals,
+    missing_for_mass,
     names_of,
 )
 from fifthwheel.channels.sensors import SensorPrior
@@ -26,6 +28,8 @@ from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
+from fifthwheel.formatting import enumerated
+from fifthwheel.identify.grade import with_grade
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.sensor_priors import common_sensors
@@ -159,6 +163,8 @@ def prepare_dataset(
         tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in group)
         for group in (records, validate)
     )
+    if settings.brakes:
+        records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
@@ -169,11 +175,14 @@ def prepare_dataset(
     notes += [f"{name} is not used, because roll=False." for name in measured_signals(logged, units, unused)]
     if not measured_signals(logged, units, [c for c in MOTION if c not in unused]):
         raise SignalError(f"yaw_rate.{units[0]}: in none of the logs; map the yaw rate gyro of the {units[0]} to it")
+    unmeasured = unmeasured_units((*yaw, *names_of(WHEEL_SPEED_DIFFERENCE, others)), steered)
     notes += [
         f"yaw_rate.{unit} and articulation.{unit}: in none of the logs. The parameters of the {unit} are estimated "
         "from its effect on the other units."
-        for unit in unmeasured_units((*yaw, *names_of(WHEEL_SPEED_DIFFERENCE, others)), steered)
+        for unit in unmeasured
     ]
+    if settings.brakes and units[-1] in unmeasured:
+        notes += _grade_notes(records, units[-1])
     return Dataset(
         records=records,
         logs=logs,
@@ -187,6 +196,24 @@ def prepare_dataset(
         findings=tuple(found),
         notes=tuple(notes),
     )
+
+
+def _grade_notes(records: Sequence[Record], unit: str) -> list[str]:
+    """Where the grade of the road comes from, on which the parameters of a unit without sensors depend."""
+    with_it = [record.signals[GRADE.quantity] for record in records if GRADE.quantity in record.signals]
+    without = [record for record in records if GRADE.quantity not in record.signals]
+    notes = []
+    if with_it:
+        low, high = (100 * function(np.concatenate(with_it)) for function in (np.nanmin, np.nanmax))
+        notes.append(f"The pull of the {unit} follows the grade of the road, {low:.1f} to {high:.1f} %.")
+    if without:
+        missing = missing_for_mass(without[0].signals)
+        cure = enumerated(missing) if missing else "20 s of driving without brakes"
+        notes.append(
+            f"{enumerated([record.name for record in without])}: without the grade of the road, the tyres of the {unit}"
+            f" seem too stiff on hills. If the road was not level, log the grade, or {cure}, from which it follows."
+        )
+    return notes
 
 
 def _lone_axles(vehicle: Vehicle) -> list[str]:

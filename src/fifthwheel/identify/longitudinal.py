@@ -101,7 +101,7 @@ def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
     prior, mass, delay = _noise_prior(has_grade="grade" in records[0].signals), start, 0.0
     noise = prior[0]
     for _ in range(ITERATIONS):
-        rows = np.vstack([_rows(record, numbers, wheels, start, mass, delay) for record in records])
+        rows = np.vstack([force_balance(record, numbers, wheels, start, mass, delay) for record in records])
         used = STEP * float((rows[:, 0] > 0).sum())
         if used < SHORTEST:
             raise SignalError(
@@ -128,12 +128,20 @@ def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
     return DrivingMass(mass=mass, parts={key: fraction * mass for key, fraction in relative.items()}, used=used)
 
 
-def _rows(
-    record: Record, numbers: Mapping[str, tuple[float, float]], wheels: int, start: float, mass: float, delay: float
+def force_balance(
+    record: Record,
+    numbers: Mapping[str, tuple[float, float]],
+    wheels: int,
+    start: float,
+    mass: float,
+    delay: float,
+    *,
+    braked: bool = True,
 ) -> Array:
     """Samples of `_whitening_step` from a record, without its noise: [moved, distance, y, weight, inputs].
 
-    They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass.
+    They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass. Where a
+    brake acts, the force is unknown if `braked`, else that of the engine.
     """
     has_force = "drive_force" in record.signals
     if missing := missing_for_mass(record.signals):
@@ -155,7 +163,7 @@ def _rows(
             f"{', '.join(names_of(BRAKING, record.signals))}: never on in {record.name}, although the speed falls by up"
             f" to {lost:.1f} m/s^2; map the signal of the brakes, or leave this part out"
         )
-    interrupted = np.any([brake != 0 for brake in brakes], axis=0)
+    interrupted = np.any([brake != 0 for brake in brakes], axis=0) & braked
     engine, ratio, offset = np.zeros((3, v.size))
     if has_force:
         force = _filled(means.of("drive_force"), hold) / value["torque_scale"]
@@ -208,6 +216,11 @@ def _rows(
     distance = np.maximum(np.nan_to_num(_filled(speed, speed.size)), 0.0) * STEP
     sample = [np.where(both, moved, 0.0), distance, np.where(present, speed, 0.0), present]
     return np.column_stack([*sample, np.where(both[:, None], averaged, 0.0)])
+
+
+def step_means(record: Record, name: str) -> Array:
+    """Means (N,) of a signal over the steps of `force_balance`, NaN where a step has no sample."""
+    return _Means(record).of(name)
 
 
 class _Means:

@@ -83,6 +83,11 @@ class CommonSettings(Settings):
     method: ClassVar[str]
     """Name of the method in a result."""
 
+    @property
+    def brakes(self) -> bool:
+        """Whether the model has longitudinal forces, as it has with tyres that saturate."""
+        return False
+
 
 METHODS = {"one-stage": "fifthwheel.identify.settings:OneStage", "two-stage": "fifthwheel.cheng_cebon_2011:TwoStage"}
 """Settings of each method, by its name in a result: module and class."""
@@ -293,6 +298,10 @@ class OneStage(CommonSettings):
                         f"{key}, {name}: expected a parameter of the yaw motion, because roll=False; remove it, or use "
                         "roll=True"
                     )
+
+    @property
+    def brakes(self) -> bool:
+        return self.tyres != "linear"
 
     @property
     def tyre_law(self) -> Tyres:

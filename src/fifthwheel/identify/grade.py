@@ -1,0 +1,81 @@
+"""The grade of the road under a vehicle of known mass, by the balance of its longitudinal forces.
+
+On a grade, wheels and couplings transmit what they would transmit on a level road at the acceleration u' + g sin(grade)
+(D'Alembert). At an articulation angle, the pull of a trailer has a lateral component on the unit in front. In bends of
+a hilly road it is as large as the side forces by which the tyres of an axle group resist a tight turn.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solveh_banded
+
+from fifthwheel._types import Array
+from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
+from fifthwheel.errors import SignalError
+from fifthwheel.identify.longitudinal import MEAN_GRADE, NOISE_PRIOR, SHORTEST, STEP, force_balance, step_means
+from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.driveline import driveline_numbers
+
+SHORTEST_MOVE = 1e-3
+"""Distance over which the grade may change at standstill, m."""
+ITERATIONS = 10
+"""For the steps where the bound of the brakes is reached."""
+
+
+def with_grade(record: Record, vehicle: Vehicle) -> Record:
+    """The record with the signal "grade", if it has none and has what the mass by driving needs.
+
+    The record is the same where the force is known for less than `longitudinal.SHORTEST`, or the brakes are never on
+    although the vehicle brakes. The head wind counts as a grade.
+    """
+    if GRADE.quantity in record.signals or missing_for_mass(record.signals):
+        return record
+    numbers, wheels = driveline_numbers(vehicle.driveline, vehicle.stated), sum(vehicle.tyres().values())
+    mass = sum(unit.mass for unit in vehicle.units)
+    try:
+        known = force_balance(record, numbers, wheels, mass, mass, 0.0)[:, 0] > 0
+    except SignalError:
+        return record
+    rows = force_balance(record, numbers, wheels, mass, mass, 0.0, braked=False)
+    moved, distance, speed, present, without_force, by_force = rows.T[:6]
+    usable = (moved > 0) & (present > 0) & np.append(False, present[:-1] > 0)
+    known &= usable
+    if STEP * known.sum() < SHORTEST:
+        return record
+    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - _cornering(record, vehicle, speed)
+    lost = np.where(usable, lost / np.where(usable, moved, 1.0), 0.0)
+    slope = _smoothed(lost, known, distance)
+    for _ in range(ITERATIONS):  # brakes take energy: where they act, the slope is at most the one without them
+        slope = _smoothed(lost, known | (usable & (slope > lost)), distance)
+    time = record.time[0] + STEP * np.arange(slope.size)  # between the means of two steps
+    sine = np.clip(np.interp(record.time, time, slope) / STANDARD_GRAVITY, -0.5, 0.5)
+    return replace(record, signals=dict(record.signals) | {GRADE.quantity: sine / np.sqrt(1 - sine**2)})
+
+
+def _cornering(record: Record, vehicle: Vehicle, speed: Array) -> Array | float:
+    """Deceleration (N,) by the side forces of a turn, m/s^2: each acts at the slip angle of its axle group."""
+    name = f"{YAW_RATE.quantity}.{vehicle.units[0].name}"
+    if name not in record.signals:
+        return 0.0
+    lateral, p = speed * np.nan_to_num(step_means(record, name)), vehicle.parameters()
+    loads = {path: load / STANDARD_GRAVITY for path, load in vehicle.axle_loads().items()}
+    drag = sum(load**2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
+    return np.asarray(lateral**2 * drag / sum(loads.values()))
+
+
+def _smoothed(slope: Array, known: NDArray[np.bool_], distance: Array) -> Array:
+    """The most probable slope (N,), m/s^2, by that of each known step: a random walk over the distance (N,), m."""
+    medians = {key: median for key, (median, _) in NOISE_PRIOR.items()}
+    variance = 2 * (medians["speed"] / STEP) ** 2 + medians["acceleration"] ** 2 / STEP
+    walk = 2 * medians["slope"] ** 2 * np.maximum(distance[1:], SHORTEST_MOVE) / medians["hill"]
+    bands = np.zeros((2, slope.size))
+    bands[0] = known / variance
+    bands[0, 0] += 1 / (medians["slope"] ** 2 + (STANDARD_GRAVITY * MEAN_GRADE) ** 2)
+    bands[0, 1:] += 1 / walk
+    bands[0, :-1] += 1 / walk
+    bands[1, :-1] = -1 / walk
+    return np.asarray(solveh_banded(bands, known * slope / variance, lower=True))
