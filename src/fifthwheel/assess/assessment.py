@@ -31,7 +31,7 @@ class Threshold:
     source: str
     """With its edition."""
     confirmed: bool
-    """Whether a second source has this number."""
+    """Whether the text of the source, or a second source, was read for this number."""
     sense: str
     """"at least" or "at most"."""
     value: float

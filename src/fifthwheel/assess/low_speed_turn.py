@@ -81,6 +81,8 @@ def measure_circle(truck: Truck) -> Values:
     """Inner radius of the ring that the truck sweeps in a whole turn, m, whose outer radius is `RADIUS`; 0 if a unit
     sweeps its centre."""
     run = turn(truck, angle=2 * math.pi, ahead=truck.body.front_overhang, beyond=0.0, step=CIRCLE_STEP)
+    if np.abs(np.diff(run.headings)).max(initial=0.0) > math.pi / 2:  # a unit folds, across the centre
+        return {"turning_circle": 0.0}
     nearest = []
     for i, (rear, front) in enumerate(truck.ends()):
         centre = (1j * RADIUS - run.origins[:, i]) * np.exp(-1j * run.headings[:, i])  # in the frame of the unit

@@ -33,7 +33,7 @@ class Limit:
     """Measure that `value` multiplies; None: `value` is the threshold, SI."""
     scheme: str = SCHEME
     confirmed: bool = True
-    """Whether a second source has this number."""
+    """Whether the text of the source, or a second source, was read for this number."""
 
     def threshold(self, values: Mapping[str, float]) -> float:
         """The threshold, SI, for measures by name."""

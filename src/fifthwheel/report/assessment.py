@@ -146,7 +146,7 @@ def explanations(assessment: Assessment) -> list[str]:
         f"{body.front_overhang:g} m, {overhang}{others}. A vehicle file does not have these numbers: give them by "
         "--body.",
         "Thresholds: strictest level that is met of the Australian performance-based standards (2008), or of the "
-        "source that is named; not confirmed: no second source has the number. "
+        "source that is named; not confirmed: check the number in the current rules. "
         "The linear model decides; probability: that the truck meets it, given the sigma. A number without a unit is a "
         "ratio.",
     ]
