@@ -2,8 +2,10 @@
 
     python benchmarks/measures.py              the table of five vehicles
     python benchmarks/measures.py --trucks 100 coverage of drawn trucks
+    python benchmarks/measures.py --trucks 100 --cheap --higher 2.5 4.5
 
-Each drawn truck is a vehicle of the catalogue whose load is 1 to 2.2 times as high, so that many are near a threshold.
+Each drawn truck is a vehicle of the catalogue whose load is 1 to 2.2 times as high; with other factors more are near a
+threshold.
 A vehicle file with random errors describes it: those of `vehicle.uncertainty.changes`, of the priors of numbers on
 which the file states nothing, of the half track and of the driveline. `assess` sees the file only. The table counts how
 many true measures lie in the interval of 90 %, and how many trucks meet the thresholds of all levels, beside the mean
@@ -12,6 +14,7 @@ of the probability that they do.
 
 import argparse
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -32,9 +35,6 @@ from fifthwheel.formatting import percent
 from fifthwheel.observe.uncertainty import displaced
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
-
-HIGHER = (1.0, 2.2)
-"""Range of the factor on the height of every payload."""
 
 
 def subject(name: str) -> Truck:
@@ -119,11 +119,11 @@ def print_comparison() -> None:
         print(f"| {name} | " + " | ".join(cells) + " |")
 
 
-def drawn(rng: np.random.Generator, name: str) -> tuple[Truck, Truck]:
-    """A true truck, and the truck of a vehicle file with random errors."""
+def drawn(rng: np.random.Generator, name: str, higher: Sequence[float]) -> tuple[Truck, Truck]:
+    """A true truck, whose payload is higher by a factor in a range, and the truck of a file with random errors."""
     truth = subject(name)
     truth = replace(truth, vehicle=longitudinal.completed(truth.vehicle))
-    p, factor = truth.vehicle.parameters(), rng.uniform(*HIGHER)
+    p, factor = truth.vehicle.parameters(), rng.uniform(*higher)
     truth = truth.changed({path: factor * p[path] for path in p if path.endswith("payload.height")})
     sigmas = longitudinal.sigmas(truth.vehicle)
     uncertainty = complete(of_vehicle(truth.vehicle), truth.body, replaced=tuple(sigmas), stated=sigmas)
@@ -148,14 +148,14 @@ def measured(truck: Truck) -> Values:
     return values
 
 
-def print_coverage(count: int) -> None:
+def print_coverage(count: int, higher: Sequence[float], *, cheap: bool) -> None:
     """The table of drawn trucks."""
     inside: dict[str, list[bool]] = {}
     met: dict[str, list[tuple[float, bool]]] = {}
     for seed in range(count):
-        truth, file = drawn(np.random.default_rng(seed), CATALOGUE[seed % len(CATALOGUE)])
+        truth, file = drawn(np.random.default_rng(seed), CATALOGUE[seed % len(CATALOGUE)], higher)
         true = measured(truth)
-        for result in assess(file.vehicle, body=file.body, nonlinear=False):
+        for result in assess(file.vehicle, body=file.body, nonlinear=False, cheap=cheap):
             if result.interval is None or result.name not in true:
                 continue
             kind = result.name.partition(".")[0]
@@ -184,9 +184,11 @@ def main() -> None:
     """Print one of the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trucks", type=int, help="number of drawn trucks for the table of coverage")
+    parser.add_argument("--higher", type=float, nargs=2, default=(1.0, 2.2), help="factors on the payload height")
+    parser.add_argument("--cheap", action="store_true", help="only the measures without a simulation")
     options = parser.parse_args()
     if options.trucks:
-        print_coverage(options.trucks)
+        print_coverage(options.trucks, options.higher, cheap=options.cheap)
     else:
         print_comparison()
 
