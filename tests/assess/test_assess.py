@@ -9,13 +9,16 @@ from scipy.stats import norm
 import fifthwheel as fw
 from fifthwheel.assess.measures import MEASURES, title
 from fifthwheel.errors import SignalError, VehicleError
+from tests.assess.trucks import ENGINE
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
+EXACT = TRUCK.with_stated(dict.fromkeys(TRUCK.parameters(), 0.0))
 
 
 @pytest.fixture(scope="module")
 def assessment():
-    return fw.assess(TRUCK, body={"rear_overhang": "2.7 m"}, nonlinear=False)
+    body = {"rear_overhang": "2.7 m", "semitrailer.front_overhang": "1.6 m"}
+    return fw.assess(TRUCK, body=body, changes=ENGINE, nonlinear=False)
 
 
 def test_every_measure_of_the_catalogue_is_there(assessment):
@@ -36,7 +39,7 @@ def test_a_threshold_with_its_probability(assessment):
 
 
 def test_the_limit_of_rearward_amplification_follows_the_rollover_threshold(assessment):
-    (threshold,) = assessment["rearward_amplification"].thresholds
+    (threshold,) = assessment["rearward_amplification_set"].thresholds
     assert threshold.value == pytest.approx(5.7 * assessment["rollover_threshold"].value)
 
 
@@ -44,6 +47,11 @@ def test_levels(assessment):
     thresholds = assessment["swept_path"].thresholds
     assert [t.level for t in thresholds] == ["1", "2", "3", "4"]
     assert [t.value for t in thresholds] == [7.4, 8.7, 10.6, 13.7]
+    assert [t.confirmed for t in thresholds] == [True, True, False, True]
+    assert thresholds[2].text("m") == "level 3: ≤ 10.6 m (not confirmed)"
+    assert all("10 November 2008" in t.source for t in thresholds)
+    (circle,) = assessment["turning_circle"].thresholds
+    assert circle.text("m") == "96/53/EC: ≥ 5.3 m"
     assert assessment["swept_path"].best_threshold().level == "1"
     long = replace(assessment["swept_path"], value=9.0)
     assert long.best_threshold().level == "3"
@@ -74,19 +82,42 @@ def test_it_does_not_depend_on_a_truck_without_a_solution():
         fast["rearward_amplification_peak"]
 
 
+def test_what_is_not_stated_is_named():
+    notes = fw.assess(EXACT, nonlinear=False, changes={"driveline.lowest_gear": 11.7}).notes
+    body, engine = (note for note in notes if note.startswith("Not assessed"))
+    assert body.endswith("state semitrailer.front_overhang, rear_overhang by --body")
+    assert "startability, gradeability, speed on a grade of 1 % and time for 100 m from rest" in engine
+    assert "driveline.launch_torque, driveline.final_drive" in engine
+    assert "lowest_gear" not in engine
+    known = fw.assess(EXACT, nonlinear=False, changes={path: ENGINE[path] for path in list(ENGINE)[3:]})
+    assert {"startability"} == {m.name for m in known} & {"startability", "gradeability", "grade_speed"}
+
+
+def test_the_driveline_brings_its_uncertainty():
+    assessment = fw.assess(EXACT, changes=ENGINE, nonlinear=False)
+    assert assessment.uncertain["driveline.efficiency"] == 0.01
+    assert "driveline.engine_power" not in assessment.uncertain  # exact
+    assert "driveline.speed_scale" not in assessment.uncertain  # of a sensor
+    sigmas = {"driveline.engine_power": 40e3}
+    changed = fw.assess(EXACT, changes=ENGINE, sigmas=sigmas, nonlinear=False)
+    assert changed.uncertain["driveline.engine_power"] == 40e3
+    assert changed["grade_speed"].sigma > 1.5 * assessment["grade_speed"].sigma
+    assert changed["rollover_threshold"].sigma == pytest.approx(assessment["rollover_threshold"].sigma)
+
+
 def test_a_single_unit():
     fields = TRUCK.model_dump()
     alone = type(TRUCK)(**fields | {"units": fields["units"][:1], "couplings": [], "stated": {}})
     exact = alone.with_stated(dict.fromkeys(alone.parameters(), 0.0))
     names = {m.name for m in fw.assess(exact, nonlinear=False)}
-    assert "rearward_amplification" not in names
+    assert not {"rearward_amplification", "rearward_amplification_set"} & names
     assert {"rollover_threshold", "load_transfer_ratio", "yaw_damping", "swept_path"} <= names
 
 
 def test_every_number_of_the_table_has_the_unit_of_its_measure(assessment):
     simulated = replace(assessment, measures=tuple(replace(m, nonlinear=m.value) for m in assessment))
     for measure, (_, *numbers, _) in zip(simulated, simulated.rows(), strict=True):
-        assert measure.unit == "1" or all(text.endswith(f" {measure.unit}") for text in numbers if text), numbers
+        assert measure.unit == "1" or all(f" {measure.unit}" in text for text in numbers if text), numbers
 
 
 def test_titles_are_words():
@@ -111,6 +142,10 @@ def test_json_and_table(assessment):
         ({"speed": 88}, SignalError, "speed: expected 5 to 40 m/s"),
         ({"changes": {"semitrailer.payload.hight": 1.8}}, VehicleError, "semitrailer.payload.height"),
         ({"body": {"hight": 1.0}}, VehicleError, "hight: no such dimension"),
+        ({"body": {"trailer.front_overhang": 1.0}}, VehicleError, "trailer.front_overhang: no such end"),
+        ({"body": {"tractor.front_overhang": 1.0}}, VehicleError, "expected front_overhang, that of the whole truck"),
+        ({"body": {"semitrailer.width": 1.0}}, VehicleError, "semitrailer.width: no such dimension"),
+        ({"body": {"semitrailer.front_overhang": 9.0}}, VehicleError, "expected 0 to 6 m, got 9 m"),
     ],
 )
 def test_wrong_arguments_name_the_key_and_the_cure(arguments, error, message):

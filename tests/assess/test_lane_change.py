@@ -10,6 +10,7 @@ from fifthwheel.assess.lane_change import ACCELERATION, linear, measure, measure
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.dynamics import linear_system, rearward_amplification
 from fifthwheel.vehicle import get
+from tests.assess.trucks import CATALOGUE
 
 TRUCK = Truck(vehicle=get("cheng_cebon_2011"))
 
@@ -61,6 +62,29 @@ def test_the_peak_of_the_frequency_response(speed):
     truck = Truck(vehicle=TRUCK.vehicle, speed=speed)
     peak, _ = rearward_amplification(TRUCK.vehicle, speed, np.linspace(0.05, 1.5, 5801))
     assert measure_peak(truck)["rearward_amplification_peak"] == pytest.approx(peak, rel=1e-4)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_the_rear_set_is_weighted_by_the_moments_of_its_sprung_masses(name):
+    """By the response over time, and with the moments m h of body and payload added up part by part."""
+    truck = Truck(vehicle=get(name))
+    rear = {
+        "cheng_cebon_2011": ("tractor", "semitrailer"),
+        "b_double": ("tractor", "lead", "semitrailer"),
+        "truck_dolly_semitrailer": ("dolly", "semitrailer"),
+        "a_double": ("dolly", "second"),
+        "truck_full_trailer": ("dolly", "trailer"),
+    }[name]
+    run, moments = linear(truck), {}
+    for unit in map(truck.vehicle.unit, rear):
+        moments[unit.name] = unit.sprung.mass * unit.sprung.cog_height
+        if load := unit.payload:
+            moments[unit.name] += load.mass * (load.floor_height + load.height / 2)
+    system = linear_system(truck.vehicle, truck.speed, [f"cog_acceleration.{unit}" for unit in rear])
+    response = system.response(run.time, {system.inputs[0]: run.steer})
+    weighted = sum(moments[unit] * response[f"cog_acceleration.{unit}"] for unit in rear) / sum(moments.values())
+    expected = np.abs(weighted).max() / np.abs(run.acceleration["front"]).max()
+    assert measure(truck)["rearward_amplification_set"] == pytest.approx(expected, rel=2e-3)
 
 
 def test_a_narrow_track_transfers_more_load():

@@ -4,6 +4,28 @@ from copy import deepcopy
 
 from fifthwheel.vehicle import Vehicle, get
 
+ENGINE = {
+    "driveline.engine_torque": 2600.0,
+    "driveline.engine_power": 397e3,
+    "driveline.governed_speed": 199.0,
+    "driveline.launch_torque": 1800.0,
+    "driveline.launch_speed": 94.0,
+    "driveline.lowest_gear": 11.73,
+    "driveline.highest_gear": 0.78,
+    "driveline.gear_step": 1.28,
+    "driveline.shift_time": 0.8,
+    "driveline.final_drive": 3.08,
+    "driveline.tyre_radius": 0.5,
+}
+"""Engine and gears of a heavy truck, SI."""
+CATALOGUE = ("cheng_cebon_2011", "b_double", "truck_dolly_semitrailer", "a_double", "truck_full_trailer")
+
+
+def with_engine(vehicle: Vehicle, **changes: float) -> Vehicle:
+    """A vehicle with `ENGINE`, in which some numbers are others."""
+    numbers = {path.partition(".")[2]: value for path, value in ENGINE.items()}
+    return Vehicle(**vehicle.model_dump() | {"driveline": numbers | changes})
+
 
 def single_axles() -> Vehicle:
     """The tractor-semitrailer of the article with one axle in each group, without relaxation lengths."""

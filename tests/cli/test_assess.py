@@ -22,7 +22,7 @@ def exact(tmp_path_factory):
 def test_the_table_and_the_files(exact, run, tmp_path):  # noqa: F811
     outcome = run("assess", exact, *QUICK, "-o", tmp_path / "out", "--body", "rear_overhang=2.7m")
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith(f"{TRUCK} at 80 km/h: meets all thresholds that are assessed.")
+    assert outcome.out.startswith(f"{TRUCK} at 80 km/h: meets all thresholds of the Australian PBS that are assessed.")
     assert "static rollover threshold" in outcome.out
     assert "wheel lift, drive axle" in outcome.out
     assert ">= 0.35 g" in outcome.out

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.plant.driving import DrivenTruck, drive
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.driveline import driveline_numbers
+from fifthwheel.vehicle.driveline import AIR_DENSITY, driveline_numbers
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 MASS = 26e3

@@ -2,19 +2,28 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from fifthwheel._arguments import expect, expect_known, expect_number
-from fifthwheel.assess import lane_change, low_speed_turn, rollover, steady_motion, yaw_damping
+from fifthwheel.assess import (
+    braking,
+    lane_change,
+    longitudinal,
+    low_speed_turn,
+    rollover,
+    steady_motion,
+    yaw_damping,
+)
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
-from fifthwheel.assess.measures import MEASURES, REAR, ROLLOVER, SCHEME, Limit, definition, title
+from fifthwheel.assess.measures import EDITIONS, MEASURES, REAR, ROLLOVER, Limit, definition, title
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.formatting import percent
+from fifthwheel.formatting import enumerated, percent
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
 
@@ -27,8 +36,10 @@ FAMILIES: tuple[Family, ...] = (
     steady_motion.measure_turn,
     steady_motion.measure_straight_path,
     low_speed_turn.measure,
+    low_speed_turn.measure_circle,
+    longitudinal.measure,
+    braking.measure,
 )
-
 
 CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
 """Families without a simulation of a manoeuvre, for the report of an identification."""
@@ -86,12 +97,16 @@ def assess(
             origin += f"; {count} numbers on which it states nothing have the priors of an identification"
     given = dict(changes or {})
     size = body if isinstance(body, Body) else Body.of(body or {})
+    if any(path.startswith("driveline.") for path in given) and vehicle.driveline is None:
+        vehicle = type(vehicle)(**vehicle.model_dump() | {"driveline": {}})
     subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
     expect_known("sigmas", sigmas or {}, given)
     for name, stated in (sigmas or {}).items():
         expect_number(f"sigmas, {name}", stated, ge=0)
-    uncertainty = complete(uncertainty, size, replaced=given, stated=sigmas or {})
-    trucks = Neighbourhood(subject, uncertainty)
+    of_engine = {path: sigma for path, sigma in longitudinal.sigmas(subject.vehicle).items() if path not in given}
+    stated_sigmas = {**of_engine, **(sigmas or {})}
+    uncertainty = complete(uncertainty, size, replaced=(*given, *of_engine), stated=stated_sigmas)
+    trucks = Neighbourhood(replace(subject, vehicle=longitudinal.completed(subject.vehicle)), uncertainty)
     results, notes = list[MeasureResult](), list[str]()
     for family in CHEAP if cheap else FAMILIES:
         try:
@@ -103,8 +118,9 @@ def assess(
     if not results:
         raise VehicleError("; ".join(dict.fromkeys(notes)))
     driven, runs = Values(), dict[str, LaneChangeRun]()
-    if not cheap and subject.is_stable:
-        runs["linear"] = lane_change.linear(subject)
+    if not cheap:
+        notes += _unstated(subject)
+        runs = {"linear": lane_change.linear(subject)} if subject.is_stable else {}
     if nonlinear and not cheap:
         from fifthwheel.assess.nonlinear import measures as nonlinear_measures  # slow to import
 
@@ -161,6 +177,20 @@ def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
     return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
 
 
+def _unstated(truck: Truck) -> list[str]:
+    """What to state for the measures that lack a number of the body or of the driveline."""
+    wanted = (
+        (low_speed_turn.unstated(truck), "by --body"),
+        (longitudinal.unstated(truck.vehicle), "in [driveline] of the vehicle file, or by --set"),
+    )
+    return [
+        f"Not assessed: {enumerated([title(name) for name in lacking])}; state"
+        f" {', '.join(dict.fromkeys(chain(*lacking.values())))} {place}"
+        for lacking, place in wanted
+        if lacking
+    ]
+
+
 def _result(name: str, computed: MeasureSamples) -> MeasureResult:
     measure, spread = definition(name), computed.spread(lambda values: values[name])
     return MeasureResult(
@@ -182,8 +212,10 @@ def _threshold(name: str, limit: Limit, computed: MeasureSamples) -> Threshold:
         return difference if limit.sense == "at least" else -difference
 
     return Threshold(
-        scheme=SCHEME,
+        scheme=limit.scheme,
         level=limit.level,
+        source=EDITIONS[limit.scheme],
+        confirmed=limit.confirmed,
         sense=limit.sense,
         value=limit.threshold(computed.centre),
         probability=computed.probability(margin),

@@ -28,6 +28,10 @@ class Threshold:
     scheme: str
     level: str
     """"1" to "4", or "all"."""
+    source: str
+    """With its edition."""
+    confirmed: bool
+    """Whether the text of the source, or a second source, was read for this number."""
     sense: str
     """"at least" or "at most"."""
     value: float
@@ -36,10 +40,12 @@ class Threshold:
     """That the truck meets it; None if the measure has no sigma."""
 
     def text(self, unit: str) -> str:
-        """The threshold of a measure with this unit: "level 1: ≤ 0.6 m"."""
+        """The threshold of a measure with this unit: "level 1: ≤ 0.6 m"; it names a scheme other than `SCHEME`."""
         sign = "≥" if self.sense == "at least" else "≤"
         level = "" if self.level == "all" else f"level {self.level}: "
-        return f"{level}{sign} {with_unit(f'{self.value:.3g}', unit)}"
+        scheme = "" if self.scheme == SCHEME else f"{self.scheme}: "
+        doubt = "" if self.confirmed else " (not confirmed)"
+        return f"{scheme}{level}{sign} {with_unit(f'{self.value:.3g}', unit)}{doubt}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,7 +91,7 @@ class Assessment:
         >>> import fifthwheel as fw
         >>> assessment = fw.assess(fw.vehicle("cheng_cebon_2011"), nonlinear=False)
         >>> assessment
-        Assessment(cheng_cebon_2011 at 88 km/h, 14 measures)
+        Assessment(cheng_cebon_2011 at 88 km/h, 18 measures)
         >>> measure = assessment["rollover_threshold"]
         >>> measure.unit, measure.thresholds[0].value
         ('g', 0.35)
@@ -128,7 +134,7 @@ class Assessment:
         for measure in self.measures:
             threshold, probability = measure.best_threshold(), ""
             if threshold and threshold.probability is not None:
-                probability = percent(threshold.probability)
+                probability = percent(round(threshold.probability, 4))
             nonlinear = "" if measure.nonlinear is None else with_unit(f"{measure.nonlinear:.3g}", measure.unit)
             limit = threshold.text(measure.unit) if threshold else ""
             rows.append((measure.title, measure.text(), nonlinear, limit, probability))
@@ -175,5 +181,5 @@ class Assessment:
         return pages.Document(self.title, [self.table(), pages.Items(self.notes)])
 
 
-HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", f"{SCHEME}>", "Probability>")
+HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", "Threshold>", "Probability>")
 """Of the table of measures."""

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.assess.measures import REAR
-from fifthwheel.assess.rollover import rollover
+from fifthwheel.assess.rollover import roll_coupled, rollover
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.dynamics import linear_system
 from fifthwheel.dynamics.state_space import COG_ACCELERATION
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.vehicle import laden
 
 FREQUENCY, ACCELERATION = 0.4, 0.15 * GRAVITY
 """Of the front axle's lateral acceleration: Hz, m/s^2."""
@@ -56,7 +57,8 @@ def course(speed: float) -> LaneChange:
 def measure(truck: Truck) -> Values:
     """Measures of the lane change of the linear model, with the rollover threshold of the rearmost units."""
     truck.require_stable()
-    return measures(linear(truck)) | {REAR: rollover(truck)[-1].threshold}
+    run = linear(truck)
+    return measures(run) | rear_set(truck, run) | {REAR: rollover(truck)[-1].threshold}
 
 
 def measure_peak(truck: Truck) -> Values:
@@ -86,6 +88,19 @@ def measures(run: LaneChangeRun) -> Values:
         values["rearward_amplification"] = peak[last] / peak["front"]
         values["transient_off_tracking"] = float(np.max(run.y[last]) - np.max(run.y["front"]))
     return values
+
+
+def rear_set(truck: Truck, run: LaneChangeRun) -> Values:
+    """Rearward amplification of the rearmost roll-coupled set: the largest of its accelerations, weighted by sprung
+    mass times CoG height, sum m h a / sum m h, over the largest of the front axle. A single unit has none."""
+    units = [truck.vehicle.units[i] for i in roll_coupled(truck.vehicle)[-1]]
+    if len(truck.vehicle.units) == 1:
+        return {}
+    bodies = {unit.name: laden(truck.vehicle.parameters(), unit) for unit in units}
+    weights = {name: body.mass * body.cog_height for name, body in bodies.items()}
+    weighted = sum((weight * run.acceleration[name] for name, weight in weights.items()), np.zeros_like(run.time))
+    peak = np.max(np.abs(weighted)) / sum(weights.values())
+    return {"rearward_amplification_set": float(peak / np.max(np.abs(run.acceleration["front"])))}
 
 
 def linear(truck: Truck) -> LaneChangeRun:

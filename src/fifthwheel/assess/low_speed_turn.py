@@ -1,6 +1,7 @@
-"""The low-speed turn of 90 degrees: swept path, tail swing, friction demand of the steer tyres.
+"""Low-speed turns: swept path, frontal and tail swing, friction demand of the steer tyres, European turning circle.
 
-The outer wall of the outer front tyre follows a straight line, a quarter of a circle of 12.5 m and a straight line. At
+The outer wall of the outer front tyre follows a straight line, a quarter of a circle of 12.5 m and a straight line; in
+the turning circle the outer front corner follows a straight line and a whole circle of 12.5 m. At
 low speed the axles of a unit roll without side force in the sum: with distances L_j of its axles behind its coupling
 (or the first axle of the first unit) and cornering stiffnesses C_j, it turns like a unit with one axle at
 
@@ -26,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.assess.truck import OVERHANGS, Truck, Values
 from fifthwheel.dynamics import tyres
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.errors import VehicleError
@@ -35,8 +36,8 @@ from fifthwheel.vehicle import parameters as names
 
 RADIUS = 12.5
 """Of the circle, m."""
-STEP = 0.2
-"""Distance from one step to the next, m."""
+STEP, CIRCLE_STEP = 0.2, 0.5
+"""Distance from one step to the next, m, of the turn of 90 degrees and of the whole circle."""
 FRICTION = 0.8
 """Coefficient of friction of tyre and road."""
 TYRES = {names.FRICTION: FRICTION, names.SHAPE: 1.0, names.STIFFNESS_SENSITIVITY: 0.0, names.FRICTION_SENSITIVITY: 0.0}
@@ -47,41 +48,71 @@ STATION = 0.25
 
 @dataclass(frozen=True, kw_only=True)
 class LowSpeedTurn:
-    """A turn to the left, (N,) samples; the circle begins at x = 0 and ends at (RADIUS, RADIUS)."""
+    """A turn to the left, (N,) samples; the circle begins at x = 0, with its centre at (0, RADIUS)."""
 
     origins: NDArray[np.complex128]
     """(N, n) complex: origin of each unit, x + 1j y, m."""
     headings: Array
     """(N, n) rad."""
     steer: Array
-    """Angle from the heading of the first unit to the direction of motion of its outer front tyre, (N,) rad."""
+    """Angle from the heading of the first unit to the direction of motion of its point on the line, (N,) rad."""
     slips: Array
     """Slip angle of the wheels of every axle on the road, front to rear, (N, axles); that of the steered axle is 0,
     rad."""
 
 
+def unstated(truck: Truck) -> dict[str, tuple[str, ...]]:
+    """Names of dimensions of the body that a truck lacks, by the measure that needs them."""
+    front = [truck.vehicle.units[i].name for i in truck.semitrailers() if truck.overhang(i, OVERHANGS[0]) is None]
+    missing = {"frontal_swing_difference": tuple(f"{unit}.{OVERHANGS[0]}" for unit in front)}
+    if truck.body.rear_overhang is None:
+        missing["tail_swing"] = (OVERHANGS[1],)
+    return {measure: names for measure, names in missing.items() if names}
+
+
 def measure(truck: Truck) -> Values:
-    """Swept path, m, friction demand and, if the rear overhang is known, tail swing, m."""
+    """Swept path, m, friction demand, and the `swings`, m."""
     run = turn(truck)
     values = {"swept_path": swept_path(truck, run), "friction_demand": friction_demand(truck, run)}
-    if truck.body.rear_overhang is not None:
-        corner = run.origins[:, -1] + (truck.ends()[-1][0] - 0.5j * truck.body.width) * np.exp(1j * run.headings[:, -1])
-        values["tail_swing"] = max(0.0, -float(corner.imag.min()))
-    return values
+    return values | swings(truck, run)
 
 
-def turn(truck: Truck) -> LowSpeedTurn:
-    """Drive the turn."""
+def measure_circle(truck: Truck) -> Values:
+    """Inner radius of the ring that the truck sweeps in a whole turn, m, whose outer radius is `RADIUS`; 0 if a unit
+    sweeps its centre."""
+    run = turn(truck, angle=2 * math.pi, ahead=truck.body.front_overhang, beyond=0.0, step=CIRCLE_STEP)
+    if np.abs(np.diff(run.headings)).max(initial=0.0) > math.pi / 2:  # a unit folds, across the centre
+        return {"turning_circle": 0.0}
+    nearest = []
+    for i, (rear, front) in enumerate(truck.ends()):
+        centre = (1j * RADIUS - run.origins[:, i]) * np.exp(-1j * run.headings[:, i])  # in the frame of the unit
+        across = np.maximum(np.abs(centre.imag) - truck.body.width / 2, 0.0)
+        nearest.append(np.hypot(centre.real - np.clip(centre.real, rear, front), across).min())
+    return {"turning_circle": float(min(nearest))}
+
+
+def turn(
+    truck: Truck, angle: float = math.pi / 2, ahead: float = 0.0, beyond: float | None = None, step: float = STEP
+) -> LowSpeedTurn:
+    """Drive a turn.
+
+    Args:
+        angle: of the circle, rad.
+        ahead: distance of the outer point of the first unit that follows the line before its first axle, m.
+        beyond: distance that this point drives after the circle, m; default: until all units are straight.
+        step: of the integration, m.
+    """
     units, references, outer = truck.vehicle.units, _references(truck), truck.body.width / 2
     lengths = [equivalent_length(unit, reference) for unit, reference in zip(units, references, strict=True)]
     effective = [reference - length for reference, length in zip(references, lengths, strict=True)]
     commands = [_command(unit, reference) for unit, reference in zip(units, references, strict=True)]
+    lengths[0] += ahead
     joints = [c.leading_position for c in truck.vehicle.couplings]
     arms = [joint - e for joint, e in zip(joints, effective, strict=False)]
 
     def motion(s: float, headings: Sequence[float]) -> tuple[list[float], list[float]]:
         """Yaw rate of each unit and forward velocity of its effective axle, per distance."""
-        direction = min(max(s / RADIUS, 0.0), math.pi / 2) - headings[0]
+        direction = min(max(s / RADIUS, 0.0), angle) - headings[0]
         rates = [math.sin(direction) / lengths[0]]
         along = [math.cos(direction) - rates[0] * outer]
         for i, arm in enumerate(arms):
@@ -92,23 +123,22 @@ def turn(truck: Truck) -> LowSpeedTurn:
             rates.append((across * c - along[i] * s - sideways) / lengths[i + 1])
         return rates, along
 
-    behind = sum(lengths) + sum(map(abs, arms))
-    stations = np.arange(-STEP, RADIUS * math.pi / 2 + 2.5 * behind + RADIUS, STEP)
+    if beyond is None:
+        beyond = 2.5 * (sum(lengths) + sum(map(abs, arms))) + RADIUS
+    stations = np.arange(-step, RADIUS * angle + beyond, step)
     headings, motions, now = [], [], [0.0] * len(units)
     for station in stations.tolist():
         k1 = motion(station, now)
         headings.append(now)
         motions.append(k1)
-        k2, _ = motion(station + STEP / 2, [h + STEP / 2 * r for h, r in zip(now, k1[0], strict=True)])
-        k3, _ = motion(station + STEP / 2, [h + STEP / 2 * r for h, r in zip(now, k2, strict=True)])
-        k4, _ = motion(station + STEP, [h + STEP * r for h, r in zip(now, k3, strict=True)])
-        now = [h + STEP / 6 * (a + 2 * b + 2 * c + d) for h, a, b, c, d in zip(now, k1[0], k2, k3, k4, strict=True)]
+        k2, _ = motion(station + step / 2, [h + step / 2 * r for h, r in zip(now, k1[0], strict=True)])
+        k3, _ = motion(station + step / 2, [h + step / 2 * r for h, r in zip(now, k2, strict=True)])
+        k4, _ = motion(station + step, [h + step * r for h, r in zip(now, k3, strict=True)])
+        now = [h + step / 6 * (a + 2 * b + 2 * c + d) for h, a, b, c, d in zip(now, k1[0], k2, k3, k4, strict=True)]
     psi = np.array(headings)
     rates, along = np.array(motions).transpose(1, 0, 2)
-    angle = np.clip(stations / RADIUS, 0.0, math.pi / 2)
-    tyre = np.where(stations < 0, stations, RADIUS * np.sin(angle)) + 1j * (
-        RADIUS * (1 - np.cos(angle)) + np.maximum(stations - RADIUS * math.pi / 2, 0.0)
-    )
+    turned = np.clip(stations / RADIUS, 0.0, angle)
+    line = RADIUS * (np.sin(turned) + 1j * (1 - np.cos(turned))) + (stations - RADIUS * turned) * np.exp(1j * turned)
     origins, slips = np.zeros(psi.shape, dtype=np.complex128), []
     for i, unit in enumerate(units):
         axis = np.exp(1j * psi[:, i])
@@ -116,7 +146,7 @@ def turn(truck: Truck) -> LowSpeedTurn:
             joint = origins[:, i - 1] + joints[i - 1] * np.exp(1j * psi[:, i - 1])
             origins[:, i] = joint - truck.vehicle.couplings[i - 1].trailing_position * axis
         else:
-            origins[:, 0] = tyre - (truck.front_axle.position - 1j * outer) * axis
+            origins[:, 0] = line - (truck.front_axle.position + ahead - 1j * outer) * axis
         articulation = psi[:, i] - psi[:, i - 1] if i else np.zeros(len(stations))
         sideways = along[:, i] * np.tan(commands[i] * articulation)
         for axle in unit.on_road:
@@ -124,7 +154,39 @@ def turn(truck: Truck) -> LowSpeedTurn:
             across = rates[:, i] * (axle.position - effective[i]) + sideways
             slip = (axle.command_steering or 0.0) * articulation - np.arctan2(across, along[:, i])
             slips.append(np.zeros(len(stations)) if steered else (1 - (axle.self_steering or 0.0)) * slip)
-    return LowSpeedTurn(origins=origins, headings=psi, steer=angle - psi[:, 0], slips=np.column_stack(slips))
+    return LowSpeedTurn(origins=origins, headings=psi, steer=turned - psi[:, 0], slips=np.column_stack(slips))
+
+
+def swings(truck: Truck, run: LowSpeedTurn) -> Values:
+    """Swing of the outer corners of a turn of 90 degrees whose overhang is known, m.
+
+    Tail swing: beyond the straight line before the turn, the largest of all units. Frontal swing: of the first unit,
+    beyond the line after the turn. Of a semitrailer and the unit in front of it, dollies left out, the largest
+    difference of both at one place along that line, and the difference of their largest values; of several the largest.
+    """
+    ends, half = truck.ends(), truck.body.width / 2
+
+    def corner(i: int, x: float) -> NDArray[np.complex128]:
+        return np.asarray(run.origins[:, i] + (x - 1j * half) * np.exp(1j * run.headings[:, i]))
+
+    def known(end: str) -> list[int]:
+        return [i for i in range(len(ends)) if truck.overhang(i, end) is not None]
+
+    values = Values()
+    if tails := known(OVERHANGS[1]):
+        values["tail_swing"] = max(0.0, *[-float(corner(i, ends[i][0]).imag.min()) for i in tails])
+    path = {i: corner(i, ends[i][1]) for i in known(OVERHANGS[0])}
+    values["frontal_swing"] = max(0.0, float(path[0].real.max()) - RADIUS)
+    pairs = [(path[max(j for j in path if j < i)], path[i]) for i in truck.semitrailers() if i in path]
+    if pairs:
+        values["frontal_swing_difference"] = max(_largest_difference(front, semi) for front, semi in pairs)
+        values["frontal_swing_maxima"] = max(float(semi.real.max() - front.real.max()) for front, semi in pairs)
+    return values
+
+
+def _largest_difference(front: NDArray[np.complex128], rear: NDArray[np.complex128]) -> float:
+    """Largest distance of one path outside another, m, at one place along the line after the turn."""
+    return float(np.max(rear.real - np.interp(rear.imag, front.imag, front.real)))
 
 
 def equivalent_length(unit: Unit, reference: float) -> float:

@@ -1,18 +1,24 @@
 """The measures: title, unit, source and thresholds of each.
 
-The thresholds are those of the Australian performance-based standards: National Transport Commission / NHVR,
-Performance-Based Standards Scheme, The Standards and Vehicle Assessment Rules (10 November 2008). Its levels 1 to 4 are
-classes of roads. A measure has thresholds only if it is defined closely enough to that of the scheme.
+The thresholds are those of the Australian performance-based standards, whose levels 1 to 4 are classes of roads, and
+the European turning circle; `EDITIONS` has their sources. A measure has thresholds only if it is defined closely enough
+to that of the scheme.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from fifthwheel.spoken_names import named_axle, named_unit
 
-SCHEME = "Australian PBS"
-"""Name of the scheme of the thresholds."""
+SCHEME, EUROPE = "Australian PBS", "96/53/EC"
+"""Names of the schemes of the thresholds."""
+EDITIONS: Mapping[str, str] = {
+    SCHEME: "National Transport Commission, Performance-Based Standards Scheme, The Standards and Vehicle Assessment"
+    " Rules, 10 November 2008",
+    EUROPE: "Council Directive 96/53/EC of 25 July 1996, annex I, 1.5",
+}
+"""Source of the thresholds of each scheme, with its edition."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -25,6 +31,9 @@ class Limit:
     value: float
     times: str | None = None
     """Measure that `value` multiplies; None: `value` is the threshold, SI."""
+    scheme: str = SCHEME
+    confirmed: bool = True
+    """Whether the text of the source, or a second source, was read for this number."""
 
     def threshold(self, values: Mapping[str, float]) -> float:
         """The threshold, SI, for measures by name."""
@@ -42,8 +51,22 @@ class Measure:
     limits: tuple[Limit, ...] = ()
 
 
-def _levels(sense: Literal["at least", "at most"], *values: float) -> tuple[Limit, ...]:
-    return tuple(Limit(level=str(k + 1), sense=sense, value=value) for k, value in enumerate(values))
+def _levels(
+    sense: Literal["at least", "at most"], *values: float, unconfirmed: Collection[int] = ()
+) -> tuple[Limit, ...]:
+    """Limits of levels 1 to 4, of which some levels are not confirmed."""
+    return tuple(
+        Limit(level=str(k), sense=sense, value=value, confirmed=k not in unconfirmed)
+        for k, value in enumerate(values, 1)
+    )
+
+
+def _one(sense: Literal["at least", "at most"], value: float, **fields: Any) -> tuple[Limit, ...]:
+    """One limit for all levels."""
+    return (Limit(level="all", sense=sense, value=value, **fields),)
+
+
+ALL = range(1, 5)
 
 
 ROLLOVER = "rollover_threshold"
@@ -56,15 +79,16 @@ MEASURES: Mapping[str, Measure] = {
         title="static rollover threshold",
         unit="g",
         source="Winkler (2000)",
-        limits=(Limit(level="all", sense="at least", value=0.35),),
+        limits=_one("at least", 0.35),
     ),
     "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
-    "rearward_amplification": Measure(
-        title="rearward amplification, lane change",
+    "rearward_amplification_set": Measure(
+        title="rearward amplification, rearmost roll-coupled units",
         unit="1",
-        source="ISO 14791",
-        limits=(Limit(level="all", sense="at most", value=5.7, times=REAR),),
+        source="NTC (2008)",
+        limits=_one("at most", 5.7, times=REAR),
     ),
+    "rearward_amplification": Measure(title="rearward amplification, lane change", unit="1", source="ISO 14791"),
     "rearward_amplification_peak": Measure(
         title="rearward amplification, frequency response", unit="1", source="ISO 14791"
     ),
@@ -79,30 +103,76 @@ MEASURES: Mapping[str, Measure] = {
         title="yaw damping, eigenvalues",
         unit="1",
         source="ISO 14791",
-        limits=(Limit(level="all", sense="at least", value=0.15),),
+        limits=_one("at least", 0.15),
     ),
     "yaw_damping_pulse": Measure(
         title="yaw damping, pulse",
         unit="1",
         source="ISO 14791",
-        limits=(Limit(level="all", sense="at least", value=0.15),),
+        limits=_one("at least", 0.15),
     ),
     "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
     "straight_path_width": Measure(
         title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"
     ),
     "swept_path": Measure(
-        title="low-speed swept path", unit="m", source="NTC (2008)", limits=_levels("at most", 7.4, 8.7, 10.6, 13.7)
+        title="low-speed swept path",
+        unit="m",
+        source="NTC (2008)",
+        limits=_levels("at most", 7.4, 8.7, 10.6, 13.7, unconfirmed=[3]),
+    ),
+    "frontal_swing": Measure(
+        title="frontal swing", unit="m", source="NTC (2008)", limits=_one("at most", 0.70, confirmed=False)
+    ),
+    "frontal_swing_difference": Measure(
+        title="frontal swing of a semitrailer, largest difference",
+        unit="m",
+        source="NTC (2008)",
+        limits=_one("at most", 0.40, confirmed=False),
+    ),
+    "frontal_swing_maxima": Measure(
+        title="frontal swing of a semitrailer, difference of maxima",
+        unit="m",
+        source="NTC (2008)",
+        limits=_one("at most", 0.20, confirmed=False),
     ),
     "tail_swing": Measure(
         title="tail swing", unit="m", source="NTC (2008)", limits=_levels("at most", 0.30, 0.35, 0.35, 0.50)
     ),
     "friction_demand": Measure(
-        title="steer tyre friction demand",
+        title="steer tyre friction demand", unit="1", source="NTC (2008)", limits=_one("at most", 0.8)
+    ),
+    "turning_circle": Measure(
+        title="European turning circle, inner radius",
+        unit="m",
+        source="96/53/EC",
+        limits=_one("at least", 5.3, scheme=EUROPE),
+    ),
+    "startability": Measure(
+        title="startability",
         unit="1",
         source="NTC (2008)",
-        limits=(Limit(level="all", sense="at most", value=0.8),),
+        limits=_levels("at least", 0.15, 0.12, 0.10, 0.05, unconfirmed=ALL),
     ),
+    "gradeability": Measure(
+        title="gradeability",
+        unit="1",
+        source="NTC (2008)",
+        limits=_levels("at least", 0.20, 0.15, 0.12, 0.08, unconfirmed=ALL),
+    ),
+    "grade_speed": Measure(
+        title="speed on a grade of 1 %",
+        unit="m/s",
+        source="NTC (2008)",
+        limits=_levels("at least", 80 / 3.6, 70 / 3.6, 70 / 3.6, 60 / 3.6, unconfirmed=ALL),
+    ),
+    "acceleration_time": Measure(
+        title="time for 100 m from rest",
+        unit="s",
+        source="NTC (2008)",
+        limits=_levels("at most", 20.0, 23.0, 26.0, 29.0, unconfirmed=ALL),
+    ),
+    "braking_efficiency": Measure(title="braking efficiency at 0.4 g", unit="1", source="Ervin and Guy (1986)"),
 }
 """Measures by name; "wheel_lift" stands for "wheel_lift.<axle group>", and "rollover_threshold" also for
 "rollover_threshold.<units>" of each roll-coupled set of units, such as "rollover_threshold.dolly+trailer"."""

@@ -45,7 +45,7 @@ def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str,
 
     def changed_lanes() -> Values:
         runs["nonlinear"] = run = drive_lane_change(truck, plant)
-        return lane_change.measures(run)
+        return lane_change.measures(run) | lane_change.rear_set(truck, run)
 
     manoeuvres: dict[str, Callable[[], Values]] = {
         "lane change": changed_lanes,

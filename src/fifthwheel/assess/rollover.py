@@ -28,7 +28,7 @@ from fifthwheel.assess.measures import ROLLOVER
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import laden
+from fifthwheel.vehicle import Vehicle, laden
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,13 +49,18 @@ def rollover(truck: Truck) -> tuple[Rollover, ...]:
     Raises:
         VehicleError: the axle loads are not determined, or a set of units does not stand upright.
     """
+    return tuple(_of_set(truck, units) for units in roll_coupled(truck.vehicle))
+
+
+def roll_coupled(vehicle: Vehicle) -> list[list[int]]:
+    """Indices of the units of each roll-coupled set, front to rear."""
     sets: list[list[int]] = [[0]]
-    for i, coupling in enumerate(truck.vehicle.couplings):
+    for i, coupling in enumerate(vehicle.couplings, 1):
         if coupling.roll_stiffness > 0:
-            sets[-1].append(i + 1)
+            sets[-1].append(i)
         else:
-            sets.append([i + 1])
-    return tuple(_of_set(truck, units) for units in sets)
+            sets.append([i])
+    return sets
 
 
 def measure(truck: Truck) -> Values:

@@ -72,7 +72,7 @@ def measure_straight_path(truck: Truck) -> Values:
 
 def lateral_positions(truck: Truck) -> Array:
     """Lateral position, m, of the front and rear end of the centre line of every unit, (2 n,)."""
-    vehicle, body = truck.vehicle, truck.body
+    vehicle = truck.vehicle
     m = matrices(vehicle, truck.speed, roll=True, bank=True)
     moving = [i for i, name in enumerate(m.states) if not is_of(name, YAW_RATE, ROLL_RATE)]
     unknown = [i for i in moving if m.states[i] != BANK]
@@ -82,13 +82,11 @@ def lateral_positions(truck: Truck) -> Array:
     values = dict(zip((m.states[i] for i in unknown), solution, strict=False))
     heading = -values[f"lateral_velocity.{vehicle.units[0].name}"] / truck.speed
     origin, ends = -truck.front_axle.position * heading, []
-    for i, (unit, (rear, _)) in enumerate(zip(vehicle.units, truck.ends(), strict=True)):
-        front = truck.front_axle.position + body.front_overhang
+    for i, (unit, (rear, front)) in enumerate(zip(vehicle.units, truck.ends(), strict=True)):
         if i:
             coupling = vehicle.couplings[i - 1]
             joint = origin + coupling.leading_position * heading
             heading += values[f"articulation.{unit.name}"]
             origin = joint - coupling.trailing_position * heading
-            front = coupling.trailing_position
         ends += [origin + front * heading, origin + rear * heading]
     return np.array(ends)

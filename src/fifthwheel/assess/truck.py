@@ -16,6 +16,8 @@ from fifthwheel.vehicle.steering import require_no_steering
 
 HALF_TRACK = "half_track"
 """Name of the one dimension that has a sigma."""
+OVERHANGS = ("front_overhang", "rear_overhang")
+"""Names of the overhangs; those between two units begin with the name of their unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -41,6 +43,9 @@ class Body:
     """From the first axle to the front end of the first unit."""
     rear_overhang: float | None = None
     """From the last axle to the rear end of the last unit; None: unknown, the swept paths then end at the last axle."""
+    between: Mapping[str, float] = field(default_factory=dict)
+    """Overhangs of the other ends, such as "semitrailer.front_overhang", from the kingpin to the front end (of a dolly,
+    from its first axle), or "lead.rear_overhang"; an end that is not given is at the kingpin or axle."""
 
     def __post_init__(self) -> None:
         limits = {
@@ -49,8 +54,9 @@ class Body:
             "front_overhang": (0.0, 6.0),
             "rear_overhang": (0.0, 12.0),
         }
+        limits |= {name: limits[name.rpartition(".")[2]] for name in self.between}
         for name, (low, high) in limits.items():
-            value = getattr(self, name)
+            value = self.between[name] if name in self.between else getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise VehicleError(f"{name}: expected {low:g} to {high:g} m, got {value:g} m; correct it")
         if not 0 <= self.half_track_sigma < self.half_track / 3:
@@ -64,15 +70,16 @@ class Body:
 
         Args:
             values: by name; numbers in m, or texts with a unit such as "1.02 m" or "1.02 m +- 2 %". Only the half track
-                may have a standard deviation; without one it is exact.
+                may have a standard deviation; without one it is exact. Names in `between` have a unit before the dot.
 
         Raises:
             VehicleError: a name or a value is not valid.
         """
-        names = [f.name for f in fields(cls) if f.name != "half_track_sigma"]
-        given: dict[str, float] = {}
+        names = [f.name for f in fields(cls) if f.name not in ("half_track_sigma", "between")]
+        given, between = dict[str, float](), dict[str, float]()
         for name, value in values.items():
-            if name not in names:
+            unit, _, dimension = name.rpartition(".")
+            if dimension not in (OVERHANGS if unit else names):
                 raise VehicleError(f"{name}: no such dimension of the body; {suggestion(name, names)}")
             try:
                 number, sigma = uncertain_quantity(value, "m")
@@ -82,8 +89,8 @@ class Body:
                 given["half_track_sigma"] = sigma or 0.0
             elif sigma:
                 raise VehicleError(f"{name}: expected no standard deviation; only the half track has one")
-            given[name] = number
-        return cls(**given)
+            (between if unit else given)[name] = number
+        return cls(**given, between=between)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -97,6 +104,13 @@ class Truck:
 
     def __post_init__(self) -> None:
         require_no_steering(self.vehicle.steering, "assess")
+        units = [unit.name for unit in self.vehicle.units]
+        names = [f"{unit}.{end}" for unit in units for end in OVERHANGS][1:-1]
+        for name in self.body.between:
+            if name in (f"{units[0]}.{OVERHANGS[0]}", f"{units[-1]}.{OVERHANGS[1]}"):
+                raise VehicleError(f"{name}: expected {name.rpartition('.')[2]}, that of the whole truck; rename it")
+            if name not in names:
+                raise VehicleError(f"{name}: no such end between two units; {suggestion(name, names)}")
 
     def changed(self, values: Mapping[str, float]) -> "Truck":
         """The truck with other values of parameters by path, and of `HALF_TRACK`."""
@@ -133,16 +147,26 @@ class Truck:
         """The last axle of the last unit on the road."""
         return min(self.vehicle.units[-1].on_road, key=lambda axle: axle.position)
 
+    def overhang(self, i: int, end: str) -> float | None:
+        """Overhang of unit i at an end of `OVERHANGS`, m; None if it is not given."""
+        if (i, end) in ((0, OVERHANGS[0]), (len(self.vehicle.units) - 1, OVERHANGS[1])):
+            return self.body.front_overhang if end == OVERHANGS[0] else self.body.rear_overhang
+        return self.body.between.get(f"{self.vehicle.units[i].name}.{end}")
+
     def ends(self) -> list[tuple[float, float]]:
         """x of the rear and of the front end of the body of every unit, m: the front end of a dolly is at its first
         axle, as a drawbar is narrow."""
         rear = [min(axle.position for axle in unit.axles) for unit in self.vehicle.units]
-        rear[-1] -= self.body.rear_overhang or 0.0
-        front = [self.front_axle.position + self.body.front_overhang]
+        front = [self.front_axle.position]
         for coupling, unit in zip(self.vehicle.couplings, self.vehicle.units[1:], strict=True):
             is_dolly = coupling.kind == "drawbar_eye"
             front.append(max(axle.position for axle in unit.axles) if is_dolly else coupling.trailing_position)
-        return list(zip(rear, front, strict=True))
+        overhangs = [[self.overhang(i, end) or 0.0 for i in range(len(rear))] for end in OVERHANGS]
+        return [(r - after, f + before) for r, f, before, after in zip(rear, front, *overhangs, strict=True)]
+
+    def semitrailers(self) -> list[int]:
+        """Indices of the units on a fifth wheel."""
+        return [i for i, coupling in enumerate(self.vehicle.couplings, 1) if coupling.kind == "fifth_wheel"]
 
     def groups(self) -> list[tuple[int, Unit, AxleGroup, str]]:
         """Index of the unit, unit, axle group and its path, front to rear."""

@@ -51,6 +51,8 @@ def compare(
     "fifthwheel assess truck.toml --set semitrailer.payload.height=1.8m",
     "fifthwheel assess truck.toml --set 'semitrailer.payload.mass=24 t +- 2 %' --body 'half_track=0.93 m +- 1 %'",
     "fifthwheel assess truck.toml --body rear_overhang=2.7m --linear --json > assessment.json",
+    "fifthwheel assess truck.toml --set driveline.launch_torque=1800Nm --set driveline.lowest_gear=11.7 "
+    "--set driveline.final_drive=3.1 --set driveline.tyre_radius=0.5m",
 )
 def assess(
     truck: Annotated[
@@ -68,8 +70,8 @@ def assess(
         list[str] | None,
         typer.Option(
             "--body",
-            help="NAME=VALUE of half_track, width, front_overhang or rear_overhang, which a vehicle file does not "
-            "have; may be repeated.",
+            help="NAME=VALUE of half_track, width, front_overhang, rear_overhang, or an overhang between two units, "
+            "such as semitrailer.front_overhang, which a vehicle file does not have; may be repeated.",
         ),
     ] = None,
     speed: Annotated[

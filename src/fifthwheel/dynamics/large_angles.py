@@ -45,13 +45,14 @@ from fifthwheel.dynamics.tyres import (
     Law,
     Longitudinal,
     axle_forces,
-    drag,
     longitudinal_forces,
     saturating,
 )
 from fifthwheel.dynamics.unit_equations import steering, suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
+from fifthwheel.vehicle.driveline import drag
+from fifthwheel.vehicle.parameters import DRAG_AREA
 
 AIR_HEIGHT = 1.5
 """m; half the height of a cab with its deflector, and less because part of the drag is under the floor."""
@@ -147,7 +148,7 @@ def large_angles(
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
     wheelbase = _wheelbase(p, vehicle)
     arm = p[f"{vehicle.couplings[0].name}.height"] / wheelbase if vehicle.couplings else ca.SX(0)
-    of_air = AIR_HEIGHT / wheelbase * drag(p, speed)
+    of_air = AIR_HEIGHT / wheelbase * drag(p[DRAG_AREA], speed)
     load = arm * (pull + pull_rate @ (free + slope * of_air)) / (1 - arm * pull_rate @ slope)
     of_pull = ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0)
     shift = stages.held(of_pull + of_air)

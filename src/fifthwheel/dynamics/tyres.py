@@ -58,6 +58,7 @@ from fifthwheel.dynamics.tyre_law import SideForce, Tyres, force_fraction
 from fifthwheel.options import TyreLaw as TyreLaw
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.driveline import drag
 from fifthwheel.vehicle.parameters import (
     COMBINED_SLIP,
     DRAG_AREA,
@@ -73,8 +74,6 @@ from fifthwheel.vehicle.parameters import (
 
 NO_CHANGE = ca.SX(0)
 """Of a load, N, or of the speed, m/s^2."""
-AIR_DENSITY = 1.2
-"""kg/m^3."""
 NOMINAL_LOAD = 35e3
 """Of a tyre, N: of 315/80 R 22.5."""
 LOCKED = 0.1
@@ -188,11 +187,6 @@ class Longitudinal(NamedTuple):
         return self.driving + self.braking + self.rolling
 
 
-def drag(p: Expressions, speed: ca.SX) -> ca.SX:
-    """Drag of the air, N, 0 or more, at a speed, m/s."""
-    return AIR_DENSITY / 2 * p[DRAG_AREA] * speed * speed
-
-
 def longitudinal_forces(
     p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX
 ) -> Mapping[str, Longitudinal]:
@@ -202,7 +196,7 @@ def longitudinal_forces(
     driven = first.group_path(first.axle_groups[-1])
     rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}
     mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
-    needed = mass * speed_rate + drag(p, speed) - sum(rolling.values(), ca.SX(0))
+    needed = mass * speed_rate + drag(p[DRAG_AREA], speed) - sum(rolling.values(), ca.SX(0))
     brakes = ca.fmin(needed, 0) / mass
     return {
         path: Longitudinal(

@@ -19,14 +19,13 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, missing_for_mass, names_of
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.kalman import joseph
 from fifthwheel.filters.model import pack, partitioned, unpack
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.driveline import driveline_numbers
+from fifthwheel.vehicle.driveline import drag, driveline_numbers, rotating_mass
 from fifthwheel.vehicle.vehicle import Vehicle
 
 STEP = 0.2
@@ -188,8 +187,8 @@ def force_balance(
     has_grade = "grade" in record.signals
     slope, mean_grade = (_filled(means.of("grade"), hold), 0.0) if has_grade else (np.zeros(v.size), MEAN_GRADE)
     slope = slope / np.hypot(1.0, slope)
-    rotating = wheels * value["rotating_mass"] + value["engine_inertia"] * engine
-    net = force - AIR_DENSITY / 2 * value["drag_area"] * v**2
+    rotating = rotating_mass(wheels, value["rotating_mass"], value["engine_inertia"], engine)
+    net = force - drag(value["drag_area"], v)
     moved = mass / (mass + rotating)
     driven = moved * net / mass  # acceleration by the force; unlike the measured one, it has no noise of the speed
     inertia = rotating * acceleration  # counts for the change of the mass since the last linearisation only
@@ -199,7 +198,7 @@ def force_balance(
             (net - inertia) / start,
             -DELAY / mass * (np.gradient(force, STEP) + np.where(ratio > 0, force * driven / v, 0.0)),
             offset / mass,
-            -AIR_DENSITY / 2 / mass * sigma["drag_area"] * v**2,  # 5 % of weather and altitude are within it
+            -drag(sigma["drag_area"], v) / mass,  # 5 % of weather and altitude are within it
             -wheels / mass * sigma["rotating_mass"] * driven,
             -sigma["engine_inertia"] / mass * engine * driven,
             -ANTICIPATION / mass * _smoothed(force, v * STEP / NOISE_PRIOR["vertical curve"][0]),

@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.plant.bodies import BeamAxle
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.powertrain import STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.plant.properties import Properties
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.driveline import AIR_DENSITY
 
 TIME_STEP = 1e-3
 """Time step of the integration, s."""

@@ -12,12 +12,12 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.native import Scan
 from fifthwheel.plant.bodies import BeamAxle, SprungBody
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.mujoco_model import SIDES
 from fifthwheel.plant.properties import Properties
+from fifthwheel.vehicle.driveline import AIR_DENSITY
 
 WHEEL_OUTPUTS = ("slip", "longitudinal_force", "lateral_force", "vertical_force", "speed")
 """Outputs of each wheel: tangent of the slip angle, N, N, N, m/s. The speed is that of a wheel speed sensor: the spin

@@ -8,7 +8,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel._types import Array
-from fifthwheel.assess import Assessment, MeasureResult
+from fifthwheel.assess import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.assess.measures import SCHEME
@@ -98,17 +98,22 @@ def assessment_document(assessment: Assessment) -> pages.Document:
 
 
 def failed(assessment: Assessment) -> list[MeasureResult]:
-    """Measures that meet no level of their thresholds."""
-    return [m for m in assessment if (t := m.best_threshold()) is not None and not m.meets(t)]
+    """Measures that meet no level of their thresholds in `SCHEME`."""
+    return [m for m, t in _thresholds(assessment) if not m.meets(t)]
 
 
 def doubtful(assessment: Assessment) -> list[MeasureResult]:
-    """Measures that meet a threshold with a probability below `LIKELY`."""
+    """Measures that meet a threshold of `SCHEME` with a probability below `LIKELY`."""
     return [
-        m
-        for m in assessment
-        if (t := m.best_threshold()) is not None and m.meets(t) and t.probability is not None and t.probability < LIKELY
+        m for m, t in _thresholds(assessment) if m.meets(t) and t.probability is not None and t.probability < LIKELY
     ]
+
+
+def _thresholds(assessment: Assessment) -> Iterator[tuple[MeasureResult, Threshold]]:
+    for measure in assessment:
+        threshold = measure.best_threshold()
+        if threshold is not None and threshold.scheme == SCHEME:
+            yield measure, threshold
 
 
 def is_good(assessment: Assessment) -> bool:
@@ -121,8 +126,11 @@ def headline(assessment: Assessment) -> str:
         return f"{assessment.title}: misses {enumerated([m.title for m in missed])}."
     if uncertain := doubtful(assessment):
         names = enumerated([m.title for m in uncertain])
-        return f"{assessment.title}: meets all thresholds, but with its uncertainty not surely those of {names}."
-    return f"{assessment.title}: meets all thresholds that are assessed."
+        return (
+            f"{assessment.title}: meets all thresholds of the {SCHEME}, but with its uncertainty not surely those of"
+            f" {names}."
+        )
+    return f"{assessment.title}: meets all thresholds of the {SCHEME} that are assessed."
 
 
 def explanations(assessment: Assessment) -> list[str]:
@@ -130,12 +138,15 @@ def explanations(assessment: Assessment) -> list[str]:
     body = assessment.body
     sigma = body.half_track_sigma or None
     overhang = "rear overhang unknown" if body.rear_overhang is None else f"rear overhang {body.rear_overhang:g} m"
+    others = "".join(f", {name} {value:g} m" for name, value in body.between.items())
     notes = [
         *assessment.notes,
         f"Sigma: from {assessment.origin}.",
         f"Body: half track {with_sigma(body.half_track, sigma, 'm')}, width {body.width:g} m, front overhang "
-        f"{body.front_overhang:g} m, {overhang}. A vehicle file does not have these numbers: give them by --body.",
-        f"{SCHEME}: thresholds of the Australian performance-based standards (2008), strictest level that is met. "
+        f"{body.front_overhang:g} m, {overhang}{others}. A vehicle file does not have these numbers: give them by "
+        "--body.",
+        "Thresholds: strictest level that is met of the Australian performance-based standards (2008), or of the "
+        "source that is named; not confirmed: check the number in the current rules. "
         "The linear model decides; probability: that the truck meets it, given the sigma. A number without a unit is a "
         "ratio.",
     ]

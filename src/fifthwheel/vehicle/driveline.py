@@ -1,14 +1,23 @@
-"""What the longitudinal balance of a vehicle needs: losses, rotating masses and resistances, each with its sigma."""
+"""What the longitudinal balance of a vehicle needs: losses, rotating masses, resistances, engine and gears.
+
+    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + grade),    m_rot = wheels * rotating_mass + J ratio^2
+
+with the force F = efficiency * torque * ratio, and the ratio of engine speed to speed in rad/m.
+"""
 
 from collections.abc import Mapping
+from typing import Any
 
 from fifthwheel.vehicle.classes.table import Figure
 from fifthwheel.vehicle.component import Component, NonNegative, Positive, number
 from fifthwheel.vehicle.parameters import DRAG_AREA, ROLLING_RESISTANCE, TYRE_PARAMETERS
 
+AIR_DENSITY = 1.2
+"""kg/m^3"""
+
 
 class Driveline(Component):
-    """The table `[driveline]` of a vehicle file; `DRIVELINE` has the numbers that it omits."""
+    """The table `[driveline]` of a vehicle file; `DRIVELINE` has the numbers that it omits, except engine and gears."""
 
     efficiency: Positive | None = number(
         "1", "Power at the wheels over power of the engine.", default=None, plausible=(0.7, 1.0)
@@ -31,6 +40,33 @@ class Driveline(Component):
     rolling_resistance: NonNegative | None = number(
         "1", "Rolling resistance over load.", default=None, plausible=(0.002, 0.05)
     )
+    engine_torque: Positive | None = number(
+        "N m", "Largest torque of the engine.", default=None, plausible=(100.0, 10e3)
+    )
+    engine_power: Positive | None = number("W", "Largest power of the engine.", default=None, plausible=(20e3, 2e6))
+    governed_speed: Positive | None = number(
+        "rad/s", "Largest speed of the engine under load.", default=None, plausible=(80.0, 500.0)
+    )
+    launch_torque: Positive | None = number(
+        "N m", "Torque of the engine while the clutch closes.", default=None, plausible=(50.0, 10e3)
+    )
+    launch_speed: Positive | None = number(
+        "rad/s", "Speed of the engine while the clutch closes.", default=None, plausible=(40.0, 300.0)
+    )
+    lowest_gear: Positive | None = number(
+        "1", "Ratio of the lowest gear that starts the truck.", default=None, plausible=(1.0, 50.0)
+    )
+    highest_gear: Positive | None = number("1", "Ratio of the highest gear.", default=None, plausible=(0.3, 3.0))
+    gear_step: Positive | None = number(
+        "1", "Ratio of a gear over that of the next higher one.", default=None, plausible=(1.05, 3.0)
+    )
+    shift_time: NonNegative | None = number(
+        "s", "Time without driving force in a gear change.", default=None, plausible=(0.0, 5.0)
+    )
+    final_drive: Positive | None = number("1", "Ratio of the driven axles.", default=None, plausible=(1.0, 15.0))
+    tyre_radius: Positive | None = number(
+        "m", "Rolling radius of the driven tyres.", default=None, plausible=(0.2, 1.5)
+    )
 
 
 DRIVELINE: Mapping[str, Figure] = {
@@ -44,7 +80,20 @@ DRIVELINE: Mapping[str, Figure] = {
         TYRE_PARAMETERS[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"
     ),
 }
-"""Numbers of heavy trucks with their standard deviations."""
+"""Numbers of heavy trucks with their standard deviations. There are none for engine and gears."""
+
+
+def drag(drag_area: Any, speed: Any) -> Any:
+    """Drag of the air, N, at a speed in still air, m/s; numbers, arrays or symbols."""
+    return AIR_DENSITY / 2 * drag_area * speed * speed
+
+
+def rotating_mass(wheels: float, of_wheel: Any, engine_inertia: Any, squared_ratio: Any) -> Any:
+    """What wheels, each with a rotating mass, kg, and the engine, kg m^2, add to the accelerated mass, kg.
+
+    The squared ratio is that of engine speed over speed, 1/m^2.
+    """
+    return wheels * of_wheel + engine_inertia * squared_ratio
 
 
 def driveline_numbers(driveline: Driveline | None, stated: Mapping[str, float]) -> dict[str, tuple[float, float]]:

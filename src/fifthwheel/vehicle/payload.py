@@ -94,6 +94,16 @@ def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
     )
 
 
+def unit_cog_height(p: Mapping[str, Any], unit: Unit) -> Any:
+    """CoG height of a laden unit above the ground, m, with its unsprung mass at the height of the roll axis.
+
+    Arguments as of `laden`.
+    """
+    body = laden(p, unit)
+    sprung = body.mass / p[f"{unit.name}.mass"]
+    return sprung * body.cog_height + (1 - sprung) * p[f"{unit.name}.roll_axis_height"]
+
+
 def lumped_sigmas(stated: Mapping[str, float], unit: str, paths: Iterable[str]) -> dict[str, float]:
     """Stated standard deviations once the payload of a unit is lumped into its sprung body; see `Vehicle.lumped`."""
     body, payload = f"{unit}.sprung.", f"{unit}.payload."

@@ -16,7 +16,7 @@ from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.parameters import unit_of
-from fifthwheel.vehicle.payload import laden, lumped_sigmas
+from fifthwheel.vehicle.payload import laden, lumped_sigmas, unit_cog_height
 from fifthwheel.vehicle.steering import STEERING, Steering, own_parameters, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
@@ -382,9 +382,7 @@ class Vehicle(Component):
         p = dict(self._parameters)
         if slope:
             for unit in self.units:
-                body = laden(p, unit)
-                sprung = body.mass / unit.mass
-                p[f"{unit.name}.cog"] += slope * (sprung * body.cog_height + (1 - sprung) * unit.roll_axis_height)
+                p[f"{unit.name}.cog"] += slope * unit_cog_height(p, unit)
             for c in self.couplings:
                 p[f"{c.name}.leading_position"] += slope * c.height
                 p[f"{c.name}.trailing_position"] += slope * c.height
