@@ -9,7 +9,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solveh_banded
 
 from fifthwheel._types import Array
 from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
@@ -69,6 +68,8 @@ def _cornering(record: Record, vehicle: Vehicle, speed: Array) -> Array | float:
 
 def _smoothed(slope: Array, known: NDArray[np.bool_], distance: Array) -> Array:
     """The most probable slope (N,), m/s^2, by that of each known step: a random walk over the distance (N,), m."""
+    from scipy.linalg import solveh_banded  # slow to import
+
     medians = {key: median for key, (median, _) in NOISE_PRIOR.items()}
     variance = 2 * (medians["speed"] / STEP) ** 2 + medians["acceleration"] ** 2 / STEP
     walk = 2 * medians["slope"] ** 2 * np.maximum(distance[1:], SHORTEST_MOVE) / medians["hill"]
