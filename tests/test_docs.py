@@ -308,7 +308,10 @@ def test_the_contents_call_a_page_by_its_title() -> None:
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:
     table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
     forms = {
-        name: ["acceleration" if m.acceleration else "", "path" if m.path else "open loop" if m.open_loop else ""]
+        name: [
+            "acceleration" if m.acceleration else "open loop" if m.open_loop else "",
+            "path" if m.path else "open loop" if m.open_loop else "",
+        ]
         for name, m in MANOEUVRES.items()
     }
     assert table == forms
