@@ -23,6 +23,7 @@ DISPLAY_UNITS = {
     "rad/s": DisplayUnit("deg/s", 180 / math.pi),
     "rad/s^2": DisplayUnit("deg/s²", 180 / math.pi),
     "m/s^2": DisplayUnit("m/s²", 1.0),
+    "rad s^2/m": DisplayUnit("deg/g", 180 / math.pi * 9.80665),
     "s": DisplayUnit("ms", 1e3),
     "1": DisplayUnit("", 1.0),
 }

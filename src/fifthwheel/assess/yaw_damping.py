@@ -33,7 +33,7 @@ def measure(truck: Truck) -> Values:
 def measure_pulse(truck: Truck) -> Values:
     """The damping ratio by the decay after a pulse."""
     truck.require_stable()
-    return {"yaw_damping_pulse": decay(*pulse_response(truck))}
+    return {"yaw_damping_pulse": pulse_damping(*pulse_response(truck))}
 
 
 def eigenvalue_damping(truck: Truck) -> float:
@@ -70,19 +70,24 @@ def pulse_response(truck: Truck) -> tuple[Array, Array]:
     return time, np.concatenate([forced[output], free.real])
 
 
-def decay(time: Array, response: Array) -> float:
-    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two.
+def pulse_damping(time: Array, response: Array) -> float:
+    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two."""
+    damping = decay(response[time >= PULSE], SMALLEST_PEAK * float(np.max(np.abs(response))))
+    return 1.0 if damping is None else damping
+
+
+def decay(free: Array, smallest: float) -> float | None:
+    """Damping ratio by the peaks of a free response (N,) above the smallest one; None if it has fewer than two.
 
     A peak is the largest magnitude from one change of sign to the next, after at least one turning point.
     """
-    free = response[time >= PULSE]
     turning = free[np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1]
     half_waves = np.split(np.abs(turning), np.flatnonzero(np.diff(np.sign(turning))) + 1)
     peaks = np.array([np.max(half_wave, initial=0.0) for half_wave in half_waves])
     peaks = peaks[np.argmax(peaks) :] if len(peaks) else peaks
-    peaks = peaks[peaks > SMALLEST_PEAK * np.max(np.abs(response))]
+    peaks = peaks[peaks > smallest]
     if len(peaks) < 2:
-        return 1.0
+        return None
     peaks = peaks[1:] if len(peaks) > 2 else peaks
     decrement = float(np.log(peaks[0] / peaks[-1])) / (len(peaks) - 1)
     return decrement / float(np.hypot(np.pi, decrement))

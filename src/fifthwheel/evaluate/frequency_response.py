@@ -1,0 +1,208 @@
+"""Frequency response, ISO 14793:2011 and ISO 14791:2000: gain, phase and coherence by random or swept steering.
+
+Welch's method (IEEE Trans. Audio Electroacoust. 15, 1967): spectra are means over n segments with Hann windows that
+overlap by half,
+
+    H = S_xy / S_xx,    coherence c = |S_xy|^2 / (S_xx S_yy),    sigma of |H| = |H| sqrt((1 - c) / (2 c (n' - 1))),
+
+n' = n / `OVERLAP` is the number of independent segments (J. Bendat and A. Piersol, Random Data, 4th ed., 2010, 9.2).
+The sigma of the phase is that of |H| / |H|. Only frequencies at which the truck is steered and the coherence is at
+least `COHERENT` are evaluated.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel._types import Array
+from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
+from fifthwheel.errors import SignalError
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
+from fifthwheel.evaluate.lane_change import amplified, without_roll
+from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.repetitions import GAIN_UNITS
+from fifthwheel.spoken_names import named
+
+SHORTEST = 30.0
+"""Least duration of a log, s."""
+SEGMENT = 20.0
+"""Longest segment, s."""
+LEAST_SEGMENTS = 5
+"""Segments that a short log is divided into, with overlap."""
+OVERLAP = 1.056
+"""1 + 2 (1/6)^2: variance of the mean over Hann windows that overlap by half, as a multiple of independent ones."""
+HIGHEST = 3.0
+"""Highest frequency, Hz; heavy vehicles are tested up to 2 Hz."""
+STEERED = 1e-3
+"""Least power of the steer angle as a fraction of the largest one."""
+COHERENT = 0.8
+"""Least coherence."""
+NEAR_PEAK = 0.9
+"""Gains above this fraction of the largest one determine the peak."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spectra:
+    """Transforms of the segments, (segments, frequencies)."""
+
+    frequency: Array
+    """(f,) Hz."""
+    steer: NDArray[np.complex128]
+    outputs: Mapping[str, NDArray[np.complex128]]
+
+    @property
+    def independent(self) -> float:
+        """Number of independent segments."""
+        return len(self.steer) / OVERLAP
+
+    @property
+    def steered(self) -> NDArray[np.bool_]:
+        """Frequencies with enough power of the steer angle, (f,)."""
+        power = np.mean(np.abs(self.steer) ** 2, axis=0)
+        return np.asarray(power > STEERED * power.max())
+
+    def gain(self, name: str) -> NDArray[np.complex128]:
+        """Complex gain from the steer angle to an output, (f,)."""
+        y = self.outputs[name]
+        return np.asarray(np.mean(self.steer.conj() * y, axis=0) / np.mean(np.abs(self.steer) ** 2, axis=0))
+
+    def coherence(self, name: str) -> Array:
+        """Coherence of an output with the steer angle, (f,)."""
+        y = self.outputs[name]
+        cross = np.abs(np.mean(self.steer.conj() * y, axis=0)) ** 2
+        return np.asarray(cross / np.mean(np.abs(self.steer) ** 2, axis=0) / np.mean(np.abs(y) ** 2, axis=0))
+
+    def relative_sigma(self, name: str) -> Array:
+        """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
+        c = np.clip(self.coherence(name), 1e-9, 1.0)
+        return np.asarray(np.sqrt(np.maximum(1 - c, 0.0) / (2 * c * (self.independent - 1))))
+
+    def coherent(self, *names: str) -> NDArray[np.bool_]:
+        """Frequencies that are evaluated, (f,)."""
+        return np.asarray(self.steered & np.all([self.coherence(n) >= COHERENT for n in names], axis=0))
+
+
+def evaluate(motion: Motion) -> Findings:
+    """The frequency responses of a motion, and its rearward amplification.
+
+    Raises:
+        SignalError: the log has no yaw rate of the first unit, or that is not coherent with the steer angle.
+    """
+    first = f"yaw_rate.{motion.units[0]}"
+    motion.output(first)
+    motion, notes = without_roll(motion)
+    quantities = (YAW_RATE, LATERAL_ACCELERATION, ARTICULATION, ROLL)
+    spectra = _spectra(motion, [name for q in quantities for name in motion.outputs(q.quantity)])
+    if spectra.coherent(first).sum() < 3:
+        raise SignalError(
+            f"{first}: coherence with the steer angle of {COHERENT:g} or more at {spectra.coherent(first).sum()} "
+            f"frequencies of {motion.name}, at least 3 needed; steer at random or by a sweep, over a longer time"
+        )
+    measures = [m for name in spectra.outputs for m in _of_output(spectra, name)]
+    if len(motion.units) > 1 and any(f"{q}.{motion.units[-1]}" in motion.signals for q in GAIN_UNITS):
+        measures += [m for pair in amplified(motion).values() if (m := _amplification(spectra, *pair))]
+    segments = f"{len(spectra.steer)} segments of {1 / (spectra.frequency[1] - spectra.frequency[0]):.0f} s."
+    return Findings(measures=tuple(measures), arrays=_arrays(spectra), start=None, notes=(segments, *notes))
+
+
+def _spectra(motion: Motion, names: list[str]) -> Spectra:
+    """The transforms of overlapping segments."""
+    duration = len(motion.time) / motion.rate
+    size = round(min(SEGMENT, 2 * duration / (LEAST_SEGMENTS + 1)) * motion.rate)
+    window = np.hanning(size + 1)[:-1]
+    frequency = np.arange(size // 2 + 1) * motion.rate / size
+    used = (frequency > 0) & (frequency <= min(HIGHEST, motion.rate / 4))
+
+    def transforms(values: Array) -> NDArray[np.complex128]:
+        segments = np.lib.stride_tricks.sliding_window_view(values, size)[:: size // 2]
+        return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * window, axis=1)[:, used]
+
+    outputs = {name: transforms(motion.signals[name]) for name in names}
+    return Spectra(frequency=frequency[used], steer=transforms(motion.steer), outputs=outputs)
+
+
+def _of_output(spectra: Spectra, name: str) -> list[EvaluatedMeasure]:
+    """Gain at the lowest evaluated frequency, and the frequency at which the output lags by 45 degrees."""
+    used = np.flatnonzero(spectra.coherent(name))
+    if not used.size:
+        return []
+    gain, sigma, f = np.abs(spectra.gain(name)), spectra.relative_sigma(name), spectra.frequency
+    lowest = used[0]
+    of = named(name).removeprefix("the ")
+    measures = [
+        EvaluatedMeasure(
+            name=f"gain.{name}",
+            title=f"gain at {f[lowest]:.2f} Hz, {of}",
+            unit=GAIN_UNITS.get(name.partition(".")[0], "1"),
+            value=float(gain[lowest]),
+            sigma=float(gain[lowest] * sigma[lowest]),
+        )
+    ]
+    response = spectra.gain(name)[used]
+    lag = -np.unwrap(np.angle(response * np.sign(response[0].real)))  # an articulation angle has a negative gain
+    behind = np.flatnonzero(lag >= np.pi / 4)
+    if behind.size and 0 < behind[0] == used[behind[0]] - lowest:  # no frequency is left out before it
+        k = behind[0]
+        slope = (lag[k] - lag[k - 1]) / (f[used[k]] - f[used[k - 1]])
+        at = f[used[k]] - (lag[k] - np.pi / 4) / slope
+        measures.append(
+            EvaluatedMeasure(
+                name=f"bandwidth.{name}",
+                title=f"frequency of a lag of 45 deg, {of}",
+                unit="Hz",
+                value=float(at),
+                sigma=float(sigma[used[k]] / abs(slope)),
+            )
+        )
+    return measures
+
+
+def _amplification(spectra: Spectra, first: str, last: str) -> EvaluatedMeasure | None:
+    """Largest gain from the first to the last unit: a weighted parabola through the gains near it."""
+    used = np.flatnonzero(spectra.coherent(first, last))
+    if used.size < 3:
+        return None
+    ratio = np.abs(spectra.gain(last)[used] / spectra.gain(first)[used])
+    sigma = ratio * np.hypot(spectra.relative_sigma(first)[used], spectra.relative_sigma(last)[used])
+    f, top = spectra.frequency[used], int(np.argmax(ratio))
+    near = (ratio > NEAR_PEAK * ratio[top]) & (np.abs(np.arange(ratio.size) - top) <= max(3, ratio.size // 6))
+    value, error, at = float(ratio[top]), float(sigma[top]), float(f[top])
+    if near.sum() >= 4 and 0 < top < ratio.size - 1:
+        x = f[near] - f[near].mean()
+        weight = 1 / np.maximum(sigma[near], 1e-6 * value)
+        X = np.column_stack([x**2, x, np.ones_like(x)]) * weight[:, None]
+        bent, slope, level = np.linalg.lstsq(X, ratio[near] * weight, rcond=None)[0]
+        if bent < 0 and abs(slope / (2 * bent)) <= np.ptp(x) / 2:
+            peak = -slope / (2 * bent)
+            row = np.array([peak**2, peak, 1.0])
+            value, at = float(level + slope * peak / 2), float(f[near].mean() + peak)
+            error = float(np.sqrt(row @ np.linalg.pinv(X.T @ X) @ row))
+    quantity = first.partition(".")[0]
+    words = quantity.replace("_", " ")
+    edge = "largest at the end of the evaluated frequencies" if top in (0, ratio.size - 1) else ""
+    return EvaluatedMeasure(
+        name=f"rearward_amplification_{quantity}",
+        title=f"rearward amplification, {words}, at {at:.2f} Hz",
+        unit="1",
+        value=value,
+        sigma=error,
+        reason=edge,
+    )
+
+
+def _arrays(spectra: Spectra) -> dict[str, Array]:
+    """Gain, its sigma, phase and coherence of each output; NaN where it is not evaluated."""
+    arrays = {"frequency": spectra.frequency}
+    for name in spectra.outputs:
+        used, gain = spectra.coherent(name), spectra.gain(name)
+        phase = np.full(used.size, np.nan)
+        phase[used] = np.unwrap(np.angle(gain[used]))
+        arrays |= {
+            f"gain.{name}": np.where(used, np.abs(gain), np.nan),
+            f"gain_sigma.{name}": np.where(used, np.abs(gain) * spectra.relative_sigma(name), np.nan),
+            f"phase.{name}": phase,
+            f"coherence.{name}": spectra.coherence(name),
+        }
+    return arrays

@@ -1,0 +1,80 @@
+"""Single lane change, ISO 14791:2000: rearward amplification in the time domain.
+
+The largest magnitude of the last unit divided by that of the first one, of yaw rates, and of lateral accelerations
+where both units have an accelerometer. An accelerometer contains g times the roll angle of its unit, which is removed
+where the log has the roll angle.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from fifthwheel.errors import SignalError
+from fifthwheel.evaluate.evaluation import Findings
+from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.repetitions import Response, Words, findings
+from fifthwheel.units import STANDARD_GRAVITY
+
+SHORTEST = 5.0
+"""Least duration of a log, s."""
+LONGEST = 8.0
+"""Of the steering, s."""
+WORDS = {
+    "rearward_amplification_yaw_rate": Words(title="rearward amplification, yaw rate", unit="1"),
+    "rearward_amplification_lateral_acceleration": Words(
+        title="rearward amplification, lateral acceleration", unit="1"
+    ),
+}
+
+
+def evaluate(motion: Motion) -> Findings:
+    """The rearward amplification of a motion.
+
+    Raises:
+        SignalError: the log has no lane change, or neither yaw rates nor lateral accelerations of first and last unit.
+    """
+    corrected, note = without_roll(motion)
+    pairs = amplified(corrected)
+    found = findings(corrected, [name for pair in pairs.values() for name in pair], measures, fault, WORDS)
+    return replace(found, notes=(*found.notes, *note))
+
+
+def amplified(motion: Motion) -> dict[str, tuple[str, str]]:
+    """First and last signal of each quantity whose amplification the log shows."""
+    first, last = motion.units[0], motion.units[-1]
+    pairs = {q: (f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")}
+    if first == last:
+        raise SignalError(f"{motion.name}: signals of one unit only; rearward amplification needs those of a trailer")
+    found = {q: pair for q, pair in pairs.items() if all(name in motion.signals for name in pair)}
+    if not found:
+        motion.output(next(name for name in pairs["yaw_rate"] if name not in motion.signals))
+    return found
+
+
+def without_roll(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
+    """The motion with lateral accelerations without gravity, and a note on those whose roll angle is not logged."""
+    signals, kept = dict(motion.signals), []
+    for name, values in motion.outputs("lateral_acceleration").items():
+        roll = f"roll.{name.partition('.')[2]}"
+        if roll in signals:
+            signals[name] = values - STANDARD_GRAVITY * signals[roll]
+        else:
+            kept.append(name)
+    note = f"{', '.join(kept)}: with g times the roll angle, which the log does not have." if kept else ""
+    return replace(motion, signals=signals), (note,) if note else ()
+
+
+def fault(response: Response) -> str:
+    """Why a manoeuvre is no lane change."""
+    if not 2 <= len(response.lobes) <= 4:
+        return "no lane change, the steer angle does not change its side"
+    return f"no single lane change, steering for {response.end:.1f} s" if response.end > LONGEST else ""
+
+
+def measures(response: Response) -> Mapping[str, float]:
+    """The amplifications in one lane change."""
+    peaks = {name: float(np.abs(values).max()) for name, values in response.outputs.items()}
+    first, last = response.units[0], response.units[-1]
+    quantities = dict.fromkeys(name.partition(".")[0] for name in peaks)
+    return {f"rearward_amplification_{q}": peaks[f"{q}.{last}"] / peaks[f"{q}.{first}"] for q in quantities}
