@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess.truck import Truck
-from fifthwheel.assess.yaw_damping import PULSE, eigenvalue_damping, measure, measure_pulse, pulse_damping, pulse_response
+from fifthwheel.assess.yaw_damping import (
+    PULSE,
+    eigenvalue_damping,
+    measure,
+    measure_pulse,
+    pulse_damping,
+    pulse_response,
+)
 from fifthwheel.dynamics import critical_speed, linear_system, modes
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get

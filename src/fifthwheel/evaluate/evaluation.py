@@ -74,10 +74,11 @@ class Evaluation:
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> evaluation = fw.evaluate(fw.simulate(truck, manoeuvre="step", seed=1), "step", vehicle=truck)
+        >>> log = fw.simulate(truck, manoeuvre="sine_with_dwell", seed=1)
+        >>> evaluation = fw.evaluate(log, "sine_with_dwell", vehicle=truck)
         >>> evaluation
-        Evaluation(step in simulated, 10 measures)
-        >>> evaluation["overshoot.yaw_rate.tractor"].unit
+        Evaluation(sine_with_dwell in simulated, 4 measures)
+        >>> evaluation["yaw_rate_ratio_1000ms.yaw_rate.tractor"].unit
         '1'
         >>> list(evaluation.to_pandas().columns)
         ['title', 'value', 'sigma', 'unit']

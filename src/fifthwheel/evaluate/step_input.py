@@ -1,8 +1,8 @@
 """Step input, ISO 14793:2011: gains, response times and overshoots after a step of the steer angle.
 
 Time counts from the instant at which the steer angle has half of its step. The response time is that of the first 90 %
-of the steady value, the peak response time that of the largest value where it is clear of noise, and the overshoot is
-the largest value less the steady one, divided by the steady one. Steady values are means over the last third of the step.
+of the steady value, the peak response time that of the largest value where it is clear of noise. The overshoot is the
+largest value less the steady one, divided by the steady one. Steady values are means over the last third of the step.
 """
 
 from collections.abc import Mapping
