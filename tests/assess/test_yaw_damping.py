@@ -9,6 +9,7 @@ from fifthwheel.assess.yaw_damping import (
     eigenvalue_damping,
     measure,
     measure_pulse,
+    measure_zero_damping_speed,
     pulse_damping,
     pulse_response,
 )
@@ -91,3 +92,24 @@ def test_an_oscillation_that_grows_has_a_negative_damping():
     lowest = min(m.damping for m in modes(truck.vehicle, truck.speed) if m.eigenvalue.imag > 0)
     assert lowest < -0.5
     assert measure(truck)["yaw_damping"] == pytest.approx(lowest)
+
+
+def test_at_the_zero_damping_speed_a_mode_of_yaw_does_not_decay():
+    """A trailer with soft tyres and a large yaw inertia sways; by the eigenvalues at, below and above that speed."""
+    changes = {"semitrailer.cornering_stiffness": 3.5e5, "semitrailer.yaw_inertia": 1.0e6}
+    truck = Truck(vehicle=TRUCK).changed(changes)
+    found = measure_zero_damping_speed(truck)["zero_damping_speed"] / 3.6
+
+    def lowest(speed):
+        return min(m.damping for m in modes(truck.vehicle, speed) if m.eigenvalue.imag > 1e-9)
+
+    assert lowest(found) == pytest.approx(0.0, abs=1e-6)
+    assert lowest(found - 1) > 0 > lowest(found + 1)
+    assert found == pytest.approx(critical_speed(truck.vehicle), rel=1e-5)
+
+
+def test_trucks_without_a_zero_damping_speed_say_why():
+    with pytest.raises(VehicleError, match="zero-damping speed: none up to 200 km/h"):
+        measure_zero_damping_speed(Truck(vehicle=TRUCK))
+    with pytest.raises(VehicleError, match="zero-damping speed: none, unstable without oscillation at 120 km/h"):
+        measure_zero_damping_speed(Truck(vehicle=get("auburn_6x4")))

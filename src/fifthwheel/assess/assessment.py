@@ -10,15 +10,10 @@ from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.errors import suggestion
-from fifthwheel.formatting import percent, with_sigma
+from fifthwheel.formatting import percent, shown, with_sigma
 from fifthwheel.pages.html import notebook
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
-
-
-def with_unit(number: str, unit: str) -> str:
-    """A number of a measure with its unit; a ratio has none."""
-    return number if unit == "1" else f"{number} {unit}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,8 +33,8 @@ class Threshold:
     def text(self, unit: str) -> str:
         """The threshold of a measure with this unit: "level 1: ≤ 0.6 m"."""
         sign = "≥" if self.sense == "at least" else "≤"
-        level = "" if self.level == "all" else f"level {self.level}: "
-        return f"{level}{sign} {with_unit(f'{self.value:.3g}', unit)}"
+        level, name = "" if self.level == "all" else f"level {self.level}: ", shown(unit)
+        return f"{level}{sign} {name.factor * self.value:.3g} {name.name}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,7 +44,7 @@ class MeasureResult:
     name: str
     title: str
     unit: str
-    """SI unit, "1", or "g"."""
+    """SI unit, "1", "g" or "km/h"."""
     source: str
     value: float
     """Of the linear model."""
@@ -65,7 +60,7 @@ class MeasureResult:
 
     def text(self) -> str:
         """Value, sigma and unit."""
-        return with_unit(with_sigma(self.value, self.sigma, "1"), self.unit)
+        return with_sigma(self.value, self.sigma, self.unit)
 
     def best_threshold(self) -> Threshold | None:
         """The strictest threshold that is met with 50 % or more, else the mildest."""
@@ -85,7 +80,7 @@ class Assessment:
         >>> import fifthwheel as fw
         >>> assessment = fw.assess(fw.vehicle("cheng_cebon_2011"), nonlinear=False)
         >>> assessment
-        Assessment(cheng_cebon_2011 at 88 km/h, 14 measures)
+        Assessment(cheng_cebon_2011 at 88 km/h, 16 measures)
         >>> measure = assessment["rollover_threshold"]
         >>> measure.unit, measure.thresholds[0].value
         ('g', 0.35)
@@ -129,7 +124,10 @@ class Assessment:
             threshold, probability = measure.best_threshold(), ""
             if threshold and threshold.probability is not None:
                 probability = percent(threshold.probability)
-            nonlinear = "" if measure.nonlinear is None else with_unit(f"{measure.nonlinear:.3g}", measure.unit)
+            unit = shown(measure.unit)
+            nonlinear = (
+                "" if measure.nonlinear is None else f"{unit.factor * measure.nonlinear:.3g} {unit.name}".rstrip()
+            )
             limit = threshold.text(measure.unit) if threshold else ""
             rows.append((measure.title, measure.text(), nonlinear, limit, probability))
         return rows

@@ -37,7 +37,7 @@ class Measure:
 
     title: str
     unit: str
-    """SI unit, "1" for a ratio, "g" for an acceleration as a fraction of gravity."""
+    """SI unit, "1" for a ratio, "g" for an acceleration as a fraction of gravity, "km/h" for a speed."""
     source: str
     limits: tuple[Limit, ...] = ()
 
@@ -50,6 +50,8 @@ ROLLOVER = "rollover_threshold"
 """Rollover threshold of the truck."""
 REAR = "rollover_threshold_rear"
 """Rollover threshold of the rearmost roll-coupled set of units, which the limit of rearward amplification follows."""
+EFFECTIVE_TRACK = "rollover_threshold_effective_track"
+"""Rollover threshold of the truck with tyres that yield sideways."""
 
 MEASURES: Mapping[str, Measure] = {
     ROLLOVER: Measure(
@@ -58,6 +60,7 @@ MEASURES: Mapping[str, Measure] = {
         source="Winkler (2000)",
         limits=(Limit(level="all", sense="at least", value=0.35),),
     ),
+    EFFECTIVE_TRACK: Measure(title="static rollover threshold, effective track", unit="g", source="ISO 22135:2023"),
     "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
     "rearward_amplification": Measure(
         title="rearward amplification, lane change",
@@ -87,6 +90,8 @@ MEASURES: Mapping[str, Measure] = {
         source="ISO 14791",
         limits=(Limit(level="all", sense="at least", value=0.15),),
     ),
+    "zero_damping_speed": Measure(title="zero-damping speed", unit="km/h", source="ISO 14791"),
+    "understeer_gradient": Measure(title="understeer gradient", unit="rad s^2/m", source="ISO 14792"),
     "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
     "straight_path_width": Measure(
         title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"

@@ -6,7 +6,12 @@ lowest damping ratio among them. After the pulse (ISO 14791, pulse input), the l
 peaks of the last articulation angle, half a period apart, gives the damping ratio d / sqrt(pi^2 + d^2). The decay
 begins at the largest peak: in a long combination smaller ones precede it, until the motion reaches the last unit. The
 largest peak is left out if three or more exist: it contains the fast response to the pulse itself.
+
+The zero-damping speed (ISO 14791) is the lowest speed at which that lowest damping ratio is 0.
 """
+
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +27,8 @@ DURATION, STEP = 10.0, 0.02
 """Of the response, s."""
 SMALLEST_PEAK = 0.01
 """Peaks below this fraction of the largest are not used."""
+HIGHEST_SPEED = 200.0
+"""Up to which a zero-damping speed is searched for, km/h."""
 ROLL = ("roll", "roll_rate")
 
 
@@ -34,6 +41,26 @@ def measure_pulse(truck: Truck) -> Values:
     """The damping ratio by the decay after a pulse."""
     truck.require_stable()
     return {"yaw_damping_pulse": pulse_damping(*pulse_response(truck))}
+
+
+def measure_zero_damping_speed(truck: Truck) -> Values:
+    """The zero-damping speed, km/h.
+
+    Raises:
+        VehicleError: there is none up to `HIGHEST_SPEED`, or the truck becomes unstable without oscillation before.
+    """
+    from scipy.optimize import brentq  # slow to import
+
+    def damping(speed: float) -> float:
+        try:
+            return eigenvalue_damping(replace(truck, speed=speed / 3.6))
+        except VehicleError:
+            raise VehicleError(f"zero-damping speed: none, unstable without oscillation at {speed:.0f} km/h") from None
+
+    for low, high in pairwise(np.linspace(20.0, HIGHEST_SPEED, 10).tolist()):
+        if damping(high) < 0:
+            return {"zero_damping_speed": float(brentq(damping, low, high, xtol=1e-6))}
+    raise VehicleError(f"zero-damping speed: none up to {HIGHEST_SPEED:g} km/h")
 
 
 def eigenvalue_damping(truck: Truck) -> float:
