@@ -54,7 +54,7 @@ def _entry(motion: Motion, start: float | None) -> list[Condition]:
     if before.sum() < 3:
         return [Condition(name="straight entry", required=needed, found="no samples before the steering", met=False)]
     rate = smoothed(next(iter(rates.values())), motion.rate)[before]
-    mean, spread, steer = float(rate.mean()), float(rate.std()), float(motion.steer[before].mean())
+    mean, spread, steer = float(rate.mean()), float(rate.std()), round(float(motion.steer[before].mean()), 6)
     found = f"{min(duration, ENTRY):.1f} s, {approximate(spread, 'rad/s')} rms about its mean"
     is_long = bool(duration >= 0.95 * ENTRY)
     return [
