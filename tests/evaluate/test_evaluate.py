@@ -1,6 +1,7 @@
 """What every evaluation shares: its result, the conditions of ISO 15037-2, and logs that are refused."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -112,6 +113,14 @@ def test_gaps_and_reference_signals_are_noted(truck, logs):
     assert any(note.startswith("left out: roll.tractor: ") for note in found.notes)
     assert not any("roll.tractor" in m.name for m in found)
     assert any("Reference signals are evaluated too: sideslip.tractor" in note for note in found.notes)
+
+
+def test_stated_sensor_errors_and_time_bases_are_noted(truck, logs):
+    log, gyro = logs["step"], fw.SensorPrior(sensor_class="mems")
+    stated = replace(log, sensors={"yaw_rate.tractor": gyro}, time_bases={"yaw_rate.tractor": "imu"})
+    notes = fw.evaluate(stated, "step", vehicle=truck).notes
+    assert "Stated errors of sensors are neither corrected nor in sigma: yaw_rate.tractor." in notes
+    assert "Times contain the time offset of signals on another time base: yaw_rate.tractor." in notes
 
 
 def test_uneven_samples_are_put_on_an_even_time_base(truck, logs):

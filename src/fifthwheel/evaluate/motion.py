@@ -1,6 +1,6 @@
 """The motion of a truck in a test: its signals on an even time base, without gaps."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -121,6 +121,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
         signals.setdefault(f"{SIDESLIP.quantity}.{SignalName.of(name).unit}", signals[name] / speed)
     if used := [name for name in referred if name in signals]:
         notes.append(f"Reference signals are evaluated too: {enumerated(used)}.")
+    notes += _stated(record, [steer_name, "speed", *signals])
     seen = dict.fromkeys([SignalName.of(steer_name).unit, *(SignalName.of(name).unit for name in signals)])
     units = tuple(unit.name for unit in vehicle.units) if vehicle else tuple(seen)
     return Motion(
@@ -134,6 +135,14 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
         vehicle=vehicle,
         notes=tuple(notes),
     )
+
+
+def _stated(record: Record, used: list[str]) -> Iterator[str]:
+    """What a log states of its sensors that the evaluation does not use."""
+    if names := [name for name in used if name in record.sensors]:
+        yield f"Stated errors of sensors are neither corrected nor in sigma: {enumerated(names)}."
+    if names := [name for name in used if name in record.time_bases]:
+        yield f"Times contain the time offset of signals on another time base: {enumerated(names)}."
 
 
 def _steer(record: Record, vehicle: Vehicle | None) -> str:
