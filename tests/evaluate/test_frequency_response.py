@@ -73,6 +73,15 @@ def test_noise_lowers_the_coherence_and_the_number_of_frequencies(truck):
     assert (high[both] > low[both]).mean() > 0.9
 
 
+def test_signals_of_other_quantities_give_no_amplification(truck):
+    """An accelerometer on the trailer and a gyro on the tractor do not compare."""
+    sensors = {n: NOISE[n] for n in ("yaw_rate.tractor", "lateral_acceleration.semitrailer")}
+    log = fw.simulate(truck, manoeuvre="random", speed=U, sensors=sensors)
+    found = fw.evaluate(log, "frequency_response", vehicle=truck)
+    assert not any(m.name.startswith("rearward") for m in found)
+    assert found["gain.yaw_rate.tractor"].sigma > 0
+
+
 def test_a_log_without_coherent_steering_is_refused(truck):
     log = fw.simulate(truck, manoeuvre="straight", speed=U)
     steer = np.random.default_rng(1).normal(size=len(log))

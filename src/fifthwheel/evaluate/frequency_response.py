@@ -45,43 +45,33 @@ NEAR_PEAK = 0.9
 
 @dataclass(frozen=True, kw_only=True)
 class Spectra:
-    """Transforms of the segments, (segments, frequencies)."""
+    """Spectral densities of steer angle and outputs, (f,) each."""
 
     frequency: Array
-    """(f,) Hz."""
-    steer: NDArray[np.complex128]
-    outputs: Mapping[str, NDArray[np.complex128]]
-
-    @property
-    def independent(self) -> float:
-        """Number of independent segments."""
-        return len(self.steer) / OVERLAP
-
-    @property
-    def steered(self) -> NDArray[np.bool_]:
-        """Frequencies with enough power of the steer angle, (f,)."""
-        power = np.mean(np.abs(self.steer) ** 2, axis=0)
-        return np.asarray(power > STEERED * power.max())
+    """Hz."""
+    segments: int
+    steer: Array
+    cross: Mapping[str, NDArray[np.complex128]]
+    """Of each output with the steer angle."""
+    outputs: Mapping[str, Array]
 
     def gain(self, name: str) -> NDArray[np.complex128]:
         """Complex gain from the steer angle to an output, (f,)."""
-        y = self.outputs[name]
-        return np.asarray(np.mean(self.steer.conj() * y, axis=0) / np.mean(np.abs(self.steer) ** 2, axis=0))
+        return np.asarray(self.cross[name] / self.steer)
 
     def coherence(self, name: str) -> Array:
         """Coherence of an output with the steer angle, (f,)."""
-        y = self.outputs[name]
-        cross = np.abs(np.mean(self.steer.conj() * y, axis=0)) ** 2
-        return np.asarray(cross / np.mean(np.abs(self.steer) ** 2, axis=0) / np.mean(np.abs(y) ** 2, axis=0))
+        return np.asarray(np.abs(self.cross[name]) ** 2 / (self.steer * self.outputs[name]))
 
     def relative_sigma(self, name: str) -> Array:
         """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
         c = np.clip(self.coherence(name), 1e-9, 1.0)
-        return np.asarray(np.sqrt(np.maximum(1 - c, 0.0) / (2 * c * (self.independent - 1))))
+        return np.asarray(np.sqrt((1 - c) / (2 * c * (self.segments / OVERLAP - 1))))
 
     def coherent(self, *names: str) -> NDArray[np.bool_]:
-        """Frequencies that are evaluated, (f,)."""
-        return np.asarray(self.steered & np.all([self.coherence(n) >= COHERENT for n in names], axis=0))
+        """Frequencies at which the truck is steered and the outputs are coherent, (f,)."""
+        steered = self.steer > STEERED * self.steer.max()
+        return np.asarray(steered & np.all([self.coherence(n) >= COHERENT for n in names], axis=0))
 
 
 def evaluate(motion: Motion) -> Findings:
@@ -100,27 +90,31 @@ def evaluate(motion: Motion) -> Findings:
             f"{first}: coherence with the steer angle of {COHERENT:g} or more at {spectra.coherent(first).sum()} "
             f"frequencies of {motion.name}, at least 3 needed; steer at random or by a sweep, over a longer time"
         )
-    measures = [m for name in spectra.outputs for m in _of_output(spectra, name)]
-    if len(motion.units) > 1 and any(f"{q}.{motion.units[-1]}" in motion.signals for q in GAIN_UNITS):
-        measures += [m for pair in amplified(motion).values() if (m := _amplification(spectra, *pair))]
-    segments = f"{len(spectra.steer)} segments of {1 / (spectra.frequency[1] - spectra.frequency[0]):.0f} s."
+    measures = [m for name in spectra.cross for m in _of_output(spectra, name)]
+    measures += [m for pair in amplified(motion) if (m := _amplification(spectra, *pair))]
+    segments = f"{spectra.segments} segments of {1 / (spectra.frequency[1] - spectra.frequency[0]):.0f} s."
     return Findings(measures=tuple(measures), arrays=_arrays(spectra), start=None, notes=(segments, *notes))
 
 
 def _spectra(motion: Motion, names: list[str]) -> Spectra:
-    """The transforms of overlapping segments."""
+    """The spectral densities by overlapping segments."""
+    from scipy import signal  # slow to import
+
     duration = len(motion.time) / motion.rate
     size = round(min(SEGMENT, 2 * duration / (LEAST_SEGMENTS + 1)) * motion.rate)
-    window = np.hanning(size + 1)[:-1]
+
+    def density(x: Array, y: Array) -> NDArray[np.complex128]:
+        return np.asarray(signal.csd(x, y, motion.rate, nperseg=size, noverlap=size - size // 2)[1][used])
+
     frequency = np.arange(size // 2 + 1) * motion.rate / size
     used = (frequency > 0) & (frequency <= min(HIGHEST, motion.rate / 4))
-
-    def transforms(values: Array) -> NDArray[np.complex128]:
-        segments = np.lib.stride_tricks.sliding_window_view(values, size)[:: size // 2]
-        return np.fft.rfft((segments - segments.mean(axis=1, keepdims=True)) * window, axis=1)[:, used]
-
-    outputs = {name: transforms(motion.signals[name]) for name in names}
-    return Spectra(frequency=frequency[used], steer=transforms(motion.steer), outputs=outputs)
+    return Spectra(
+        frequency=frequency[used],
+        segments=(len(motion.time) - size) // (size // 2) + 1,
+        steer=density(motion.steer, motion.steer).real,
+        cross={name: density(motion.steer, motion.signals[name]) for name in names},
+        outputs={name: density(motion.signals[name], motion.signals[name]).real for name in names},
+    )
 
 
 def _of_output(spectra: Spectra, name: str) -> list[EvaluatedMeasure]:
@@ -170,15 +164,14 @@ def _amplification(spectra: Spectra, first: str, last: str) -> EvaluatedMeasure 
     near = (ratio > NEAR_PEAK * ratio[top]) & (np.abs(np.arange(ratio.size) - top) <= max(3, ratio.size // 6))
     value, error, at = float(ratio[top]), float(sigma[top]), float(f[top])
     if near.sum() >= 4 and 0 < top < ratio.size - 1:
-        x = f[near] - f[near].mean()
-        weight = 1 / np.maximum(sigma[near], 1e-6 * value)
-        X = np.column_stack([x**2, x, np.ones_like(x)]) * weight[:, None]
-        bent, slope, level = np.linalg.lstsq(X, ratio[near] * weight, rcond=None)[0]
+        x, weight = f[near] - f[near].mean(), 1 / np.maximum(sigma[near], 1e-6 * value)
+        parabola, covariance = np.polyfit(x, ratio[near], 2, w=weight, cov="unscaled")
+        bent, slope, _ = parabola
         if bent < 0 and abs(slope / (2 * bent)) <= np.ptp(x) / 2:
             peak = -slope / (2 * bent)
             row = np.array([peak**2, peak, 1.0])
-            value, at = float(level + slope * peak / 2), float(f[near].mean() + peak)
-            error = float(np.sqrt(row @ np.linalg.pinv(X.T @ X) @ row))
+            value, at = float(row @ parabola), float(f[near].mean() + peak)
+            error = float(np.sqrt(row @ covariance @ row))
     quantity = first.partition(".")[0]
     words = quantity.replace("_", " ")
     edge = "largest at the end of the evaluated frequencies" if top in (0, ratio.size - 1) else ""
@@ -195,7 +188,7 @@ def _amplification(spectra: Spectra, first: str, last: str) -> EvaluatedMeasure 
 def _arrays(spectra: Spectra) -> dict[str, Array]:
     """Gain, its sigma, phase and coherence of each output; NaN where it is not evaluated."""
     arrays = {"frequency": spectra.frequency}
-    for name in spectra.outputs:
+    for name in spectra.cross:
         used, gain = spectra.coherent(name), spectra.gain(name)
         phase = np.full(used.size, np.nan)
         phase[used] = np.unwrap(np.angle(gain[used]))

@@ -34,22 +34,22 @@ def evaluate(motion: Motion) -> Findings:
     Raises:
         SignalError: the log has no lane change, or neither yaw rates nor lateral accelerations of first and last unit.
     """
-    corrected, note = without_roll(motion)
+    if len(motion.units) == 1:
+        raise SignalError(f"{motion.name}: signals of one unit only; rearward amplification needs those of a trailer")
+    corrected, notes = without_roll(motion)
     pairs = amplified(corrected)
-    found = findings(corrected, [name for pair in pairs.values() for name in pair], measures, fault, WORDS)
-    return replace(found, notes=(*found.notes, *note))
+    if not pairs:
+        for unit in (motion.units[0], motion.units[-1]):
+            motion.output(f"yaw_rate.{unit}")
+    found = findings(corrected, [name for pair in pairs for name in pair], measures, fault, WORDS)
+    return replace(found, notes=(*found.notes, *notes))
 
 
-def amplified(motion: Motion) -> dict[str, tuple[str, str]]:
+def amplified(motion: Motion) -> list[tuple[str, str]]:
     """First and last signal of each quantity whose amplification the log shows."""
     first, last = motion.units[0], motion.units[-1]
-    pairs = {q: (f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")}
-    if first == last:
-        raise SignalError(f"{motion.name}: signals of one unit only; rearward amplification needs those of a trailer")
-    found = {q: pair for q, pair in pairs.items() if all(name in motion.signals for name in pair)}
-    if not found:
-        motion.output(next(name for name in pairs["yaw_rate"] if name not in motion.signals))
-    return found
+    pairs = [(f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")]
+    return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
 
 
 def without_roll(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
