@@ -67,7 +67,7 @@ def without_roll(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
 
 def fault(response: Response) -> str:
     """Why a manoeuvre is no lane change."""
-    if not 2 <= len(response.lobes) <= 4:
+    if len(response.lobes) < 2:
         return "no lane change, the steer angle does not change its side"
     return f"no single lane change, steering for {response.end:.1f} s" if response.end > LONGEST else ""
 

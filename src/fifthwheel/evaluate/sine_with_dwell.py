@@ -1,7 +1,8 @@
 """Sine with dwell, ISO 18375:2016: ratios of the yaw rate after the steering to its second peak.
 
-A ratio is the magnitude of the yaw rate at `INSTANTS` after the end of steering divided by its largest magnitude since
-the steer angle changed its side. The standard is for low friction, and for trucks with stability control.
+A ratio is the yaw rate at `INSTANTS` after the end of steering divided by the one with the largest magnitude since the
+steer angle changed its side; it is negative if the yaw rate has changed its side. The standard is for low friction, and
+for trucks with stability control.
 """
 
 from collections.abc import Mapping
@@ -58,7 +59,8 @@ def measures(response: Response) -> Mapping[str, float]:
     end = falls[1] + (falls[1] - falls[0]) / 2  # the last tenth of the steer angle, on the line through both
     values = {}
     for name, output in response.outputs.items():
-        peak = np.abs(output[(t > changed) & (t < end)]).max()
+        inside = output[(t > changed) & (t < end)]
+        peak = inside[np.abs(inside).argmax()]
         for key, instant in zip(WORDS, INSTANTS, strict=True):
-            values[f"{key}.{name}"] = float(abs(np.interp(end + instant, t, output)) / peak)
+            values[f"{key}.{name}"] = float(np.interp(end + instant, t, output) / peak)
     return values

@@ -2,12 +2,14 @@
 
 Time counts from the instant at which the steer angle has half of its step. The response time is that of the first 90 %
 of the steady value, the peak response time that of the largest value where it is clear of noise. The overshoot is the
-largest value less the steady one, divided by the steady one. Steady values are means over the last third of the step.
+largest value less the steady one, divided by the steady one. Steady values are means over the last third of the step,
+without the end, where the driver may return.
 """
 
 from collections.abc import Mapping
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import LATERAL_ACCELERATION, ROLL, YAW_RATE
@@ -22,7 +24,9 @@ HELD = 3.0
 RISE = 1.0
 """Longest time from 10 to 90 % of the step, s."""
 STEADY = 0.1
-"""Largest standard deviation of the steer angle in the last third of the step, as a fraction of the step."""
+"""Largest standard deviation of the steer angle while it is steady, as a fraction of the step."""
+BEFORE_END = 0.9
+"""Fraction of the step after which signals are not used, since the driver may return."""
 CLEAR = 3.0
 """Least overshoot for a peak response time, in standard deviations of the noise."""
 WORDS = {
@@ -48,7 +52,7 @@ def fault(response: Response) -> str:
     """Why a manoeuvre is no step."""
     if response.end < HELD:
         return f"no step that lasts at least {HELD:g} s, but steering for {response.end:.1f} s"
-    last = response.steer[(response.time > 2 / 3 * response.end) & (response.time <= response.end)]
+    last = response.steer[_steady(response)]
     if len(response.lobes) > 1 or last.std() > STEADY * abs(last.mean()):
         return "no step, the steer angle does not stay"
     rise = crossing(response.time, response.steer / last.mean(), 0.9)
@@ -57,8 +61,8 @@ def fault(response: Response) -> str:
 
 def measures(response: Response) -> Mapping[str, float]:
     """The measures of one step."""
-    held = response.time <= response.end
-    steady = (response.time > 2 / 3 * response.end) & held
+    held = response.time <= BEFORE_END * response.end
+    steady = _steady(response)
     steer = response.steer[steady].mean()
     start = crossing(response.time, response.steer / steer, 0.5)
     values: dict[str, float] = {}
@@ -72,6 +76,11 @@ def measures(response: Response) -> Mapping[str, float]:
         values[f"peak_response_time.{name}"] = at - start if is_clear else float("nan")
         values[f"overshoot.{name}"] = highest - 1
     return values
+
+
+def _steady(response: Response) -> NDArray[np.bool_]:
+    """Samples of the steady values, (N,)."""
+    return np.asarray((response.time > 2 / 3 * response.end) & (response.time <= BEFORE_END * response.end))
 
 
 def _peak(time: Array, values: Array) -> tuple[float, float]:
