@@ -7,7 +7,7 @@ import fifthwheel as fw
 from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import SignalError
 from fifthwheel.units import STANDARD_GRAVITY as G
-from tests.evaluate.conftest import NOISE, U
+from tests.evaluate.conftest import NOISE, U, repeated
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +55,16 @@ def test_measures_of_the_frequency_response(truck, responses, manoeuvre):
     bandwidth = found["bandwidth.yaw_rate.tractor"]
     assert bandwidth.value == pytest.approx(f[np.argmax(lag > np.pi / 4)], abs=3 * bandwidth.sigma + 0.01)
     assert len(found.plots()) == len(NOISE)
+
+
+def test_repeated_pulses_give_the_gains_of_the_equations(truck, responses):
+    runs = [fw.simulate(truck, manoeuvre="pulse", speed=U, sensors=NOISE, rate=50.0, seed=seed) for seed in range(5)]
+    found = fw.evaluate(repeated(runs), "frequency_response", vehicle=truck)
+    exact = np.abs(responses(found.arrays["frequency"])["yaw_rate.tractor"])
+    gain, sigma = found.arrays["gain.yaw_rate.tractor"], found.arrays["gain_sigma.yaw_rate.tractor"]
+    used = np.isfinite(gain)
+    assert used.sum() > 40
+    assert np.sqrt(np.mean(((gain - exact)[used] / sigma[used]) ** 2)) == pytest.approx(1.0, abs=0.3)
 
 
 def test_noise_lowers_the_coherence_and_the_number_of_frequencies(truck):

@@ -11,9 +11,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import OpenLoop, course
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY as G
-from tests.evaluate.conftest import NOISE, U
-
-STEER = "steer.tractor.front"
+from tests.evaluate.conftest import NOISE, STEER, U, repeated
 
 
 @pytest.fixture(scope="module")
@@ -31,21 +29,6 @@ def responses(truck):
 
 def log(truck, manoeuvre, seed=1, sensors=NOISE, **options):
     return fw.simulate(truck, manoeuvre=manoeuvre, speed=U, sensors=sensors, seed=seed, **options)
-
-
-def repeated(records):
-    """Logs one after the other, every second one to the other side, with offsets of steer angle and yaw rate."""
-    step = records[0].time[1] - records[0].time[0]
-    signals = {
-        name: np.concatenate(
-            [r.signals[name] if name == "speed" or k % 2 == 0 else -r.signals[name] for k, r in enumerate(records)]
-        )
-        for name in records[0].signals
-    }
-    for name, offset in {STEER: 0.004, "yaw_rate.tractor": 0.01}.items():
-        signals[name] = signals[name] + offset
-    time = step * np.arange(sum(map(len, records)))
-    return Record(time=time, signals=signals, name="repeated")
 
 
 @pytest.mark.parametrize("sensors", [dict.fromkeys(NOISE, 0.0), NOISE], ids=["exact", "noisy"])
