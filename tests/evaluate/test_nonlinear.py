@@ -40,6 +40,15 @@ def test_constant_radius_and_constant_speed_give_similar_understeer_gradients(tr
     assert rolls[0] == pytest.approx(rolls[1], rel=0.05)
 
 
+def test_an_ordinary_drive_informs_on_the_understeer_gradient(truck, driven):
+    drive, rising = driven(course("everyday", truck, seed=1)), driven(course("slowly_increasing_steer", truck, speed=U))
+    found, ramp = (fw.evaluate(log, "steady_state", vehicle=truck) for log in (drive, rising))
+    assert "Method: mixed driving" in found.notes[0]
+    gradient = found["understeer_gradient"]
+    assert 0 < gradient.sigma < 6e-4  # 0.34 deg/g
+    assert abs(gradient.value - ramp["understeer_gradient"].value) < 2 * gradient.sigma
+
+
 @pytest.mark.parametrize(
     ("test", "manoeuvre", "measure", "tolerance"),
     [

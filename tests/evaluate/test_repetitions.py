@@ -68,7 +68,7 @@ def test_the_rearward_amplification_is_that_of_the_true_signals(truck, sensors):
         value = np.abs(last).max() / np.abs(first).max()
         assert measure.value == pytest.approx(value, abs=3 * measure.sigma + 0.005 * value)
     assert found.notes[0] == "4 manoeuvres: 2 to the left, 2 to the right."
-    assert all(c.met for c in found.conditions)
+    assert all(c.met is not False for c in found.conditions)
 
 
 def test_steps_to_both_sides_with_a_return(truck):

@@ -39,6 +39,10 @@ def conditions(motion: Motion, findings: Findings) -> tuple[Condition, ...]:
             met=deviation <= SPEED if constant else None,
         ),
     ]
+    for values in list(motion.outputs("yaw_rate").values())[:1]:
+        largest = float(np.abs(motion.speed * smoothed(values, motion.rate)).max())
+        found = f"up to {approximate(largest, 'm/s^2')}, speed × yaw rate of the first unit"
+        result.append(Condition(name="lateral acceleration", required="to be reported", found=found, met=None))
     return (*result, *_entry(motion, findings.start))
 
 

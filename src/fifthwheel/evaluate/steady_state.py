@@ -166,12 +166,12 @@ def _blocks(motion: Motion, yaw_rate: Array) -> Blocks:
 
 
 def _kind(blocks: Blocks) -> str:
-    """Which method of the standard the log follows: what is constant while turning."""
+    """Which method of the standard the log follows: what is constant while turning, if anything is."""
     turning = np.abs(blocks.acceleration) > 0.25 * np.abs(blocks.acceleration).max()
     quantities = {"constant speed": blocks.speed, "constant radius": blocks.curvature, "constant steer": blocks.steer}
     spreads = {name: np.std(np.abs(v[turning])) / np.mean(np.abs(v[turning])) for name, v in quantities.items()}
     name = min(spreads, key=lambda key: spreads[key])
-    return name if spreads[name] < CONSTANT else "nothing constant"
+    return name if spreads[name] < CONSTANT else "mixed driving"
 
 
 def _understeer(blocks: Blocks, vehicle: Vehicle) -> EvaluatedMeasure:
