@@ -117,9 +117,11 @@ def test_gaps_and_reference_signals_are_noted(truck, logs):
     assert any("Reference signals are evaluated too: sideslip.tractor" in note for note in found.notes)
 
 
-def test_stated_sensor_errors_and_time_bases_are_noted(truck, logs):
+def test_stated_sensors_time_bases_and_other_steer_angles_are_noted(truck, logs):
     log, gyro = logs["step"], fw.SensorPrior(sensor_class="mems")
+    log = log.with_signals({"steer.semitrailer.second": 0.0 * log.time})
     stated = replace(log, sensors={"yaw_rate.tractor": gyro}, time_bases={"yaw_rate.tractor": "imu"})
+    assert "Other steer angles are not evaluated: steer.semitrailer.second." in fw.evaluate(log, "step").notes
     notes = fw.evaluate(stated, "step", vehicle=truck).notes
     assert "Stated errors of sensors are neither corrected nor in sigma: yaw_rate.tractor." in notes
     assert "Times contain the time offset of signals on another time base: yaw_rate.tractor." in notes

@@ -185,3 +185,12 @@ def test_a_pulse_in_noise_has_no_damping(truck):
     run = Record(time=run.time, signals=run.signals)
     with pytest.raises(SignalError, match=r"yaw_rate\.semitrailer: fewer than two peaks above the noise"):
         fw.evaluate(run, "pulse", vehicle=truck)
+
+
+def test_without_an_estimate_of_the_noise_one_manoeuvre_has_no_sigma_and_says_why(truck, monkeypatch):
+    """Held samples of a short log; repetitions still have their scatter."""
+    monkeypatch.setattr("fifthwheel.evaluate.motion.estimate_noise_variance", lambda *_: None)
+    one = fw.evaluate(log(truck, "pulse"), "pulse", vehicle=truck)["yaw_damping"]
+    assert (one.sigma, one.reason) == (None, "too short a log for the sensor noise")
+    three = fw.evaluate(repeated([log(truck, "pulse", seed=k) for k in range(3)]), "pulse", vehicle=truck)
+    assert three["yaw_damping"].sigma > 0

@@ -121,7 +121,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
         signals.setdefault(f"{SIDESLIP.quantity}.{SignalName.of(name).unit}", signals[name] / speed)
     if used := [name for name in referred if name in signals]:
         notes.append(f"Reference signals are evaluated too: {enumerated(used)}.")
-    notes += _stated(record, [steer_name, "speed", *signals])
+    notes += _unused(record, [steer_name, "speed", *signals])
     seen = dict.fromkeys([SignalName.of(steer_name).unit, *(SignalName.of(name).unit for name in signals)])
     units = tuple(unit.name for unit in vehicle.units) if vehicle else tuple(seen)
     return Motion(
@@ -137,8 +137,10 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
     )
 
 
-def _stated(record: Record, used: list[str]) -> Iterator[str]:
-    """What a log states of its sensors that the evaluation does not use."""
+def _unused(record: Record, used: list[str]) -> Iterator[str]:
+    """What a log has that the evaluation does not use: other steer angles, stated sensors and time bases."""
+    if names := [name for name in record.signals if is_of(name, STEER) and name != used[0]]:
+        yield f"Other steer angles are not evaluated: {enumerated(names)}."
     if names := [name for name in used if name in record.sensors]:
         yield f"Stated errors of sensors are neither corrected nor in sigma: {enumerated(names)}."
     if names := [name for name in used if name in record.time_bases]:

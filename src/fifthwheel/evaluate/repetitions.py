@@ -7,7 +7,7 @@ with simulated noise (B. Efron and R. Tibshirani, An Introduction to the Bootstr
 noise causes in a largest value; it is removed.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -95,55 +95,68 @@ def findings(
     Raises:
         SignalError: the log has no manoeuvre without a fault, or does not begin straight ahead.
     """
-    noise = {name: motion.noise(name) or 0.0 for name in outputs} | {"steer": motion.noise(motion.steer_name) or 0.0}
+    stated = {"steer": motion.noise(motion.steer_name), **{name: motion.noise(name) for name in outputs}}
+    noise = {name: sigma or 0.0 for name, sigma in stated.items()}
     times = _manoeuvres(motion)
-    smooth = [_smoothed(response, noise) for response in _raw(motion, times, outputs)]
-    faults = [fault(response) for response in smooth]
+    responses = [_smoothed(response, noise) for response in _raw(motion, times, outputs)]
+    faults = [fault(response) for response in responses]
     good = [k for k, text in enumerate(faults) if not text]
     if not good:
         raise SignalError(f"{motion.steer_name}: {faults[0]} in {motion.name}; give the log of this test")
-    values = [measure(smooth[k]) for k in good]
-    rng = np.random.default_rng(0)
-    centres = [_smoothed(smooth[k], noise, 2 * WIDTH) for k in good]  # of the draws: with less of the log's own noise
-    drawn = [[measure(_smoothed(_noisy(centre, noise, rng), noise)) for _ in range(DRAWS)] for centre in centres]
-    without_noise = [measure(_smoothed(centre, noise)) for centre in centres]
-    measures = []
-    for name in values[0]:
-        found = np.array([value[name] for value in values])
-        draws = np.array([[draw[name] for draw in repetition] for repetition in drawn])
-        exact = np.array([value[name] for value in without_noise])
-        if np.isfinite(found + exact).all() and (np.isfinite(draws).mean(axis=1) > 0.5).all():
-            measures.append(_measure(name, found + exact - np.nanmean(draws, axis=1), draws, words))
-    sides = [np.sign(smooth[k].lobes[0][0]) for k in good]
-    left, right = sides.count(1.0), sides.count(-1.0)
-    notes = [
-        f"{len(good)} {'manoeuvre' if len(good) == 1 else 'manoeuvres'}: {left} to the left, {right} to the right."
-    ]
-    if len(good) == 1:
-        notes.append("Sigma has the sensor noise only, and no scatter, which needs more manoeuvres.")
-    if reasons := [text for text in faults if text]:
-        notes.append(f"{len(reasons)} more left out: {enumerated(reasons)}.")
-    if missing := [name for name in values[0] if name not in [m.name for m in measures]]:
-        notes.append(f"Not determined, because of noise or no such instant: {enumerated(missing)}.")
+    kept = [responses[k] for k in good]
+    values, draws = _repeated(kept, noise, measure)
+    measures = [_measure(name, values[name], draws[name], words) for name in values]
+    if len(good) == 1 and None in stated.values():
+        measures = [replace(m, sigma=None, reason="too short a log for the sensor noise") for m in measures]
     steered = {motion.steer_name: motion.steer, **{name: motion.signals[name] for name in outputs}}
     return Findings(
         measures=tuple(measures),
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
-        notes=tuple(notes),
+        notes=tuple(_notes(kept, [text for text in faults if text], measure(kept[0]).keys() - values.keys())),
     )
 
 
-def _measure(name: str, found: Array, draws: Array, words: Mapping[str, Words]) -> EvaluatedMeasure:
+def _repeated(
+    responses: Sequence[Response], noise: Mapping[str, float], measure: Callable[[Response], Mapping[str, float]]
+) -> tuple[dict[str, Array], dict[str, Array]]:
+    """Each measure of each repetition without the bias of the noise, (n,), and with simulated noise, (n, DRAWS)."""
+    rng = np.random.default_rng(0)
+    centres = [_smoothed(response, noise, 2 * WIDTH) for response in responses]  # with less of the log's own noise
+    found = [measure(response) for response in responses]
+    without_noise = [measure(_smoothed(centre, noise)) for centre in centres]
+    with_noise = [[measure(_smoothed(_noisy(centre, noise, rng), noise)) for _ in range(DRAWS)] for centre in centres]
+    values, draws = dict[str, Array](), dict[str, Array]()
+    for name in found[0]:
+        drawn = np.array([[draw[name] for draw in repetition] for repetition in with_noise])
+        value = np.array([one[name] + other[name] for one, other in zip(found, without_noise, strict=True)])
+        if np.isfinite(value).all() and (np.isfinite(drawn).mean(axis=1) > 0.5).all():
+            values[name], draws[name] = value - np.nanmean(drawn, axis=1), drawn
+    return values, draws
+
+
+def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterable[str]) -> Iterator[str]:
+    """How often and to which side the manoeuvre was driven, and what was left out."""
+    n, left = len(responses), sum(response.lobes[0][0] > 0 for response in responses)
+    yield f"{n} manoeuvre{'s' * (n > 1)}: {left} to the left, {n - left} to the right."
+    if n == 1:
+        yield "Sigma has the sensor noise only, and no scatter, which needs more manoeuvres."
+    if faults:
+        yield f"{len(faults)} more left out: {enumerated(faults)}."
+    if names := sorted(missing):
+        yield f"Not determined, because of noise or no such instant: {enumerated(names)}."
+
+
+def _measure(name: str, values: Array, draws: Array, words: Mapping[str, Words]) -> EvaluatedMeasure:
     """Mean over the repetitions (n,) with sigma; draws (n, DRAWS) with simulated noise."""
     kind, _, signal = name.partition(".")
     unit = words[kind].unit or GAIN_UNITS.get(signal.partition(".")[0], "1")
     title = f"{words[kind].title}, {named(signal).removeprefix('the ')}" if signal else words[kind].title
-    n = len(found)
+    n = len(values)
     by_noise = np.sqrt(np.mean(np.nanvar(draws, axis=1)) / n)
-    scatter = np.std(found, ddof=1) / np.sqrt(n) if n > 1 else 0.0
+    scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
     sigma = float(max(by_noise, scatter))
-    return EvaluatedMeasure(name=name, title=title, unit=unit, value=float(found.mean()), sigma=sigma)
+    return EvaluatedMeasure(name=name, title=title, unit=unit, value=float(values.mean()), sigma=sigma)
 
 
 def _manoeuvres(motion: Motion) -> list[tuple[int, int]]:
