@@ -107,6 +107,14 @@ def test_conditions_that_are_not_met(truck, logs):
     assert "up to 1.6 m/s²" in next(c.found for c in good.conditions if c.name == "lateral acceleration")
 
 
+def test_an_accelerometer_without_a_roll_angle_is_noted(truck, logs):
+    log = logs["lane_change"]
+    kept = {n: v for n, v in log.signals.items() if n != "roll.tractor"}
+    found = fw.evaluate(Record(time=log.time, signals=kept), "lane_change", vehicle=truck)
+    assert any(note.startswith("lateral_acceleration.tractor contains g times the roll angle") for note in found.notes)
+    assert not any("lateral_acceleration.semitrailer contains" in note for note in found.notes)
+
+
 def test_gaps_and_reference_signals_are_noted(truck, logs):
     log = logs["step"]
     roll = log.signals["roll.tractor"].copy()

@@ -20,7 +20,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.lane_change import amplified, without_roll
+from fifthwheel.evaluate.lane_change import amplified
 from fifthwheel.evaluate.motion import Motion
 from fifthwheel.evaluate.repetitions import ACTIVE, GAIN_UNITS
 from fifthwheel.formatting import percent
@@ -80,7 +80,6 @@ def evaluate(motion: Motion) -> Findings:
     first = f"yaw_rate.{motion.units[0]}"
     motion.output(first)
     _require_continuous_steering(motion)
-    motion, notes = without_roll(motion)
     quantities = (YAW_RATE, LATERAL_ACCELERATION, ARTICULATION, ROLL)
     responses = _responses(motion, [name for q in quantities for name in motion.outputs(q.quantity)])
     if responses.coherent(first).sum() < 3:
@@ -91,7 +90,7 @@ def evaluate(motion: Motion) -> Findings:
     measures = [m for name in responses.gains for m in _of_output(responses, name)]
     measures += [m for pair in amplified(motion) if (m := _amplification(responses, *pair))]
     segments = f"{responses.segments} segments of {1 / (responses.frequency[1] - responses.frequency[0]):.0f} s."
-    return Findings(measures=tuple(measures), arrays=_arrays(responses), start=None, notes=(segments, *notes))
+    return Findings(measures=tuple(measures), arrays=_arrays(responses), start=None, notes=(segments,))
 
 
 def _require_continuous_steering(motion: Motion) -> None:

@@ -1,12 +1,10 @@
 """Single lane change, ISO 14791:2000: rearward amplification in the time domain.
 
 The largest magnitude of the last unit divided by that of the first one, of yaw rates, and of lateral accelerations
-where both units have an accelerometer. An accelerometer contains g times the roll angle of its unit, which is removed
-where the log has the roll angle.
+where both units have an accelerometer.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 
@@ -14,7 +12,6 @@ from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import Findings
 from fifthwheel.evaluate.motion import Motion
 from fifthwheel.evaluate.repetitions import Response, Words, findings
-from fifthwheel.units import STANDARD_GRAVITY
 
 SHORTEST = 5.0
 """Least duration of a log, s."""
@@ -36,13 +33,11 @@ def evaluate(motion: Motion) -> Findings:
     """
     if len(motion.units) == 1:
         raise SignalError(f"{motion.name}: signals of one unit only; rearward amplification needs those of a trailer")
-    corrected, notes = without_roll(motion)
-    pairs = amplified(corrected)
+    pairs = amplified(motion)
     if not pairs:
         for unit in (motion.units[0], motion.units[-1]):
             motion.output(f"yaw_rate.{unit}")
-    found = findings(corrected, [name for pair in pairs for name in pair], measures, fault, WORDS)
-    return replace(found, notes=(*found.notes, *notes))
+    return findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
 
 
 def amplified(motion: Motion) -> list[tuple[str, str]]:
@@ -50,19 +45,6 @@ def amplified(motion: Motion) -> list[tuple[str, str]]:
     first, last = motion.units[0], motion.units[-1]
     pairs = [(f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")]
     return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
-
-
-def without_roll(motion: Motion) -> tuple[Motion, tuple[str, ...]]:
-    """The motion with lateral accelerations without gravity, and a note on those whose roll angle is not logged."""
-    signals, kept = dict(motion.signals), []
-    for name, values in motion.outputs("lateral_acceleration").items():
-        roll = f"roll.{name.partition('.')[2]}"
-        if roll in signals:
-            signals[name] = values - STANDARD_GRAVITY * signals[roll]
-        else:
-            kept.append(name)
-    note = f"{', '.join(kept)}: with g times the roll angle, which the log does not have." if kept else ""
-    return replace(motion, signals=signals), (note,) if note else ()
 
 
 def fault(response: Response) -> str:

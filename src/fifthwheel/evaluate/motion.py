@@ -21,6 +21,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
 EVALUATED = (YAW_RATE, ARTICULATION, ROLL, LATERAL_ACCELERATION, SIDESLIP, LATERAL_VELOCITY)
@@ -45,7 +46,7 @@ class Motion:
     """Road-wheel angle of the first steered axle, rad."""
     steer_name: str
     signals: Mapping[str, Array]
-    """Outputs by name, SI."""
+    """Outputs by name, SI; a lateral acceleration is without g times the roll angle of its unit, if that is logged."""
     units: tuple[str, ...]
     """Front to rear; without a vehicle in the order of their signals."""
     vehicle: Vehicle | None
@@ -119,6 +120,11 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
                 notes.append(f"left out: {error}")
     for name in [name for name in signals if is_of(name, LATERAL_VELOCITY)]:
         signals.setdefault(f"{SIDESLIP.quantity}.{SignalName.of(name).unit}", signals[name] / speed)
+    for name in [name for name in signals if is_of(name, LATERAL_ACCELERATION)]:
+        if (roll := f"{ROLL.quantity}.{SignalName.of(name).unit}") in signals:
+            signals[name] = signals[name] - STANDARD_GRAVITY * signals[roll]
+        else:
+            notes.append(f"{name} contains g times the roll angle, since {roll} is not in the log.")
     if used := [name for name in referred if name in signals]:
         notes.append(f"Reference signals are evaluated too: {enumerated(used)}.")
     notes += _unused(record, [steer_name, "speed", *signals])
