@@ -4,7 +4,7 @@ A manoeuvre is where the steer angle differs from that of the straight entry by 
 Signals are smoothed by local polynomials (Savitzky and Golay, 1964), which keep peaks, and count from their mean before
 the manoeuvre. Sigma is the larger one of the scatter of the repetitions and of the sensor noise, by `DRAWS` manoeuvres
 with simulated noise (B. Efron and R. Tibshirani, An Introduction to the Bootstrap, 1993), which also give the bias that
-noise causes in a largest value; it is removed.
+noise causes in a largest value. It is removed; it is as uncertain as it is large, so it is in sigma too.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -104,8 +104,8 @@ def findings(
     if not good:
         raise SignalError(f"{motion.steer_name}: {faults[0]} in {motion.name}; give the log of this test")
     kept = [responses[k] for k in good]
-    values, draws = _repeated(kept, noise, measure)
-    measures = [_measure(name, values[name], draws[name], words) for name in values]
+    values, biases, draws = _repeated(kept, noise, measure)
+    measures = [_measure(name, values[name], biases[name], draws[name], words) for name in values]
     if len(good) == 1 and None in stated.values():
         measures = [replace(m, sigma=None, reason="too short a log for the sensor noise") for m in measures]
     steered = {motion.steer_name: motion.steer, **{name: motion.signals[name] for name in outputs}}
@@ -119,20 +119,20 @@ def findings(
 
 def _repeated(
     responses: Sequence[Response], noise: Mapping[str, float], measure: Callable[[Response], Mapping[str, float]]
-) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Each measure of each repetition without the bias of the noise, (n,), and with simulated noise, (n, DRAWS)."""
+) -> tuple[dict[str, Array], dict[str, Array], dict[str, Array]]:
+    """Each measure of each repetition, (n,), its bias by the noise, (n,), and with simulated noise, (n, DRAWS)."""
     rng = np.random.default_rng(0)
     centres = [_smoothed(response, noise, 2 * WIDTH) for response in responses]  # with less of the log's own noise
     found = [measure(response) for response in responses]
     without_noise = [measure(_smoothed(centre, noise)) for centre in centres]
     with_noise = [[measure(_smoothed(_noisy(centre, noise, rng), noise)) for _ in range(DRAWS)] for centre in centres]
-    values, draws = dict[str, Array](), dict[str, Array]()
+    values, biases, draws = dict[str, Array](), dict[str, Array](), dict[str, Array]()
     for name in found[0]:
         drawn = np.array([[draw[name] for draw in repetition] for repetition in with_noise])
-        value = np.array([one[name] + other[name] for one, other in zip(found, without_noise, strict=True)])
-        if np.isfinite(value).all() and (np.isfinite(drawn).mean(axis=1) > 0.5).all():
-            values[name], draws[name] = value - np.nanmean(drawn, axis=1), drawn
-    return values, draws
+        value, exact = (np.array([one[name] for one in ones]) for ones in (found, without_noise))
+        if np.isfinite(value + exact).all() and (np.isfinite(drawn).mean(axis=1) > 0.5).all():
+            values[name], biases[name], draws[name] = value, np.nanmean(drawn, axis=1) - exact, drawn
+    return values, biases, draws
 
 
 def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterable[str]) -> Iterator[str]:
@@ -147,16 +147,16 @@ def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterab
         yield f"Not determined, because of noise or no such instant: {enumerated(names)}."
 
 
-def _measure(name: str, values: Array, draws: Array, words: Mapping[str, Words]) -> EvaluatedMeasure:
-    """Mean over the repetitions (n,) with sigma; draws (n, DRAWS) with simulated noise."""
+def _measure(name: str, values: Array, biases: Array, draws: Array, words: Mapping[str, Words]) -> EvaluatedMeasure:
+    """Mean over the repetitions (n,) without their bias (n,), and sigma; draws (n, DRAWS) with simulated noise."""
     kind, _, signal = name.partition(".")
     unit = words[kind].unit or GAIN_UNITS.get(signal.partition(".")[0], "1")
     title = f"{words[kind].title}, {named(signal).removeprefix('the ')}" if signal else words[kind].title
-    n = len(values)
+    n, bias = len(values), float(biases.mean())
     by_noise = np.sqrt(np.mean(np.nanvar(draws, axis=1)) / n)
     scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
-    sigma = float(max(by_noise, scatter))
-    return EvaluatedMeasure(name=name, title=title, unit=unit, value=float(values.mean()), sigma=sigma)
+    sigma = float(np.hypot(max(by_noise, scatter), bias))
+    return EvaluatedMeasure(name=name, title=title, unit=unit, value=float(values.mean()) - bias, sigma=sigma)
 
 
 def _manoeuvres(motion: Motion) -> list[tuple[int, int]]:

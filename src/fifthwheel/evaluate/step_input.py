@@ -27,7 +27,7 @@ STEADY = 0.1
 """Largest standard deviation of the steer angle while it is steady, as a fraction of the step."""
 BEFORE_END = 0.9
 """Fraction of the step after which signals are not used, since the driver may return."""
-CLEAR = 3.0
+CLEAR = 4.5
 """Least overshoot for a peak response time, in standard deviations of the noise."""
 WORDS = {
     "steady_gain": Words(title="steady gain", unit=None),
