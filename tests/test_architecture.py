@@ -58,6 +58,7 @@ ROOMS = (
     "cheng_cebon_2011",
     "export",
     "assess",
+    "evaluate",
     "diagnose",
     "report",
     "workflow",

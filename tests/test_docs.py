@@ -22,6 +22,7 @@ from fifthwheel.checks import Fault
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
+from fifthwheel.evaluate import METHODS
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.verdict import Verdict
@@ -308,10 +309,21 @@ def test_the_contents_call_a_page_by_its_title() -> None:
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:
     table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
     forms = {
-        name: ["acceleration" if m.acceleration else "", "path" if m.path else "open loop" if m.open_loop else ""]
+        name: [
+            "acceleration" if m.acceleration else "open loop" if m.open_loop else "",
+            "path" if m.path else "open loop" if m.open_loop else "",
+        ]
         for name, m in MANOEUVRES.items()
     }
     assert table == forms
+
+
+def test_every_test_method_is_documented_with_its_standard_and_manoeuvres() -> None:
+    table = [
+        [cell.replace("`", "") for cell in cells] for cells in rows(section(page("evaluate.md"), "The methods"))[2:]
+    ]
+    assert {cells[0]: cells[1] for cells in table} == {name: method.standard for name, method in METHODS.items()}
+    assert {name for cells in table for name in cells[2].split(", ")} <= set(MANOEUVRES)
 
 
 def test_every_property_and_sensor_field_is_told() -> None:

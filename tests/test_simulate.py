@@ -9,7 +9,7 @@ from fifthwheel.channels import ROLL_RATE, YAW_RATE
 from fifthwheel.checks import check
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
-from fifthwheel.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES
+from fifthwheel.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
@@ -119,6 +119,14 @@ def test_reference_channels(truck, manoeuvre):
         assert all(np.ptp(values) > 1e-3 for values in record.reference.values())
 
 
+@pytest.mark.parametrize("rate", [20.0, 50.0])
+def test_the_steer_angle_of_an_open_loop_is_that_of_the_plant(truck, rate):
+    record, driven = simulate(truck, manoeuvre="step", rate=rate, sensors=NOISELESS), course("step", truck)
+    assert isinstance(driven, OpenLoop)
+    assert record.span == (0.0, pytest.approx(driven.duration - 1 / rate))
+    assert record.signals[STEER] == pytest.approx(np.interp(record.time, driven.time, driven.steer), abs=1e-15)
+
+
 def test_straight_is_straight(truck):
     record = simulate(truck, manoeuvre="straight", sensors=NOISELESS, duration=5)
     assert record.span == (0, 4.99)
@@ -194,7 +202,9 @@ def test_speed_out_of_range(truck, speed):
 
 
 def test_an_unknown_manoeuvre(truck):
-    with pytest.raises(SignalError, match=r"^manoeuvre: 'slalom' is not known; choose one of lane_changes, sweep"):
+    with pytest.raises(
+        SignalError, match=r"^manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine"
+    ):
         simulate(truck, manoeuvre="slalom")
 
 

@@ -32,6 +32,7 @@ IDEAS = {
     "Design of test runs": ("identify.design",),
     "States": ("observe",),
     "Performance measures": ("assess",),
+    "Test methods": ("evaluate",),
     "Reports and plots": ("report", "plots", "pages.terminal"),
     "Export": ("export",),
     "Fleets": ("fleet",),

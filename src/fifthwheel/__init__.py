@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from fifthwheel.assess.assess import assess as assess  # first, or mypy takes the name for the package
+    from fifthwheel.evaluate.evaluate import evaluate as evaluate  # first, or mypy takes the name for the package
     from fifthwheel.identify.identify import identify as identify  # first, or mypy takes the name for the package
     from fifthwheel.simulate import simulate as simulate
     from fifthwheel.vehicle.catalogue import get
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from fifthwheel.errors import FifthwheelError as FifthwheelError
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
+    from fifthwheel.evaluate import Evaluation as Evaluation
     from fifthwheel.export import export_c as export_c
     from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
@@ -81,13 +83,14 @@ imported_at = time.time()
 """Time at which the first module of the package was imported."""
 
 _NAMES = {
-    "": ("assess", "fleet", "identify", "plot", "simulate", "vehicle"),
+    "": ("assess", "evaluate", "fleet", "identify", "plot", "simulate", "vehicle"),
     "assess": ("Assessment", "Body"),
     "cheng_cebon_2011": ("TwoStage", "article"),
     "diagnose.comparison": ("compare",),
     "dynamics": ("LinearSystem", "linear_system"),
     "dynamics.summary": ("summarize",),
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
+    "evaluate": ("Evaluation",),
     "export": ("export_c", "export_fmu"),
     "identify": ("Identification", "LogPosterior", "OneStage", "Posterior", "Profile", "Verdict", "log_posterior"),
     "identify.design": ("design_experiment", "predict_sigmas"),

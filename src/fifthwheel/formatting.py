@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
+from fifthwheel.units import STANDARD_GRAVITY
+
 
 class DisplayUnit(NamedTuple):
     """The unit in which an SI quantity is shown."""
@@ -23,6 +25,7 @@ DISPLAY_UNITS = {
     "rad/s": DisplayUnit("deg/s", 180 / math.pi),
     "rad/s^2": DisplayUnit("deg/s²", 180 / math.pi),
     "m/s^2": DisplayUnit("m/s²", 1.0),
+    "rad s^2/m": DisplayUnit("deg/g", 180 / math.pi * STANDARD_GRAVITY),
     "s": DisplayUnit("ms", 1e3),
     "1": DisplayUnit("", 1.0),
 }

@@ -11,7 +11,7 @@ from fifthwheel._callable import make_callable
 from fifthwheel.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.manoeuvres import LaneChange, acceleration_course, inverse_steer
+from fifthwheel.manoeuvres import linear_course
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
@@ -39,7 +39,7 @@ def simulate(
         count: number of lane changes, to the left and to the right in turn.
         speed: constant, m/s.
         rate: sampling rate, Hz.
-        duration: s; by default that of the lane changes, or 60 s.
+        duration: s; by default that of the manoeuvre, or 60 s.
         seed: seed of the sensors' noise and of the random manoeuvre.
         sensors: variance of the noise by signal, SI squared; by default the gyros of Cheng and Cebon (2011).
         roll: use the yaw-roll model, or the yaw model.
@@ -67,12 +67,10 @@ def simulate(
         raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; the linear model is valid at road speeds")
     if not dynamics.is_stable(vehicle, speed, roll=roll):
         raise VehicleError(f"{vehicle.name}: unstable at {speed:.1f} m/s; simulate it below its critical speed")
-    if duration is None:
-        duration = count * LaneChange().period(speed) if manoeuvre == "lane_changes" else 60.0
-    time = np.arange(round(duration * rate)) / rate
     first = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name).steer_signals()[0]
-    acceleration = acceleration_course(manoeuvre, time, speed=speed, count=count, seed=seed)
-    steer = inverse_steer(vehicle, speed, time, acceleration, roll=roll)
+    time, steer = linear_course(
+        manoeuvre, vehicle, speed=speed, rate=rate, count=count, duration=duration, seed=seed, roll=roll
+    )
     inputs = {n: steer if n == first else np.zeros_like(time) for n in vehicle.steer_signals()}
     inputs["speed"] = np.full_like(time, speed)
     units = [unit.name for unit in vehicle.units]

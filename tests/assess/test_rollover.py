@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.assess.rollover import Rollover, measure, rollover
+from fifthwheel.assess.rollover import Rollover, measure, measure_effective_track, rollover
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.dynamics import linear_system
 from fifthwheel.errors import VehicleError
@@ -19,6 +19,28 @@ def test_a_rigid_truck_rolls_over_at_half_the_track_over_the_height():
     height = vehicle.units[0].sprung.cog_height
     (result,) = rollover(Truck(vehicle=vehicle, body=Body(half_track=0.9)))
     assert result.threshold == pytest.approx(0.9 / height, rel=1e-6)
+
+
+def test_tyres_that_yield_sideways_reduce_the_track_of_a_rigid_truck():
+    """All side force on the outer tyres: N a h / g = N (t - 2 N a / (g k)) with k = C / sigma of each group."""
+    fields = rigid().model_dump()
+    for group in fields["units"][0]["axle_groups"]:
+        group |= {"relaxation_length": 0.4, "cornering_stiffness": 5e5}
+    truck = Truck(vehicle=type(TRUCK)(**fields), body=Body(half_track=0.9))
+    height, loads = truck.vehicle.units[0].sprung.cog_height, truck.vehicle.axle_loads()
+    weight = sum(loads.values())
+    shift = sum(load**2 for load in loads.values()) / weight * 2 * 0.4 / 5e5  # both axles lift at once on a rigid body
+    (result,) = rollover(truck, effective_track=True)
+    assert result.threshold == pytest.approx(0.9 / (height + shift), rel=1e-5)
+    assert result.threshold < 0.97 * rollover(truck)[0].threshold
+
+
+def test_without_relaxation_lengths_the_effective_track_is_the_track():
+    truck = Truck(vehicle=single_axles())
+    assert rollover(truck, effective_track=True)[0].threshold == rollover(truck)[0].threshold
+    assert measure_effective_track(truck) == {
+        "rollover_threshold_effective_track": measure(truck)["rollover_threshold"]
+    }
 
 
 def test_load_transfer_before_the_first_lift_is_that_of_the_linear_model():

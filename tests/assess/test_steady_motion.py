@@ -3,14 +3,17 @@
 import numpy as np
 import pytest
 
+from fifthwheel.assess.propagation import Neighbourhood, samples
 from fifthwheel.assess.steady_motion import (
     CROSSFALL,
     lateral_positions,
     measure_straight_path,
     measure_turn,
+    measure_understeer,
     off_tracking,
 )
 from fifthwheel.assess.truck import Truck
+from fifthwheel.assess.uncertainty import of_vehicle
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
@@ -61,3 +64,15 @@ def test_on_a_crossfall_the_units_run_askew_by_the_slip_of_their_rear_axles():
     assert abs(y[1] - y[0]) == pytest.approx(drive * (L1 + truck.body.front_overhang), rel=1e-6)
     assert abs(y[3] - y[2]) == pytest.approx(trailer * L2, rel=1e-6)
     assert measure_straight_path(truck)["straight_path_width"] == pytest.approx(truck.body.width + np.ptp(y))
+
+
+def test_the_understeer_gradient_of_single_axles_is_that_of_the_text_books():
+    """m_f / C_f - m_r / C_r with the static load over g; and its sigma from a stiffness of 10 %."""
+    gradient = slip_per_acceleration("tractor.front") - slip_per_acceleration("tractor.drive")
+    assert measure_understeer(Truck(vehicle=VEHICLE))["understeer_gradient"] == pytest.approx(gradient, rel=1e-6)
+    exact = dict.fromkeys(VEHICLE.parameters(), 0.0)
+    stiffness = VEHICLE.parameters()["tractor.front.cornering_stiffness"]
+    uncertain = VEHICLE.with_stated(exact | {"tractor.front.cornering_stiffness": 0.1 * stiffness})
+    found = samples(Neighbourhood(Truck(vehicle=uncertain), of_vehicle(uncertain)), measure_understeer)
+    sigma = found.spread(lambda values: values["understeer_gradient"]).sigma
+    assert sigma == pytest.approx(0.1 * slip_per_acceleration("tractor.front"), rel=0.03)

@@ -4,7 +4,15 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess.truck import Truck
-from fifthwheel.assess.yaw_damping import PULSE, decay, eigenvalue_damping, measure, measure_pulse, pulse_response
+from fifthwheel.assess.yaw_damping import (
+    PULSE,
+    eigenvalue_damping,
+    measure,
+    measure_pulse,
+    measure_zero_damping_speed,
+    pulse_damping,
+    pulse_response,
+)
 from fifthwheel.dynamics import critical_speed, linear_system, modes
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
@@ -16,12 +24,12 @@ TRUCK = get("cheng_cebon_2011")
 def test_the_decay_of_a_damped_oscillation_is_its_damping(damping):
     time, w = np.arange(0, 10, 0.002), 3.0
     response = np.exp(-damping * w * time) * np.sin(w * np.sqrt(1 - damping**2) * time)
-    assert decay(time, response) == pytest.approx(damping, rel=1e-3)
+    assert pulse_damping(time, response) == pytest.approx(damping, rel=1e-3)
 
 
 def test_nothing_oscillates_without_peaks():
     time = np.arange(0, 10, 0.01)
-    assert decay(time, np.exp(-time)) == 1.0
+    assert pulse_damping(time, np.exp(-time)) == 1.0
 
 
 @pytest.mark.parametrize("name", ["a_double", "truck_full_trailer", "truck_dolly_semitrailer", "b_double"])
@@ -29,12 +37,12 @@ def test_the_decay_of_a_long_combination_begins_at_its_largest_peak(name):
     """The motion reaches the last unit late: peaks that still grow are not part of its decay."""
     truck = Truck(vehicle=get(name))
     dampings = [mode.damping for mode in modes(truck.vehicle, truck.speed) if mode.frequency < 1]
-    assert 0.8 * min(dampings) < decay(*pulse_response(truck)) < max(dampings)
+    assert 0.8 * min(dampings) < pulse_damping(*pulse_response(truck)) < max(dampings)
 
 
 def test_a_ripple_on_a_slow_decay_is_no_oscillation():
     time = np.arange(0, 10, 0.01)
-    assert decay(time, np.exp(-0.1 * time) * (1 + 0.2 * np.sin(5 * time))) == 1.0
+    assert pulse_damping(time, np.exp(-0.1 * time) * (1 + 0.2 * np.sin(5 * time))) == 1.0
 
 
 def test_a_stiff_truck_has_the_damping_of_the_yaw_model():
@@ -84,3 +92,24 @@ def test_an_oscillation_that_grows_has_a_negative_damping():
     lowest = min(m.damping for m in modes(truck.vehicle, truck.speed) if m.eigenvalue.imag > 0)
     assert lowest < -0.5
     assert measure(truck)["yaw_damping"] == pytest.approx(lowest)
+
+
+def test_at_the_zero_damping_speed_a_mode_of_yaw_does_not_decay():
+    """A trailer with soft tyres and a large yaw inertia sways; by the eigenvalues at, below and above that speed."""
+    changes = {"semitrailer.cornering_stiffness": 3.5e5, "semitrailer.yaw_inertia": 1.0e6}
+    truck = Truck(vehicle=TRUCK).changed(changes)
+    found = measure_zero_damping_speed(truck)["zero_damping_speed"]
+
+    def lowest(speed):
+        return min(m.damping for m in modes(truck.vehicle, speed) if m.eigenvalue.imag > 1e-9)
+
+    assert lowest(found) == pytest.approx(0.0, abs=1e-6)
+    assert lowest(found - 1) > 0 > lowest(found + 1)
+    assert found == pytest.approx(critical_speed(truck.vehicle), rel=1e-5)
+
+
+def test_trucks_without_a_zero_damping_speed_say_why():
+    with pytest.raises(VehicleError, match="zero-damping speed: none up to 200 km/h"):
+        measure_zero_damping_speed(Truck(vehicle=TRUCK))
+    with pytest.raises(VehicleError, match="zero-damping speed: none, unstable without oscillation at 120 km/h"):
+        measure_zero_damping_speed(Truck(vehicle=get("auburn_6x4")))

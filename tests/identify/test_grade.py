@@ -8,11 +8,10 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.dynamics import SPEED_RATE
-from fifthwheel.dynamics.tyres import AIR_DENSITY
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.grade import with_grade
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.driveline import driveline_numbers
+from fifthwheel.vehicle.driveline import AIR_DENSITY, driveline_numbers
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 MASS = sum(unit.mass for unit in TRUCK.units)

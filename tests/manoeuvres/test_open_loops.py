@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import single_sine, step_input
-from fifthwheel.manoeuvres.open_loops import random, single_track_steer, sweep
+from fifthwheel.manoeuvres.open_loops import (
+    pulse,
+    random,
+    sine_with_dwell,
+    single_track_steer,
+    slowly_increasing_steer,
+    sweep,
+)
 from fifthwheel.vehicle import get
 from tests.manoeuvres.conftest import KMH_88, G
 
@@ -59,3 +67,32 @@ def test_sweep_has_the_phase_of_a_linear_sweep(truck):
     crossings = wave.time[1:-1][wave.steer[:-2] * wave.steer[1:-1] < 0]
     cycles = 0.1 * crossings + (1.5 - 0.1) * crossings**2 / (2 * 60)  # integral of the frequency from 0.1 to 1.5 Hz
     np.testing.assert_allclose(cycles, np.arange(1, len(cycles) + 1) / 2, atol=0.02)
+
+
+def test_the_pulse_is_half_a_sine_and_then_straight(truck):
+    driven = pulse(truck, acceleration=3.0, width=0.4, lead=2.0)
+    inside = (driven.time > 2.0) & (driven.time < 2.4)
+    assert driven.time[driven.steer.argmax()] == pytest.approx(2.2)
+    assert driven.steer.max() == pytest.approx(single_track_steer(truck, KMH_88, 3.0))
+    assert (driven.steer[inside] > 0).all()
+    assert driven.steer[~inside] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_the_sine_dwells_at_its_second_peak(truck):
+    driven = sine_with_dwell(truck, frequency=0.5, dwell=1.0, lead=2.0)
+    lowest = driven.steer <= 0.9999 * driven.steer.min()
+    assert driven.time[driven.steer.argmax()] == pytest.approx(2.5)
+    assert np.ptp(driven.time[lowest]) == pytest.approx(1.0, abs=0.03)
+    assert driven.time[lowest][0] == pytest.approx(3.5, abs=0.02)
+    outside = (driven.time < 2.0) | (driven.time > 5.0)
+    assert driven.steer[outside] == pytest.approx(0.0, abs=1e-12)
+    assert driven.steer.max() == pytest.approx(-driven.steer.min())
+
+
+def test_the_slowly_increasing_steer_rises_at_a_constant_rate(truck):
+    driven = slowly_increasing_steer(truck, acceleration=2.5, lead=3.0, duration=28.0)
+    rates = np.diff(driven.steer[driven.time >= 3.0])
+    assert rates == pytest.approx(rates[0])
+    assert driven.steer[-1] == pytest.approx(single_track_steer(truck, KMH_88, 2.5))
+    with pytest.raises(SignalError, match="duration after the lead: expected a number above 0"):
+        slowly_increasing_steer(truck, duration=2.0)

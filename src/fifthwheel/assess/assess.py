@@ -29,10 +29,13 @@ from fifthwheel.vehicle import Vehicle
 
 FAMILIES: tuple[Family, ...] = (
     rollover.measure,
+    rollover.measure_effective_track,
     lane_change.measure,
     lane_change.measure_peak,
     yaw_damping.measure,
     yaw_damping.measure_pulse,
+    yaw_damping.measure_zero_damping_speed,
+    steady_motion.measure_understeer,
     steady_motion.measure_turn,
     steady_motion.measure_straight_path,
     low_speed_turn.measure,

@@ -10,15 +10,23 @@ from fifthwheel.assess.measures import SCHEME
 from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.errors import suggestion
-from fifthwheel.formatting import percent, with_sigma
+from fifthwheel.formatting import DisplayUnit, percent, shown, with_sigma
 from fifthwheel.pages.html import notebook
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
+_UNITS = {"m/s": DisplayUnit("km/h", 3.6), "s": DisplayUnit("s", 1.0)}
+"""Units in which measures are shown, where others are shown otherwise."""
 
-def with_unit(number: str, unit: str) -> str:
-    """A number of a measure with its unit; a ratio has none."""
-    return number if unit == "1" else f"{number} {unit}"
+
+def display_unit(unit: str) -> DisplayUnit:
+    """The unit in which a measure is shown, by its unit."""
+    return _UNITS.get(unit) or shown(unit)
+
+
+def in_unit(value: float, unit: str) -> str:
+    """A value of a measure in its display unit."""
+    return f"{display_unit(unit).factor * value:.3g} {display_unit(unit).name}".rstrip()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,7 +53,7 @@ class Threshold:
         level = "" if self.level == "all" else f"level {self.level}: "
         scheme = "" if self.scheme == SCHEME else f"{self.scheme}: "
         doubt = "" if self.confirmed else " (not confirmed)"
-        return f"{scheme}{level}{sign} {with_unit(f'{self.value:.3g}', unit)}{doubt}"
+        return f"{scheme}{level}{sign} {in_unit(self.value, unit)}{doubt}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,7 +79,9 @@ class MeasureResult:
 
     def text(self) -> str:
         """Value, sigma and unit."""
-        return with_unit(with_sigma(self.value, self.sigma, "1"), self.unit)
+        unit = display_unit(self.unit)
+        sigma = None if self.sigma is None else unit.factor * self.sigma
+        return f"{with_sigma(unit.factor * self.value, sigma, '1')} {unit.name}".rstrip()
 
     def best_threshold(self) -> Threshold | None:
         """The strictest threshold that is met with 50 % or more, else the mildest."""
@@ -91,7 +101,7 @@ class Assessment:
         >>> import fifthwheel as fw
         >>> assessment = fw.assess(fw.vehicle("cheng_cebon_2011"), nonlinear=False)
         >>> assessment
-        Assessment(cheng_cebon_2011 at 88 km/h, 18 measures)
+        Assessment(cheng_cebon_2011 at 88 km/h, 20 measures)
         >>> measure = assessment["rollover_threshold"]
         >>> measure.unit, measure.thresholds[0].value
         ('g', 0.35)
@@ -135,7 +145,7 @@ class Assessment:
             threshold, probability = measure.best_threshold(), ""
             if threshold and threshold.probability is not None:
                 probability = percent(round(threshold.probability, 4))
-            nonlinear = "" if measure.nonlinear is None else with_unit(f"{measure.nonlinear:.3g}", measure.unit)
+            nonlinear = "" if measure.nonlinear is None else in_unit(measure.nonlinear, measure.unit)
             limit = threshold.text(measure.unit) if threshold else ""
             rows.append((measure.title, measure.text(), nonlinear, limit, probability))
         return rows

@@ -73,6 +73,8 @@ ROLLOVER = "rollover_threshold"
 """Rollover threshold of the truck."""
 REAR = "rollover_threshold_rear"
 """Rollover threshold of the rearmost roll-coupled set of units, which the limit of rearward amplification follows."""
+EFFECTIVE_TRACK = "rollover_threshold_effective_track"
+"""Rollover threshold of the truck with tyres that yield sideways."""
 
 MEASURES: Mapping[str, Measure] = {
     ROLLOVER: Measure(
@@ -81,6 +83,7 @@ MEASURES: Mapping[str, Measure] = {
         source="Winkler (2000)",
         limits=_one("at least", 0.35),
     ),
+    EFFECTIVE_TRACK: Measure(title="static rollover threshold, effective track", unit="g", source="ISO 22135:2023"),
     "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
     "rearward_amplification_set": Measure(
         title="rearward amplification, rearmost roll-coupled units",
@@ -111,6 +114,8 @@ MEASURES: Mapping[str, Measure] = {
         source="ISO 14791",
         limits=_one("at least", 0.15),
     ),
+    "zero_damping_speed": Measure(title="zero-damping speed", unit="m/s", source="ISO 14791"),
+    "understeer_gradient": Measure(title="understeer gradient", unit="rad s^2/m", source="ISO 14792"),
     "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
     "straight_path_width": Measure(
         title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"

@@ -49,7 +49,7 @@ def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str,
 
     manoeuvres: dict[str, Callable[[], Values]] = {
         "lane change": changed_lanes,
-        "pulse": lambda: {"yaw_damping_pulse": yaw_damping.decay(*pulse(truck, plant))},
+        "pulse": lambda: {"yaw_damping_pulse": yaw_damping.pulse_damping(*pulse(truck, plant))},
         "steady turn": lambda: {"steady_off_tracking": steady_off_tracking(truck, plant)},
         "rollover": lambda: rollover_threshold(truck),
     }

@@ -16,6 +16,11 @@ commercial vehicles, UMTRI Research Review 31 (2000). For a rigid vehicle it is 
 
 Couplings without roll stiffness divide the truck into roll-coupled sets of units, each with its own threshold.
 
+Effective track, after ISO 22135:2023: the tyres yield sideways, so that the load of the outer tyres acts nearer to the
+CoG by F_y / (k / 2) when they carry the whole side force. Their lateral stiffness is k = C / sigma, of the cornering
+stiffness C and the relaxation length sigma (H. B. Pacejka, Tire and Vehicle Dynamics, 3rd ed., 2012, 5.2). A group then
+lifts at T = N (half the track - 2 N a / (g k)). Of the standard only this is implemented.
+
 Range: small angles, linear springs without lash, no separation of a fifth wheel, level road.
 """
 
@@ -24,7 +29,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess.measures import ROLLOVER
+from fifthwheel.assess.measures import EFFECTIVE_TRACK, ROLLOVER
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -43,13 +48,13 @@ class Rollover:
     """Acceleration and roll angle, rad, of each unit at rest, at every lift and at the threshold."""
 
 
-def rollover(truck: Truck) -> tuple[Rollover, ...]:
-    """The rollover of each roll-coupled set, front to rear.
+def rollover(truck: Truck, *, effective_track: bool = False) -> tuple[Rollover, ...]:
+    """The rollover of each roll-coupled set, front to rear; with the effective track of tyres that yield sideways.
 
     Raises:
         VehicleError: the axle loads are not determined, or a set of units does not stand upright.
     """
-    return tuple(_of_set(truck, units) for units in roll_coupled(truck.vehicle))
+    return tuple(_of_set(truck, units, effective_track) for units in roll_coupled(truck.vehicle))
 
 
 def roll_coupled(vehicle: Vehicle) -> list[list[int]]:
@@ -72,12 +77,17 @@ def measure(truck: Truck) -> Values:
     return values | {f"wheel_lift.{path}": lift for s in sets for path, lift in s.lifts.items()}
 
 
+def measure_effective_track(truck: Truck) -> Values:
+    """The threshold of the truck with the effective track."""
+    return {EFFECTIVE_TRACK: min(s.threshold for s in rollover(truck, effective_track=True))}
+
+
 def set_name(rollover: Rollover) -> str:
     """Name of the measure of one roll-coupled set: "rollover_threshold.dolly+trailer"."""
     return f"{ROLLOVER}.{'+'.join(rollover.units)}"
 
 
-def _of_set(truck: Truck, units: list[int]) -> Rollover:
+def _of_set(truck: Truck, units: list[int], effective_track: bool) -> Rollover:
     """Increase the acceleration from lift to lift until the set is unstable."""
     index = {unit: k for k, unit in enumerate(units)}
     groups = [entry for entry in truck.groups() if entry[0] in index]
@@ -85,7 +95,8 @@ def _of_set(truck: Truck, units: list[int]) -> Rollover:
     weight, by_acceleration = _moments(truck, units)
     stiffness = np.array([group.total_roll_stiffness for _, _, group, _ in groups])
     load = np.array([loads[path] for *_, path in groups])
-    side = np.array([unit.roll_axis_height for _, unit, _, _ in groups]) * load  # h_r F_y per a / g
+    compliance = np.array([g.relaxation_length / g.cornering_stiffness * effective_track for _, _, g, _ in groups])
+    side = (np.array([u.roll_axis_height for _, u, _, _ in groups]) + 2 * load * compliance) * load  # per a / g
     row = np.array([index[i] for i, *_ in groups])
     on_ground = np.ones(len(groups), dtype=bool)
     limit, lifts = load * truck.body.half_track, dict[str, float]()

@@ -25,7 +25,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
-from fifthwheel.dynamics import linear_system, matrices
+from fifthwheel.dynamics import linear_system, matrices, understeer_gradient
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.units import STANDARD_GRAVITY
 
@@ -39,6 +39,11 @@ def measure_turn(truck: Truck) -> Values:
     """The off-tracking at `ACCELERATION`, m."""
     truck.require_stable()
     return {"steady_off_tracking": off_tracking(truck, ACCELERATION / truck.speed)}
+
+
+def measure_understeer(truck: Truck) -> Values:
+    """The understeer gradient of the first unit, rad s^2/m."""
+    return {"understeer_gradient": understeer_gradient(truck.vehicle)}
 
 
 def off_tracking(truck: Truck, yaw_rate: float) -> float:

@@ -6,7 +6,12 @@ lowest damping ratio among them. After the pulse (ISO 14791, pulse input), the l
 peaks of the last articulation angle, half a period apart, gives the damping ratio d / sqrt(pi^2 + d^2). The decay
 begins at the largest peak: in a long combination smaller ones precede it, until the motion reaches the last unit. The
 largest peak is left out if three or more exist: it contains the fast response to the pulse itself.
+
+The zero-damping speed (ISO 14791) is the lowest speed at which that lowest damping ratio is 0.
 """
+
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +27,8 @@ DURATION, STEP = 10.0, 0.02
 """Of the response, s."""
 SMALLEST_PEAK = 0.01
 """Peaks below this fraction of the largest are not used."""
+LOWEST_SPEED, HIGHEST_SPEED = 20 / 3.6, 200 / 3.6
+"""Between which a zero-damping speed is searched for, m/s."""
 ROLL = ("roll", "roll_rate")
 
 
@@ -33,7 +40,28 @@ def measure(truck: Truck) -> Values:
 def measure_pulse(truck: Truck) -> Values:
     """The damping ratio by the decay after a pulse."""
     truck.require_stable()
-    return {"yaw_damping_pulse": decay(*pulse_response(truck))}
+    return {"yaw_damping_pulse": pulse_damping(*pulse_response(truck))}
+
+
+def measure_zero_damping_speed(truck: Truck) -> Values:
+    """The zero-damping speed, m/s.
+
+    Raises:
+        VehicleError: there is none up to `HIGHEST_SPEED`, or the truck becomes unstable without oscillation before.
+    """
+    from scipy.optimize import brentq  # slow to import
+
+    def damping(speed: float) -> float:
+        try:
+            return eigenvalue_damping(replace(truck, speed=speed))
+        except VehicleError:
+            found = f"unstable without oscillation at {3.6 * speed:.0f} km/h"
+            raise VehicleError(f"zero-damping speed: none, {found}") from None
+
+    for low, high in pairwise(np.linspace(LOWEST_SPEED, HIGHEST_SPEED, 10).tolist()):
+        if damping(high) < 0:
+            return {"zero_damping_speed": float(brentq(damping, low, high, xtol=1e-6))}
+    raise VehicleError(f"zero-damping speed: none up to {3.6 * HIGHEST_SPEED:.0f} km/h")
 
 
 def eigenvalue_damping(truck: Truck) -> float:
@@ -70,19 +98,24 @@ def pulse_response(truck: Truck) -> tuple[Array, Array]:
     return time, np.concatenate([forced[output], free.real])
 
 
-def decay(time: Array, response: Array) -> float:
-    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two.
+def pulse_damping(time: Array, response: Array) -> float:
+    """Damping ratio by the peaks of a response (N,) after the pulse; 1 if it has fewer than two."""
+    damping = decay(response[time >= PULSE], SMALLEST_PEAK * float(np.max(np.abs(response))))
+    return 1.0 if damping is None else damping
+
+
+def decay(free: Array, smallest: float) -> float | None:
+    """Damping ratio by the peaks of a free response (N,) above the smallest one; None if it has fewer than two.
 
     A peak is the largest magnitude from one change of sign to the next, after at least one turning point.
     """
-    free = response[time >= PULSE]
     turning = free[np.flatnonzero(np.diff(np.sign(np.diff(free)))) + 1]
     half_waves = np.split(np.abs(turning), np.flatnonzero(np.diff(np.sign(turning))) + 1)
     peaks = np.array([np.max(half_wave, initial=0.0) for half_wave in half_waves])
     peaks = peaks[np.argmax(peaks) :] if len(peaks) else peaks
-    peaks = peaks[peaks > SMALLEST_PEAK * np.max(np.abs(response))]
+    peaks = peaks[peaks > smallest]
     if len(peaks) < 2:
-        return 1.0
+        return None
     peaks = peaks[1:] if len(peaks) > 2 else peaks
     decrement = float(np.log(peaks[0] / peaks[-1])) / (len(peaks) - 1)
     return decrement / float(np.hypot(np.pi, decrement))

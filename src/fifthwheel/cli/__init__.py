@@ -11,6 +11,7 @@ import typer
 from fifthwheel import __version__
 from fifthwheel._atomic import clean_up
 from fifthwheel.cli import (  # importing a command registers it
+    evaluate,  # noqa: F401
     export,  # noqa: F401
     fleet,  # noqa: F401
     identify,  # noqa: F401

@@ -40,8 +40,9 @@ def simulate(
     manoeuvre: Annotated[
         str,
         typer.Option(
-            help="lane_changes, sweep, random or straight; with the linear model also bend, with the nonlinear model "
-            "also test_track, single_sine, step, constant_radius, slow_turns and everyday."
+            help="lane_changes, sweep, random, straight, single_sine, step, pulse, sine_with_dwell or "
+            "slowly_increasing_steer; with the linear model also bend, with the nonlinear model also test_track, "
+            "constant_radius, slow_turns and everyday."
         ),
     ] = "lane_changes",
     count: Annotated[

@@ -1,8 +1,8 @@
 """Manoeuvres of the linear model and of the nonlinear plant, in one catalogue.
 
-catalogue       MANOEUVRES: every name with the forms in which it exists; `acceleration_course` and `course` by name
+catalogue       MANOEUVRES: every name with the forms in which it exists; courses by name
 accelerations   lateral acceleration over time, for the linear model; waveforms for all
-open_loops      steer angle over time, for the plant
+open_loops      steer angle over time, for both
 paths           paths for a driver, for the plant
 courses         the data of an open loop and of a path
 lane_change     the lane change of SAE J2179, as an acceleration and as a path
@@ -17,6 +17,7 @@ from fifthwheel.manoeuvres.catalogue import (
     Manoeuvre,
     acceleration_course,
     course,
+    linear_course,
 )
 from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, braked
 from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
@@ -41,6 +42,7 @@ __all__ = [
     "inverse_steer",
     "lane_changes",
     "lane_changes_on_test_track",
+    "linear_course",
     "single_sine",
     "slow_turns",
     "step_input",

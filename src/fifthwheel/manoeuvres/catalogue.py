@@ -1,7 +1,7 @@
 """The catalogue of manoeuvres: their names, and the forms in which each exists.
 
-The linear model is driven by a lateral acceleration over time, the nonlinear plant by a steer angle over time or by a
-driver who follows a path.
+The linear model is driven by a lateral acceleration or a steer angle over time, the nonlinear plant by a steer angle
+over time or by a driver who follows a path.
 """
 
 import inspect
@@ -9,11 +9,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import accelerations, open_loops, paths
 from fifthwheel.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
 from fifthwheel.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
+from fifthwheel.manoeuvres.linear import inverse_steer
 from fifthwheel.vehicle import Vehicle
 
 
@@ -25,7 +28,8 @@ class Manoeuvre:
     acceleration: Callable[..., Array] | None = None
     """Lateral acceleration of the first unit's CoG over time, for the linear model; takes the time (N,)."""
     open_loop: Callable[..., OpenLoop] | None = None
-    """Steer angle over time, for the plant; takes the vehicle that it is scaled for."""
+    """Steer angle over time, for the plant, and for the linear model where it has no acceleration; takes the vehicle
+    that it is scaled for."""
     path: Callable[..., Path] | None = None
     """Path for a driver, for the plant."""
 
@@ -42,6 +46,14 @@ MANOEUVRES: dict[str, Manoeuvre] = {
     ),
     "single_sine": Manoeuvre(description="one period of a sine of the steer angle", open_loop=open_loops.single_sine),
     "step": Manoeuvre(description="step of the steer angle", open_loop=open_loops.step_input),
+    "pulse": Manoeuvre(description="pulse of the steer angle, half a sine", open_loop=open_loops.pulse),
+    "sine_with_dwell": Manoeuvre(
+        description="one period of a sine of the steer angle that stays at its second peak for 1 s",
+        open_loop=open_loops.sine_with_dwell,
+    ),
+    "slowly_increasing_steer": Manoeuvre(
+        description="steer angle that rises at a constant rate", open_loop=open_loops.slowly_increasing_steer
+    ),
     "sweep": Manoeuvre(
         description="sine with a frequency from 0.1 to 1.5 Hz",
         acceleration=accelerations.sweep,
@@ -64,17 +76,56 @@ MANOEUVRES: dict[str, Manoeuvre] = {
 }
 """Every manoeuvre by its name."""
 
-LINEAR_MANOEUVRES = tuple(name for name, m in MANOEUVRES.items() if m.acceleration)
+LINEAR_MANOEUVRES = tuple(name for name, m in MANOEUVRES.items() if m.acceleration or m.open_loop)
 """Names of the manoeuvres of the linear model."""
 PLANT_MANOEUVRES = tuple(name for name, m in MANOEUVRES.items() if m.open_loop or m.path)
 """Names of the manoeuvres of the nonlinear plant."""
+
+
+def linear_course(
+    name: str,
+    vehicle: Vehicle,
+    *,
+    speed: float,
+    rate: float = 100.0,
+    count: int = 1,
+    duration: float | None = None,
+    seed: int = 0,
+    roll: bool = True,
+) -> tuple[Array, Array]:
+    """Time (N,), s, and steer angle (N,), rad, of the first steered axle in a manoeuvre of the linear model.
+
+    Args:
+        name: one of `LINEAR_MANOEUVRES`.
+        vehicle: truck, stable at this speed.
+        speed: constant, m/s.
+        rate: sampling rate, Hz.
+        count: number of lane changes; other manoeuvres do not use it.
+        duration: s; by default that of the manoeuvre, or 60 s.
+        seed: seed of the random manoeuvre; others do not use it.
+        roll: invert the yaw-roll model, or the yaw model.
+
+    Raises:
+        SignalError: the manoeuvre is unknown, or the linear model does not have it.
+    """
+    manoeuvre = _manoeuvre(name, LINEAR_MANOEUVRES)
+    if manoeuvre.open_loop and not manoeuvre.acceleration:
+        given = {} if duration is None else {"duration": duration}
+        driven = manoeuvre.open_loop(vehicle, speed=speed, **given)
+        time = np.arange(round(driven.duration * rate)) / rate
+        return time, np.interp(time, driven.time, driven.steer)
+    if duration is None:
+        duration = count * LaneChange().period(speed) if name == "lane_changes" else 60.0
+    time = np.arange(round(duration * rate)) / rate
+    acceleration = acceleration_course(name, time, speed=speed, count=count, seed=seed)
+    return time, inverse_steer(vehicle, speed, time, acceleration, roll=roll)
 
 
 def acceleration_course(name: str, time: Array, *, speed: float, count: int, seed: int) -> Array:
     """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model.
 
     Args:
-        name: one of `LINEAR_MANOEUVRES`.
+        name: one of `LINEAR_MANOEUVRES` that has an acceleration.
         time: (N,), in equal steps from 0, s.
         speed: m/s.
         count: number of lane changes; other manoeuvres do not use it.
@@ -86,8 +137,8 @@ def acceleration_course(name: str, time: Array, *, speed: float, count: int, see
     form = _manoeuvre(name, LINEAR_MANOEUVRES).acceleration
     if form is None:
         raise SignalError(
-            f"manoeuvre: {name!r} exists only for the nonlinear truck (--model nonlinear); for the linear model choose "
-            f"one of {', '.join(LINEAR_MANOEUVRES)}"
+            f"manoeuvre: {name!r} exists only for the nonlinear truck (--model nonlinear), or as a steer angle; "
+            f"for the linear model choose one of {', '.join(LINEAR_MANOEUVRES)}"
         )
     return form(time, **_accepted(form, {"speed": speed, "count": count, "seed": seed}))
 

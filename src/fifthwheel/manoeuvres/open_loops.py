@@ -1,4 +1,4 @@
-"""Steer angles over time, without a driver: test methods of ISO 14791 and ISO 14793."""
+"""Steer angles over time, without a driver: test methods of ISO 14791, ISO 14792, ISO 14793 and ISO 18375."""
 
 import math
 
@@ -96,6 +96,85 @@ def step_input(
     time = _time(duration)
     ramp = trapezoid(time, lead, math.inf, 0.1)
     return _open_loop("step", time, single_track_steer(vehicle, speed, acceleration) * ramp, speed)
+
+
+def pulse(
+    vehicle: Vehicle,
+    *,
+    speed: float = STANDARD_SPEED,
+    acceleration: float = 3.0,
+    width: float = 0.4,
+    lead: float = 2.0,
+    duration: float = 12.0,
+) -> OpenLoop:
+    """A pulse of the steer angle, half a sine, to the left: ISO 14791, pulse input.
+
+    Args:
+        vehicle: truck that the steer angle is scaled for.
+        speed: m/s.
+        acceleration: approximate lateral acceleration of a steady turn with the largest steer angle, m/s^2.
+        width: of the pulse, s.
+        lead: time straight ahead before the pulse, s.
+        duration: of the run, s.
+    """
+    require_positive("width", width)
+    time = _time(duration)
+    wave = np.sin(np.pi * np.clip((time - lead) / width, 0.0, 1.0))
+    return _open_loop("pulse", time, single_track_steer(vehicle, speed, acceleration) * wave, speed)
+
+
+def sine_with_dwell(
+    vehicle: Vehicle,
+    *,
+    speed: float = STANDARD_SPEED,
+    acceleration: float = 1.5,
+    frequency: float = 0.5,
+    dwell: float = 1.0,
+    lead: float = 2.0,
+    duration: float = 12.0,
+) -> OpenLoop:
+    """One period of a sine of the steer angle that stays at its second peak for a time: ISO 18375.
+
+    Args:
+        vehicle: truck that the steer angle is scaled for.
+        speed: m/s.
+        acceleration: approximate amplitude of the front axle's lateral acceleration, m/s^2.
+        frequency: Hz.
+        dwell: time at the second peak, s.
+        lead: time straight ahead before the sine, s.
+        duration: of the run, s.
+    """
+    require_positive("frequency", frequency)
+    require_positive("dwell", dwell)
+    time, peak = _time(duration), lead + 0.75 / frequency
+    without_dwell = np.minimum(time, peak) + np.maximum(time - peak - dwell, 0.0)
+    wave = np.sin(2 * np.pi * np.clip(frequency * (without_dwell - lead), 0.0, 1.0))
+    return _open_loop(
+        "sine_with_dwell", time, single_track_steer(vehicle, speed, acceleration, frequency) * wave, speed
+    )
+
+
+def slowly_increasing_steer(
+    vehicle: Vehicle,
+    *,
+    speed: float = STANDARD_SPEED,
+    acceleration: float = 2.5,
+    lead: float = 3.0,
+    duration: float = 28.0,
+) -> OpenLoop:
+    """A steer angle to the left that rises at a constant rate: ISO 14792, constant speed.
+
+    Args:
+        vehicle: truck that the steer angle is scaled for.
+        speed: m/s.
+        acceleration: approximate lateral acceleration at the end, m/s^2; by default it rises by 0.1 m/s^2 per second.
+        lead: time straight ahead before the rise, s.
+        duration: of the run, s.
+    """
+    time = _time(duration)
+    require_positive("duration after the lead", duration - lead)
+    rise = np.clip((time - lead) / (duration - lead), 0.0, 1.0)
+    return _open_loop("slowly_increasing_steer", time, single_track_steer(vehicle, speed, acceleration) * rise, speed)
 
 
 def sweep(

@@ -153,7 +153,7 @@ def explanations(assessment: Assessment) -> list[str]:
     if sampled := [m.title for m in assessment if m.order == "sampled"]:
         notes.append(f"Sampled, because not linear in the parameters: {enumerated(sampled)}.")
     if unknown := [m.title for m in assessment if m.sigma is None]:
-        notes.append(f"Without sigma, because a truck within the uncertainty is unstable: {enumerated(unknown)}.")
+        notes.append(f"Without sigma, because not every truck within the uncertainty has them: {enumerated(unknown)}.")
     return notes
 
 

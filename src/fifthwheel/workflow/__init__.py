@@ -27,6 +27,7 @@ from fifthwheel.workflow.measured_vehicle import (
 )
 from fifthwheel.workflow.results import (
     ASSESSMENT_FILES,
+    EVALUATION_FILES,
     IDENTIFICATION_FILES,
     STATES_FILES,
     compare_runs,
@@ -34,6 +35,7 @@ from fifthwheel.workflow.results import (
     read_truck,
     write_assessment,
     write_comparison,
+    write_evaluation,
     write_loads,
     write_results,
 )
@@ -47,6 +49,7 @@ from fifthwheel.workflow.states import StatesRun, run_states
 
 __all__ = [
     "ASSESSMENT_FILES",
+    "EVALUATION_FILES",
     "IDENTIFICATION_FILES",
     "SENSOR_PRIORS",
     "STATES_FILES",
@@ -95,6 +98,7 @@ __all__ = [
     "weigh_vehicle",
     "write_assessment",
     "write_comparison",
+    "write_evaluation",
     "write_loads",
     "write_results",
 ]

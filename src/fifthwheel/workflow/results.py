@@ -10,6 +10,7 @@ from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.errors import VehicleError
+from fifthwheel.evaluate import Evaluation
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
 from fifthwheel.observe import write_states
@@ -21,6 +22,7 @@ from fifthwheel.report import (
     write_report,
     write_states_report,
 )
+from fifthwheel.report.evaluation import write_evaluation_report
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
@@ -30,6 +32,8 @@ from fifthwheel.workflow.states import StatesRun
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html")
 """Results of an assessment, besides figures."""
+EVALUATION_FILES = ("evaluation.json", "evaluation.html")
+"""Results of an evaluation, besides figures."""
 
 
 def knowledge_file(path: Path) -> Path:
@@ -66,10 +70,23 @@ def write_assessment(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    with atomic_write(folder / ASSESSMENT_FILES[0]) as temporary:
-        temporary.write_text(json.dumps(assessment.as_dict(), indent=2) + "\n", encoding="utf-8")
+    _write_json(folder / ASSESSMENT_FILES[0], assessment.as_dict())
     drawn = write_assessment_report(folder / ASSESSMENT_FILES[1], assessment, provenance=provenance, figures=figures)
     return {name: folder / name for name in (*ASSESSMENT_FILES, *(["figures"] if drawn else []))}
+
+
+def write_evaluation(
+    evaluation: Evaluation, folder: Path, *, provenance: Provenance | None = None, figures: str | None = None
+) -> dict[str, Path]:
+    """Write evaluation.json and evaluation.html to an existing folder; arguments and errors as `write_assessment`."""
+    _write_json(folder / EVALUATION_FILES[0], evaluation.as_dict())
+    drawn = write_evaluation_report(folder / EVALUATION_FILES[1], evaluation, provenance=provenance, figures=figures)
+    return {name: folder / name for name in (*EVALUATION_FILES, *(["figures"] if drawn else []))}
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    with atomic_write(path) as temporary:
+        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 STATES_FILES = ("states.parquet", "report.html")
@@ -120,8 +137,7 @@ def write_results(
         )
     else:
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
-        with atomic_write(folder / "identification.json") as temporary:
-            temporary.write_text(json.dumps(run.as_dict(), indent=2) + "\n", encoding="utf-8")
+        _write_json(folder / "identification.json", run.as_dict())
         vehicle, covariance = _with_assumed(run.identification), run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)

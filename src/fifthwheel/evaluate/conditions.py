@@ -1,0 +1,72 @@
+"""General conditions of a test of a heavy vehicle that its log shows, after ISO 15037-2:2002.
+
+The standard gives a frequency range of 0 to 2 Hz and a bandwidth of the measuring system of at least 5 Hz. The limits
+of speed, yaw rate and steer angle below are ours. A log does not show track, wind, load and tyres.
+"""
+
+import numpy as np
+
+from fifthwheel.evaluate.evaluation import Condition, Findings
+from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.repetitions import smoothed
+from fifthwheel.formatting import approximate
+
+SAMPLING = 20.0
+"""Sampling rate, Hz: four times the bandwidth of 5 Hz."""
+SPEED = 2 / 3.6
+"""Largest deviation of the speed from its mean, m/s."""
+ENTRY = 1.0
+"""Time straight ahead before the first steering, s."""
+STRAIGHT = float(np.radians(0.5))
+"""Largest mean and standard deviation of the yaw rate before the first steering, rad/s; and mean steer angle, rad."""
+
+
+def conditions(motion: Motion, findings: Findings) -> tuple[Condition, ...]:
+    """The conditions, met or not."""
+    deviation = float(np.abs(motion.speed - motion.speed.mean()).max())
+    constant = findings.has_constant_speed
+    result = [
+        Condition(
+            name="sampling rate",
+            required=f"at least {SAMPLING:g} Hz",
+            found=f"{motion.rate:.3g} Hz",
+            met=motion.rate >= 0.99 * SAMPLING,
+        ),
+        Condition(
+            name="steady speed",
+            required=f"within {3.6 * SPEED:g} km/h of its mean" if constant else "not in this test",
+            found=f"{3.6 * motion.speed.mean():.1f} km/h, within {3.6 * deviation:.1f} km/h",
+            met=deviation <= SPEED if constant else None,
+        ),
+    ]
+    for values in list(motion.outputs("yaw_rate").values())[:1]:
+        largest = float(np.abs(motion.speed * smoothed(values, motion.rate)).max())
+        found = f"up to {approximate(largest, 'm/s^2')}, speed × yaw rate of the first unit"
+        result.append(Condition(name="lateral acceleration", required="to be reported", found=found, met=None))
+    return (*result, *_entry(motion, findings.start))
+
+
+def _entry(motion: Motion, start: float | None) -> list[Condition]:
+    """Straight entry and offsets before the first steering."""
+    rates = motion.outputs("yaw_rate")
+    needed = f"{ENTRY:g} s, yaw rate of {approximate(STRAIGHT, 'rad/s')} at most"
+    offset = f"steer angle and yaw rate of {approximate(STRAIGHT, 'rad')} and {approximate(STRAIGHT, 'rad/s')} at most"
+    if start is None or not rates:
+        return [Condition(name="straight entry", required="not in this test", found="–", met=None)]
+    before = (motion.time >= start - ENTRY) & (motion.time < start)
+    duration = start - motion.time[0]
+    if before.sum() < 3:
+        return [Condition(name="straight entry", required=needed, found="no samples before the steering", met=False)]
+    rate = smoothed(next(iter(rates.values())), motion.rate)[before]
+    mean, spread, steer = float(rate.mean()), float(rate.std()), round(float(motion.steer[before].mean()), 6)
+    found = f"{min(duration, ENTRY):.1f} s, {approximate(spread, 'rad/s')} rms about its mean"
+    is_long = bool(duration >= 0.95 * ENTRY)
+    return [
+        Condition(name="straight entry", required=needed, found=found, met=is_long and spread <= STRAIGHT),
+        Condition(
+            name="offsets before the test",
+            required=offset,
+            found=f"{approximate(steer, 'rad')} and {approximate(mean, 'rad/s')}",
+            met=max(abs(mean), abs(steer)) <= STRAIGHT,
+        ),
+    ]

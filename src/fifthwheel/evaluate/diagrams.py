@@ -1,0 +1,72 @@
+"""The diagrams of an evaluation, from its arrays."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fifthwheel._types import Array
+from fifthwheel.channels import CHANNELS
+from fifthwheel.formatting import shown
+from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Points
+from fifthwheel.spoken_names import spoken
+
+
+def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
+    """Plots by their captions: over lateral acceleration, frequency or time, whichever is the first column."""
+    first = next(iter(arrays))
+    if first == "lateral_acceleration":
+        return _characteristics(arrays)
+    return _responses(arrays) if first == "frequency" else _histories(arrays)
+
+
+def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
+    """Each quantity over the lateral acceleration."""
+    x = arrays["lateral_acceleration"]
+    titles = {
+        "steer": "Steer angle",
+        "steer_less_ackermann": "Steer angle less Ackermann angle",
+    }
+    axis = Axis(label="lateral acceleration", unit="m/s²")
+    return {
+        (title := titles.get(name) or spoken(name)): Plot(
+            panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(label=title, unit="deg"))]
+        )
+        for name, values in arrays.items()
+        if name not in ("lateral_acceleration", "speed", "curvature")
+    }
+
+
+def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
+    """Gain with sigma, phase and coherence of each output by the steer angle."""
+    f = arrays["frequency"]
+    axis = Axis(label="frequency", unit="Hz")
+    plots = {}
+    for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
+        gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]
+        gains: list[Item] = [Band(f, gain - sigma, gain + sigma), Line(f, gain)]
+        unit = CHANNELS[name.partition(".")[0]].unit
+        plots[spoken(name)] = Plot(
+            panels=[
+                Panel(items=gains, x=axis, y=Axis(label="gain ± sigma", unit=f"{unit} per rad"), height=1.5),
+                Panel(items=[Line(f, np.degrees(arrays[f"phase.{name}"]))], x=axis, y=Axis(label="phase", unit="deg")),
+                Panel(items=[Line(f, arrays[f"coherence.{name}"])], x=axis, y=Axis(label="coherence", range=(0, 1.02))),
+            ]
+        )
+    return plots
+
+
+def _histories(arrays: Mapping[str, Array]) -> dict[str, Plot]:
+    """Each quantity over time, one plot for all units."""
+    quantities: dict[str, list[Item]] = {}
+    for name, values in arrays.items():
+        if name != "time":
+            quantity = name.partition(".")[0]
+            unit = shown(CHANNELS[quantity].unit)
+            quantities.setdefault(quantity, []).append(Line(arrays["time"], unit.factor * values, name=spoken(name)))
+    axis = Axis(label="time", unit="s")
+    return {
+        (title := quantity.replace("_", " ").capitalize()): Plot(
+            panels=[Panel(items=items, x=axis, y=Axis(label=title, unit=shown(CHANNELS[quantity].unit).name))]
+        )
+        for quantity, items in quantities.items()
+    }

@@ -1,0 +1,99 @@
+"""The evaluation of a log by a test method of ISO."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+from fifthwheel._arguments import expect, expect_optional
+from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
+from fifthwheel.evaluate.conditions import conditions
+from fifthwheel.evaluate.evaluation import Evaluation, Findings
+from fifthwheel.evaluate.motion import Motion, motion
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A test method."""
+
+    title: str
+    standard: str
+    shortest: float
+    """Least duration of a log, s."""
+    evaluate: Callable[[Motion], Findings]
+
+
+METHODS: Mapping[str, Method] = {
+    "steady_state": Method(
+        title="Steady-state circular test",
+        standard="ISO 14792:2011",
+        shortest=steady_state.SHORTEST,
+        evaluate=steady_state.evaluate,
+    ),
+    "frequency_response": Method(
+        title="Frequency response",
+        standard="ISO 14793:2011 and ISO 14791:2000",
+        shortest=frequency_response.SHORTEST,
+        evaluate=frequency_response.evaluate,
+    ),
+    "step": Method(
+        title="Step input", standard="ISO 14793:2011", shortest=step_input.SHORTEST, evaluate=step_input.evaluate
+    ),
+    "lane_change": Method(
+        title="Single lane change",
+        standard="ISO 14791:2000",
+        shortest=lane_change.SHORTEST,
+        evaluate=lane_change.evaluate,
+    ),
+    "pulse": Method(title="Pulse input", standard="ISO 14791:2000", shortest=pulse.SHORTEST, evaluate=pulse.evaluate),
+    "sine_with_dwell": Method(
+        title="Sine with dwell",
+        standard="ISO 18375:2016",
+        shortest=sine_with_dwell.SHORTEST,
+        evaluate=sine_with_dwell.evaluate,
+    ),
+}
+"""Test methods by name."""
+
+
+def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Evaluation:
+    """Evaluate the log of a test by a method of ISO: measures with sigma, test conditions, arrays of the diagrams.
+
+    docs/evaluate.md defines the measures.
+
+    Args:
+        record: one run with speed and the steer angle of the first steered axle, and the outputs that the method needs.
+        test: one of `METHODS`.
+        vehicle: names the units in their order; "steady_state" takes the wheelbase from it.
+
+    Raises:
+        SignalError: the test is unknown, a signal is missing, the log is too short, sampled too slowly, or does not
+            contain the manoeuvre.
+        VehicleError: `vehicle` is not one, or has no steered axle.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> log = fw.simulate(truck, manoeuvre="slowly_increasing_steer", seed=1)
+        >>> gradient = fw.evaluate(log, "steady_state", vehicle=truck)["understeer_gradient"]
+        >>> abs(gradient.value - fw.summarize(truck).understeer_gradient) < 3 * gradient.sigma
+        True
+    """
+    expect("record", record, Record)
+    expect_optional("vehicle", vehicle, Vehicle)
+    if test not in METHODS:
+        raise SignalError(f"test: {test!r} is not known; {suggestion(str(test), METHODS)}")
+    method = METHODS[test]
+    driven = motion(record, vehicle, shortest=method.shortest)
+    found = method.evaluate(driven)
+    return Evaluation(
+        log=record.name,
+        test=test,
+        title=method.title,
+        standard=method.standard,
+        measures=found.measures,
+        conditions=conditions(driven, found),
+        arrays=found.arrays,
+        notes=(*found.notes, *driven.notes),
+    )

@@ -1,0 +1,62 @@
+"""Single lane change, ISO 14791:2000: rearward amplification in the time domain.
+
+The largest magnitude of the last unit divided by that of the first one, of yaw rates, and of lateral accelerations
+where both units have an accelerometer.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from fifthwheel.errors import SignalError
+from fifthwheel.evaluate.evaluation import Findings
+from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.repetitions import Response, Words, findings
+
+SHORTEST = 5.0
+"""Least duration of a log, s."""
+LONGEST = 8.0
+"""Of the steering, s."""
+WORDS = {
+    "rearward_amplification_yaw_rate": Words(title="rearward amplification, yaw rate", unit="1"),
+    "rearward_amplification_lateral_acceleration": Words(
+        title="rearward amplification, lateral acceleration", unit="1"
+    ),
+}
+
+
+def evaluate(motion: Motion) -> Findings:
+    """The rearward amplification of a motion.
+
+    Raises:
+        SignalError: the log has no lane change, or neither yaw rates nor lateral accelerations of first and last unit.
+    """
+    if len(motion.units) == 1:
+        raise SignalError(f"{motion.name}: signals of one unit only; rearward amplification needs those of a trailer")
+    pairs = amplified(motion)
+    if not pairs:
+        for unit in (motion.units[0], motion.units[-1]):
+            motion.output(f"yaw_rate.{unit}")
+    return findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
+
+
+def amplified(motion: Motion) -> list[tuple[str, str]]:
+    """First and last signal of each quantity whose amplification the log shows."""
+    first, last = motion.units[0], motion.units[-1]
+    pairs = [(f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")]
+    return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
+
+
+def fault(response: Response) -> str:
+    """Why a manoeuvre is no lane change."""
+    if len(response.lobes) < 2:
+        return "no lane change, the steer angle does not change its side"
+    return f"no single lane change, steering for {response.end:.1f} s" if response.end > LONGEST else ""
+
+
+def measures(response: Response) -> Mapping[str, float]:
+    """The amplifications in one lane change."""
+    peaks = {name: float(np.abs(values).max()) for name, values in response.outputs.items()}
+    first, last = response.units[0], response.units[-1]
+    quantities = dict.fromkeys(name.partition(".")[0] for name in peaks)
+    return {f"rearward_amplification_{q}": peaks[f"{q}.{last}"] / peaks[f"{q}.{first}"] for q in quantities}

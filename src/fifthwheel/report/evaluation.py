@@ -1,0 +1,62 @@
+"""The page of an evaluation by a test method, and its result on a terminal."""
+
+from pathlib import Path
+
+import fifthwheel
+from fifthwheel import pages
+from fifthwheel.evaluate import Evaluation
+from fifthwheel.pages import page
+from fifthwheel.report.provenance import Provenance
+from fifthwheel.report.words import counted
+
+EXPLANATION = (
+    "Sigma is that of the log: sensor noise, and the scatter of segments or repetitions. Scale errors of sensors are "
+    "not in it. A log does not show track, wind, load and tyres, which ISO 15037-2 requires to be reported too."
+)
+
+
+def write_evaluation_report(
+    path: Path, evaluation: Evaluation, *, provenance: Provenance | None = None, figures: str | None = None
+) -> list[Path]:
+    """Write the page of an evaluation as one HTML file; returns the figures that were written.
+
+    Args:
+        provenance: command, files and versions, to reproduce the result.
+        figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
+
+    Raises:
+        FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
+    """
+    plots = [
+        pages.CaptionedPlot(caption, plot, group=evaluation.test, path=(evaluation.log, evaluation.test, caption))
+        for caption, plot in evaluation.plots().items()
+    ]
+    document = evaluation_document(evaluation)
+    blocks = [
+        *document.blocks,
+        pages.Heading("Diagrams", key="diagrams"),
+        pages.Plots(plots),
+        *(provenance.blocks() if provenance is not None else ()),
+    ]
+    subtitle = f"{evaluation.standard}, fifthwheel {fifthwheel.__version__}"
+    return page.write(path, pages.Document(document.title, blocks, subtitle), images=figures)
+
+
+def evaluation_document(evaluation: Evaluation) -> pages.Document:
+    """Headline, measures, conditions and notes."""
+    blocks: list[pages.Block] = [
+        pages.Headline(headline(evaluation), all(c.met is not False for c in evaluation.conditions)),
+        pages.Heading("Measures", key="measures"),
+        evaluation.table(),
+        pages.Heading("Conditions of ISO 15037-2", key="conditions"),
+        evaluation.condition_table(),
+        pages.Items([*evaluation.notes, EXPLANATION], "Notes"),
+    ]
+    return pages.Document(f"{evaluation.title}, {evaluation.log}", blocks)
+
+
+def headline(evaluation: Evaluation) -> str:
+    """The test, and the conditions that the log does not meet."""
+    missed = [c.name for c in evaluation.conditions if c.met is False]
+    text = f"{evaluation.title} of {evaluation.log} by {evaluation.standard}: {counted(len(evaluation), 'measure')}."
+    return f"{text} Not met: {', '.join(missed)}." if missed else text
