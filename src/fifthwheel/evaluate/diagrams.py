@@ -28,8 +28,8 @@ def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     }
     axis = Axis(label="lateral acceleration", unit="m/s²")
     return {
-        (title := titles.get(name) or spoken(name)): Plot(
-            panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(label=title, unit="deg"))]
+        titles.get(name) or spoken(name): Plot(
+            panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(unit="deg"))]
         )
         for name, values in arrays.items()
         if name not in ("lateral_acceleration", "speed", "curvature")
@@ -65,8 +65,8 @@ def _histories(arrays: Mapping[str, Array]) -> dict[str, Plot]:
             quantities.setdefault(quantity, []).append(Line(arrays["time"], unit.factor * values, name=spoken(name)))
     axis = Axis(label="time", unit="s")
     return {
-        (title := quantity.replace("_", " ").capitalize()): Plot(
-            panels=[Panel(items=items, x=axis, y=Axis(label=title, unit=shown(CHANNELS[quantity].unit).name))]
+        quantity.replace("_", " ").capitalize(): Plot(
+            panels=[Panel(items=items, x=axis, y=Axis(unit=shown(CHANNELS[quantity].unit).name))]
         )
         for quantity, items in quantities.items()
     }

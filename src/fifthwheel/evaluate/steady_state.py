@@ -107,14 +107,14 @@ def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
 def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
     """What the log is, and what sigma does not contain."""
     used, left = int(blocks.linear.sum()), int((~blocks.linear).sum())
-    yield f"Method: {kind}; {used} s of quasi-steady turning up to {LINEAR:g} m/s^2."
+    yield f"Method: {kind}; {used} s of quasi-steady turning up to {LINEAR:g} m/s²."
     if left:
-        yield f"{left} s above {LINEAR:g} m/s^2 are in the diagram, not in the gradients."
+        yield f"{left} s above {LINEAR:g} m/s² are in the diagram, not in the gradients."
     change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
     yield f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
     if (fastest := np.abs(blocks.rate).max()) > RECOMMENDED:
         yield (
-            f"The lateral acceleration changes by up to {fastest:.2f} m/s^2 in 1 s; up to {RECOMMENDED:g} is closer to "
+            f"The lateral acceleration changes by up to {fastest:.2f} m/s² in 1 s; up to {RECOMMENDED:g} is closer to "
             "a steady state."
         )
 

@@ -56,7 +56,9 @@ def evaluation_document(evaluation: Evaluation) -> pages.Document:
 
 
 def headline(evaluation: Evaluation) -> str:
-    """The test, and the conditions that the log does not meet."""
+    """The first measure of the test, and the conditions that the log does not meet."""
     missed = [c.name for c in evaluation.conditions if c.met is False]
-    text = f"{evaluation.title} of {evaluation.log} by {evaluation.standard}: {counted(len(evaluation), 'measure')}."
-    return f"{text} Not met: {', '.join(missed)}." if missed else text
+    first, others = evaluation.measures[0], len(evaluation) - 1
+    text = f"{evaluation.log} by {evaluation.standard}: {first.title} {first.text()}"
+    text += f", and {counted(others, 'other measure')}." if others else "."
+    return f"{text} Not met: {', '.join(missed)}." if missed else f"{text} It meets the conditions that a log shows."
