@@ -5,31 +5,25 @@
 With 1/m the balance is linear in 1/m and in the unknown grade, a random process over the travelled distance. Vahidi,
 Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by recursive least squares with forgetting, and
 McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on Vehicular Technology 58) in two stages. Here a
-Kalman filter for grade and noise whitens the speed and its regressors, and 1/m follows by generalised least squares (de
-Jong 1991, The diffuse Kalman filter). Changes of the force, at gear changes and when the driver lifts the throttle,
-separate mass and grade.
+Kalman filter for grade and noise whitens the speed and its regressors (`grade_filter`), and 1/m follows by generalised
+least squares. Changes of the force, at gear changes and when the driver lifts the throttle, separate mass and grade.
 """
 
 import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, missing_for_mass, names_of
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.kalman import joseph
-from fifthwheel.filters.model import pack, partitioned, unpack
-from fifthwheel.native import Scan, compiled
+from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import drag, driveline_numbers, rotating_mass
 from fifthwheel.vehicle.vehicle import Vehicle
 
-STEP = 0.2
-"""Of the filter, s; samples within it are averaged."""
 LONGEST_HOLD = 1.0
 """Time for which an engine signal or a flag may be missing, s."""
 LOWEST_SPEED = 1.5
@@ -50,28 +44,16 @@ DELAY = 0.1
 """Standard deviation of the delay between force and speed, s."""
 ANTICIPATION = 0.5
 """Standard deviation of the fraction of the force that drivers give for the hill they see: it is not independent of the
-grade. Only changes of the force within less than a vertical curve then inform the mass."""
+grade. Only changes of the force within less than a vertical curve then inform the mass. The lag is causal: later forces
+answer to the speed, so that they would explain the grade by its own effect."""
 HEAVIEST = 500e3
 """Largest mass, kg."""
 SHORTEST = 20.0
 """Least time with known force, s."""
-TOLERANCE = {"xatol": 0.02, "fatol": 0.02}
-"""Of the logarithms of the noise, and of -2 ln of its density."""
 ITERATIONS = 4
 """Relinearisations about the mass and the delay."""
 MEAN_GRADE = 0.01
 """Standard deviation of the mean grade of a log without a grade."""
-UNKNOWN = 10.0
-"""Standard deviation of the speed after a step with unknown force, m/s: nothing is known."""
-NOISE_PRIOR = {
-    "speed": (0.01, 1.0),  # m/s, white noise of a sample
-    "acceleration": (0.01, 1.5),  # m/s^2 sqrt(s), white: gusts, driveline torsion
-    "slope": (0.2, 0.7),  # m/s^2, of the slope: a grade of 2 %
-    "known slope": (0.03, 0.7),  # m/s^2, of the error of a logged grade
-    "hill": (400.0, 0.7),  # m, over which the grade is correlated
-    "vertical curve": (50.0, 0.7),  # m, over which its change is correlated
-}
-"""Median, and standard deviation of the logarithm, of the standard deviations and length that the noise has."""
 
 
 class DrivingMass(NamedTuple):
@@ -93,11 +75,9 @@ class DrivingMass(NamedTuple):
 
 def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
     """The mass of a vehicle from the signals of driving; `mass.gross_mass` describes arguments and errors."""
-    from scipy.optimize import minimize  # slow to import
-
     numbers, start = driveline_numbers(vehicle.driveline, vehicle.stated), sum(unit.mass for unit in vehicle.units)
     wheels, names = sum(vehicle.tyres().values()), ", ".join(record.name for record in records)
-    prior, mass, delay = _noise_prior(has_grade="grade" in records[0].signals), start, 0.0
+    prior, mass, delay = noise_prior(has_grade="grade" in records[0].signals), start, 0.0
     noise = prior[0]
     for _ in range(ITERATIONS):
         rows = np.vstack([force_balance(record, numbers, wheels, start, mass, delay) for record in records])
@@ -107,8 +87,8 @@ def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
                 f"{names}: the force is known for {used:.0f} s, at least {SHORTEST:g} s expected above"
                 f" {LOWEST_SPEED:g} m/s without braking; log a longer drive, or check braking and driveline_engaged"
             )
-        noise = minimize(_objective, noise, (rows, prior, delay / DELAY), "Nelder-Mead", options=TOLERANCE).x
-        _, coefficients, sigma = _least_squares(rows, noise, delay / DELAY)
+        noise = fitted_noise(rows, noise, prior, delay / DELAY)
+        _, coefficients, sigma = least_squares(rows, noise, delay / DELAY)
         beta, delay = float(coefficients[0]), delay + DELAY * float(coefficients[1])
         if not beta > start / HEAVIEST:
             cure = (
@@ -137,7 +117,7 @@ def force_balance(
     *,
     braked: bool = True,
 ) -> Array:
-    """Samples of `_whitening_step` from a record, without its noise: [moved, distance, y, weight, inputs].
+    """Samples of `grade_filter.least_squares` from a record, without its noise: [moved, distance, y, weight, inputs].
 
     They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass. Where a
     brake acts, the force is unknown if `braked`, else that of the engine.
@@ -271,74 +251,3 @@ def _smoothed(values: Array, ratios: Array) -> Array:
 def _widened(mask: Array, steps: int) -> Array:
     """A mask (N,) that also has so many steps before and after each of its own."""
     return np.asarray(np.convolve(mask, np.ones(2 * steps + 1), "same") > 0)
-
-
-def _noise_prior(*, has_grade: bool) -> tuple[Array, Array]:
-    """Means and standard deviations of the logarithms of the noise: speed, acceleration, slope, and its two lengths."""
-    keys = ("speed", "acceleration", "known slope" if has_grade else "slope", "hill", "vertical curve")
-    medians, sigmas = np.array([NOISE_PRIOR[key] for key in keys]).T
-    return np.log(medians), sigmas
-
-
-def _objective(noise: Array, rows: Array, prior: tuple[Array, Array], delay: float) -> float:
-    """-2 ln of the posterior density of the noise, but for a constant."""
-    return _least_squares(rows, noise, delay)[0] + float(np.sum(((noise - prior[0]) / prior[1]) ** 2))
-
-
-def _least_squares(rows: Array, noise: Array, delay: float) -> tuple[float, Array, float]:
-    """-2 ln likelihood, and the coefficients (k,), with the standard deviation of the first one, that of the force.
-
-    The other coefficients have the prior N(0, 1); `delay` is what the speed has been corrected for, in units of its
-    prior.
-    """
-    speed, acceleration, slope, hill, curve = np.exp(noise)
-    moved, distance, *_ = rows.T
-    k = rows.shape[1] - 5
-    decays = np.exp(-distance[:, None] / [hill, curve])
-    bend = slope**2 * (hill + curve) / (hill**2 * curve)  # variance of the change of the slope over the distance
-    sample = np.column_stack(
-        [
-            moved,
-            distance,
-            decays,
-            np.where(moved > 0, acceleration**2 * STEP, UNKNOWN**2),
-            bend * (1 - decays[:, 1] ** 2),
-            rows[:, 2:],
-        ]
-    )
-    carry = np.zeros(6 + 3 * (k + 1))
-    carry[:6] = UNKNOWN**2, 0.0, 0.0, slope**2, bend * hill * curve / (hill + curve), bend
-    _, output = _whitening_step(k)(carry, sample, np.array([speed**2]))
-    present = rows[:, 3] > 0
-    variance, innovations = output[present, 0], output[present, 1:] / np.sqrt(output[present, :1])
-    y, X = innovations[:, 0], -innovations[:, 1:]
-    prior = np.zeros(k)
-    prior[1] = -delay
-    stacked, target = np.vstack([X, np.eye(k)[1:]]), np.concatenate([y, prior[1:]])
-    Q, R = np.linalg.qr(stacked)
-    beta = np.linalg.solve(R, Q.T @ target)
-    residuals = target - stacked @ beta
-    sigma = float(np.linalg.norm(np.linalg.inv(R)[0]))
-    return float(np.sum(np.log(variance)) + residuals @ residuals), beta, sigma
-
-
-@compiled(Scan)
-def _whitening_step(k: int) -> ca.Function:
-    """Kalman filter of the speed v, the slope s and its change c over the distance, for v (column 0) and k regressors.
-
-    carry = [P packed, x (3, 1 + k)]; sample = [moved, distance, decays of s and c, variances of v and c, y, weight,
-    inputs (1 + k)]; constant = [variance of y]; output = [innovation variance, innovations (1 + k)].
-    """
-    carry, P, flat = partitioned("carry", 6, 3 * (k + 1))
-    sample, moved, distance, decays, q, y, weight, inputs = partitioned("sample", 1, 1, 2, 2, 1, 1, k + 1)
-    r = ca.SX.sym("r")
-    F = ca.vertcat(ca.horzcat(1, -STEP * moved, 0), ca.horzcat(0, decays[0], distance), ca.horzcat(0, 0, decays[1]))
-    covariance = F @ unpack(P, 3) @ F.T + ca.diag(ca.vertcat(q[0], 0, q[1]))
-    x = F @ ca.reshape(flat, 3, k + 1) + ca.vertcat(STEP * inputs.T, ca.SX.zeros(2, k + 1))
-    row = ca.SX([[1, 0, 0]])
-    variance, cross = covariance[0, 0] + r, covariance[:, 0]
-    gain = weight * cross / variance
-    innovations = ca.horzcat(y, ca.SX.zeros(1, k)) - x[0, :]
-    carried = ca.vertcat(pack(joseph(covariance, cross, gain, row, r)), ca.reshape(x + gain @ innovations, -1, 1))
-    output = ca.vertcat(variance, innovations.T)
-    return ca.Function("gross_mass", [carry, sample, r], [ca.densify(carried), ca.densify(output)], {"cse": True})

@@ -10,11 +10,22 @@ import math
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.plant.powertrain import GRAVITY, RPM, STEP, DrivenTruck, Powertrain, Road
+from fifthwheel.plant.powertrain import GRAVITY, STEP, DrivenTruck, Powertrain, Road
+from fifthwheel.plant.sensors import driveline_sensors, measure
 from fifthwheel.record import Record
 
 SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
 """Of traffic, m/s; a red light or a roundabout stops or slows it in between."""
+TRUE = (
+    "speed",
+    "engine_speed",
+    "engine_torque",
+    "friction_torque",
+    "driveline_engaged",
+    "braking.tractor",
+    "grade",
+)
+"""True signals, SI; the engine torque includes the friction."""
 
 
 def drive(
@@ -36,29 +47,12 @@ def drive(
     rng = np.random.default_rng(seed)
     n, every = round(duration / STEP), round(1 / (rate * STEP))
     road = Road(truck, rng, n)
-    truth = _motion(truck, road, _traffic(rng, n))
-    speed, engine, torque, friction, engaged, braking, grade = truth.T
-    reference, lag = truck.max_torque, STEP / (0.05 + STEP)
-    shown, filtered = np.empty(n), speed[0]
-    for k in range(n):
-        filtered += lag * (speed[k] - filtered)
-        shown[k] = filtered
-    late = round(max(truck.speed_delay - 0.05, 0.0) / STEP)
-    shown = np.concatenate([np.full(late, shown[0]), shown])[:n] * truck.speed_scale
-    rows, coarse = np.arange(0, n, every), np.arange(0, n, round(0.1 / STEP))
-    quantum = 1 / 256 / 3.6
-    sent = np.round(np.maximum(shown[coarse] + 0.01 * rng.normal(size=coarse.size), 0.0) / quantum) * quantum
-    indicated = truck.torque_scale * torque + truck.torque_offset + friction
-    signals = {
-        "speed": np.interp(rows, coarse, sent),
-        "engine_speed": np.round(engine[rows] / RPM * 8) / 8 * RPM,
-        "engine_torque": np.round(indicated[rows] / reference * 100) / 100 * reference,
-        "friction_torque": np.round(friction[rows] / reference * 100) / 100 * reference,
-        "driveline_engaged": engaged[rows],
-        "braking.tractor": braking[rows],
-    }
-    true = {"speed": speed[rows], "grade": grade[rows]}
-    return Record(time=STEP * rows.astype(float), signals=signals, reference=true, name=name)
+    motion = _motion(truck, road, _traffic(rng, n))[::every]
+    time, truth = STEP * np.arange(0, n, every, dtype=np.float64), dict(zip(TRUE, motion.T, strict=True))
+    reference = {name: truth[name] for name in ("speed", "grade")}
+    return Record(
+        time=time, signals=measure(time, truth, driveline_sensors(truck), seed=seed), reference=reference, name=name
+    )
 
 
 def _traffic(rng: np.random.Generator, n: int) -> Array:
@@ -74,8 +68,8 @@ def _traffic(rng: np.random.Generator, n: int) -> Array:
 
 
 def _motion(truck: DrivenTruck, road: Road, traffic: Array) -> Array:
-    """(N, 7): speed, engine speed, net torque, friction torque, clutch closed, braking, grade."""
-    train, out = Powertrain(truck), np.empty((len(traffic), 7))
+    """(N, 7): the signals `TRUE`."""
+    train, out = Powertrain(truck), np.empty((len(traffic), len(TRUE)))
     rotating_wheels = truck.wheels * truck.wheel_inertia / truck.radius**2
     v = place = wanted = plan = 0.0
     for k, permitted in enumerate(traffic.tolist()):
@@ -88,5 +82,6 @@ def _motion(truck: DrivenTruck, road: Road, traffic: Array) -> Array:
         v = max(v + (force.drive - resistance - downhill - force.brake) / total * STEP, 0.0)
         place += v * STEP
         train.turn(v)
-        out[k] = v, train.engine_speed, train.torque, train.friction, train.engaged, train.braking, grade
+        indicated = train.torque + train.friction
+        out[k] = v, train.engine_speed, indicated, train.friction, train.engaged, train.braking, grade
     return out

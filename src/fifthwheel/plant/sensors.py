@@ -37,6 +37,8 @@ from fifthwheel.vehicle import Vehicle
 
 _CROSS_AXIS = {"yaw_rate": ("roll_rate", 1.0), "roll_rate": ("yaw_rate", -1.0)}
 """The rate that a misaligned gyro measures besides its own, and its sign."""
+SPEED_STEP = 1 / 256 / 3.6
+"""Resolution of speeds in SAE J1939-71, m/s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -102,27 +104,34 @@ def article_sensors(vehicle: Vehicle) -> dict[str, Sensor]:
     }
 
 
-def bus_sensors(vehicle: Vehicle, driven: DrivenTruck) -> dict[str, Sensor]:
-    """The sensors of a truck in ordinary driving with the resolution of SAE J1939-71, by signal.
+def driveline_sensors(driven: DrivenTruck, unit: str = "tractor") -> dict[str, Sensor]:
+    """The sensors of driving with the errors of the truck and the resolution of SAE J1939-71, by signal.
 
-    CCVS, EEC1 and EEC3 with the errors of the truck, 1 % of the reference torque; wheel speeds of every axle (EBC2,
-    HRW) with a noise of 0.02 m/s, 20 values a second.
+    CCVS, 10 values a second; EEC1 and EEC3 with 1 % of the reference torque; the state of driveline and brakes.
+
+    Args:
+        unit: that has the brake switch.
     """
-    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road]
     per_cent = driven.max_torque / 100
     speed = Sensor(
-        latency=driven.speed_delay, scale=driven.speed_scale, variance=0.01**2, quantisation=1 / 256 / 3.6, rate=10.0
+        latency=driven.speed_delay, scale=driven.speed_scale, variance=0.01**2, quantisation=SPEED_STEP, rate=10.0
     )
-    wheel = Sensor(variance=0.02**2, quantisation=1 / 256 / 3.6, rate=20.0)
-    torque = Sensor(scale=driven.torque_scale, bias=driven.torque_offset, quantisation=per_cent)
     return {
         "speed": speed,
         "engine_speed": Sensor(quantisation=math.pi / 240),
-        "engine_torque": torque,
+        "engine_torque": Sensor(scale=driven.torque_scale, bias=driven.torque_offset, quantisation=per_cent),
         "friction_torque": Sensor(quantisation=per_cent),
         "driveline_engaged": Sensor(),
-        f"braking.{vehicle.units[0].name}": Sensor(),
-    } | {f"wheel_speed.{axle}.{side}": wheel for axle in axles for side in SIDES}
+        f"braking.{unit}": Sensor(),
+    }
+
+
+def bus_sensors(vehicle: Vehicle, driven: DrivenTruck) -> dict[str, Sensor]:
+    """`driveline_sensors`, and wheel speeds of every axle (EBC2, HRW) with a noise of 0.02 m/s, 20 values a second."""
+    axles = [f"{unit.name}.{axle.name}" for unit in vehicle.units for axle in unit.on_road]
+    wheel = Sensor(variance=0.02**2, quantisation=SPEED_STEP, rate=20.0)
+    wheels = {f"wheel_speed.{axle}.{side}": wheel for axle in axles for side in SIDES}
+    return driveline_sensors(driven, vehicle.units[0].name) | wheels
 
 
 def measure(
