@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
+from fifthwheel.channels import GRADE, missing_for_mass
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.longitudinal import MEAN_GRADE, NOISE_PRIOR, SHORTEST, STEP, force_balance, step_means
+from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP
+from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.driveline import driveline_numbers
 
 SHORTEST_MOVE = 1e-3
 """Distance over which the grade may change at standstill, m."""
@@ -33,19 +33,18 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     """
     if GRADE.quantity in record.signals or missing_for_mass(record.signals):
         return record
-    numbers, wheels = driveline_numbers(vehicle.driveline, vehicle.stated), sum(vehicle.tyres().values())
     mass = sum(unit.mass for unit in vehicle.units)
     try:
-        known = force_balance(record, numbers, wheels, mass, mass, 0.0)[:, 0] > 0
+        known = force_balance(record, vehicle, mass, mass, 0.0)[:, 0] > 0
     except SignalError:
         return record
-    rows = force_balance(record, numbers, wheels, mass, mass, 0.0, braked=False)
+    rows = force_balance(record, vehicle, mass, mass, 0.0, braked=False)
     moved, distance, speed, present, without_force, by_force = rows.T[:6]
     usable = (moved > 0) & (present > 0) & np.append(False, present[:-1] > 0)
     known &= usable
     if STEP * known.sum() < SHORTEST:
         return record
-    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - _cornering(record, vehicle, speed)
+    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP
     lost = np.where(usable, lost / np.where(usable, moved, 1.0), 0.0)
     slope = _smoothed(lost, known, distance)
     for _ in range(ITERATIONS):  # brakes take energy: where they act, the slope is at most the one without them
@@ -53,17 +52,6 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     time = record.time[0] + STEP * np.arange(slope.size)  # between the means of two steps
     sine = np.clip(np.interp(record.time, time, slope) / STANDARD_GRAVITY, -0.5, 0.5)
     return replace(record, signals=dict(record.signals) | {GRADE.quantity: sine / np.sqrt(1 - sine**2)})
-
-
-def _cornering(record: Record, vehicle: Vehicle, speed: Array) -> Array | float:
-    """Deceleration (N,) by the side forces of a turn, m/s^2: each acts at the slip angle of its axle group."""
-    name = f"{YAW_RATE.quantity}.{vehicle.units[0].name}"
-    if name not in record.signals:
-        return 0.0
-    lateral, p = speed * np.nan_to_num(step_means(record, name)), vehicle.parameters()
-    loads = {path: load / STANDARD_GRAVITY for path, load in vehicle.axle_loads().items()}
-    drag = sum(load**2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
-    return np.asarray(lateral**2 * drag / sum(loads.values()))
 
 
 def _smoothed(slope: Array, known: NDArray[np.bool_], distance: Array) -> Array:

@@ -1,12 +1,13 @@
 """The gross mass of a vehicle from ordinary driving, by the balance of its longitudinal forces.
 
-    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + sin(grade))
+    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + sin(grade)) - F_c
 
-With 1/m the balance is linear in 1/m and in the unknown grade, a random process over the travelled distance. Vahidi,
-Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by recursive least squares with forgetting, and
-McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on Vehicular Technology 58) in two stages. Here a
-Kalman filter for grade and noise whitens the speed and its regressors (`grade_filter`), and 1/m follows by generalised
-least squares. Changes of the force, at gear changes and when the driver lifts the throttle, separate mass and grade.
+F_c is the drag of the side forces in turns. With 1/m the balance is linear in 1/m and in the unknown grade, a random
+process over the travelled distance. Vahidi, Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by
+recursive least squares with forgetting, and McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on
+Vehicular Technology 58) in two stages. Here a Kalman filter for grade and noise whitens the speed and its regressors
+(`grade_filter`), and 1/m follows by generalised least squares. Changes of the force, at gear changes and when the
+driver lifts the throttle, separate mass and grade.
 """
 
 import math
@@ -16,8 +17,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import BRAKING, missing_for_mass, names_of
-from fifthwheel.errors import SignalError
+from fifthwheel.channels import BRAKING, YAW_RATE, missing_for_mass, names_of
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -76,11 +77,11 @@ class DrivingMass(NamedTuple):
 def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
     """The mass of a vehicle from the signals of driving; `mass.gross_mass` describes arguments and errors."""
     numbers, start = driveline_numbers(vehicle.driveline, vehicle.stated), sum(unit.mass for unit in vehicle.units)
-    wheels, names = sum(vehicle.tyres().values()), ", ".join(record.name for record in records)
+    names = ", ".join(record.name for record in records)
     prior, mass, delay = noise_prior(has_grade="grade" in records[0].signals), start, 0.0
     noise = prior[0]
     for _ in range(ITERATIONS):
-        rows = np.vstack([force_balance(record, numbers, wheels, start, mass, delay) for record in records])
+        rows = np.vstack([force_balance(record, vehicle, start, mass, delay) for record in records])
         used = STEP * float((rows[:, 0] > 0).sum())
         if used < SHORTEST:
             raise SignalError(
@@ -108,14 +109,7 @@ def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
 
 
 def force_balance(
-    record: Record,
-    numbers: Mapping[str, tuple[float, float]],
-    wheels: int,
-    start: float,
-    mass: float,
-    delay: float,
-    *,
-    braked: bool = True,
+    record: Record, vehicle: Vehicle, start: float, mass: float, delay: float, *, braked: bool = True
 ) -> Array:
     """Samples of `grade_filter.least_squares` from a record, without its noise: [moved, distance, y, weight, inputs].
 
@@ -128,7 +122,9 @@ def force_balance(
             f"{missing[0]}: not in {record.name}; the mass follows from speed, a signal of the brakes,"
             " and either drive_force or engine_speed and engine_torque; map a column to it in signals.toml"
         )
+    numbers = driveline_numbers(vehicle.driveline, vehicle.stated)
     value, sigma = ({key: pair[i] for key, pair in numbers.items()} for i in (0, 1))
+    wheels = sum(vehicle.tyres().values())
     hold = round(LONGEST_HOLD / STEP)
     means = _Means(record)
     speed = means.of("speed", delay) / value["speed_scale"]
@@ -174,7 +170,7 @@ def force_balance(
     inertia = rotating * acceleration  # counts for the change of the mass since the last linearisation only
     inputs = np.column_stack(
         [
-            inertia / mass - STANDARD_GRAVITY * (slope + value["rolling_resistance"]),
+            inertia / mass - STANDARD_GRAVITY * (slope + value["rolling_resistance"]) - _cornering(means, v, vehicle),
             (net - inertia) / start,
             -DELAY / mass * (np.gradient(force, STEP) + np.where(ratio > 0, force * driven / v, 0.0)),
             offset / mass,
@@ -197,9 +193,21 @@ def force_balance(
     return np.column_stack([*sample, np.where(both[:, None], averaged, 0.0)])
 
 
-def step_means(record: Record, name: str) -> Array:
-    """Means (N,) of a signal over the steps of `force_balance`, NaN where a step has no sample."""
-    return _Means(record).of(name)
+def _cornering(means: "_Means", speed: Array, vehicle: Vehicle) -> Array | float:
+    """Deceleration (N,) by the side forces of a turn, m/s^2: each acts at the slip angle of its axle group.
+
+    sum (N a / g)^2 / C / m, with the lateral acceleration a; 0 without the yaw rate of the first unit, or where the
+    axle loads are not determined. With another load, N and C change in proportion to m.
+    """
+    name, p = f"{YAW_RATE.quantity}.{vehicle.units[0].name}", vehicle.parameters()
+    if name not in means.record.signals:
+        return 0.0
+    try:
+        loads = {path: load / STANDARD_GRAVITY for path, load in vehicle.axle_loads().items()}
+    except VehicleError:
+        return 0.0
+    compliance = sum(load**2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items()) / sum(loads.values())
+    return np.asarray(compliance * (speed * np.nan_to_num(means.of(name))) ** 2)
 
 
 class _Means:
