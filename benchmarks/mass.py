@@ -22,7 +22,7 @@ import numpy as np
 import fifthwheel as fw
 from fifthwheel._types import Array
 from fifthwheel.manoeuvres import everyday
-from fifthwheel.plant import DrivenTruck, Plant, Properties, article_sensors, bus_sensors
+from fifthwheel.plant import DrivenTruck, Plant, Properties, bus_sensors
 from fifthwheel.plant.driving import drive
 from fifthwheel.record import Record
 
@@ -38,17 +38,15 @@ CASES = {
     "without driveline_engaged": (("driveline_engaged",), False),
     "with a grade channel": ((), True),
 }
-NONLINEAR_CASES = {"all signals": ((), False), "without yaw_rate.tractor": (("yaw_rate.tractor",), False)}
 
 
 def nonlinear_drive(truck: DrivenTruck, duration: float, seed: int) -> Record:
-    """The signals of the bus of the nonlinear truck in everyday driving, and the yaw rate of the tractor."""
+    """The signals of the bus of the nonlinear truck in everyday driving."""
     vehicle = fw.with_payload(TRUCK, truck.mass - EMPTY)
     properties = Properties(drag_area=truck.drag_area, rolling_resistance=truck.rolling_resistance)
     course = everyday(duration=duration, seed=seed)
     run = Plant(vehicle, properties).drive(course, driven=truck, seed=seed, rate=50.0)
-    sensors = bus_sensors(vehicle, truck) | {"yaw_rate.tractor": article_sensors(vehicle)["yaw_rate.tractor"]}
-    return replace(run.record(sensors, seed=seed), reference={"grade": run.truth["grade"]})
+    return replace(run.record(bus_sensors(vehicle, truck), seed=seed), reference={"grade": run.truth["grade"]})
 
 
 def outcome(arguments: tuple[int, float, int, bool]) -> Array:
@@ -59,7 +57,7 @@ def outcome(arguments: tuple[int, float, int, bool]) -> Array:
     truck, duration = DrivenTruck.drawn(mass, rng), 60 * minutes
     record = nonlinear_drive(truck, duration, seed) if nonlinear else drive(truck, duration=duration, seed=seed)
     row = [mass]
-    for dropped, with_grade in list((NONLINEAR_CASES if nonlinear else CASES).values())[:cases]:
+    for dropped, with_grade in list(CASES.values())[:cases]:
         signals = {name: values for name, values in record.signals.items() if name not in dropped}
         if with_grade:
             noise = 0.003 * rng.normal() + 0.002 * rng.normal(size=len(record))
@@ -106,7 +104,7 @@ def main() -> None:
     true, weighed = results[:, 0], results[:, -1]
     print("| signals | rms error, % | mean error, % | largest, % | sigma, % | of the driving, % | covered by 90 %, % |")
     print("|---|---|---|---|---|---|---|")
-    for k, name in enumerate(list(NONLINEAR_CASES if options.nonlinear else CASES)[: options.cases]):
+    for k, name in enumerate(list(CASES)[: options.cases]):
         print(line(name, *results[:, 1 + 3 * k : 4 + 3 * k].T, true))
     mass, sigma, driving = results[:, 1:4].T
     of_loads = 0.02 * float(np.linalg.norm(AXLE_LOADS)) * weighed

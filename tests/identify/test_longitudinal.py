@@ -30,30 +30,21 @@ def result(log):
     return fw.gross_mass([log], TRUCK)
 
 
-def pulses(mass, *, grade=0.0, gain=1.0, lateral=0.0):
-    """A log with a drive force that changes every 6 s, exactly integrated, with the noise of a wheel speed sensor.
-
-    While it is driven, it turns with a lateral acceleration, m/s^2.
-    """
+def pulses(mass, *, grade=0.0, gain=1.0):
+    """A log with a drive force that changes every 6 s, exactly integrated, with the noise of a wheel speed sensor."""
     numbers = driveline_numbers(TRUCK.driveline, TRUCK.stated)
     time = np.arange(0, 240, 0.02)
     force = np.where(time % 12 < 6, 20e3, 2e3)
     total = mass + sum(TRUCK.tyres().values()) * numbers["rotating_mass"][0]
-    of_turn = lateral * (force > 10e3)
-    loads = {path: load / STANDARD_GRAVITY for path, load in TRUCK.axle_loads().items()}
-    compliance = sum(N**2 / TRUCK.parameters()[f"{path}.cornering_stiffness"] for path, N in loads.items())
-    turning = mass / sum(loads.values()) * compliance * of_turn**2
     speed = np.empty(time.size)
     v = 15.0
     for k in range(time.size):
         speed[k] = v
         drag = AIR_DENSITY / 2 * numbers["drag_area"][0] * v**2
         slope = math.sin(math.atan(grade)) + numbers["rolling_resistance"][0]
-        v += 0.02 * (force[k] - drag - turning[k] - mass * STANDARD_GRAVITY * slope) / total
-    rate = of_turn / speed
+        v += 0.02 * (force[k] - drag - mass * STANDARD_GRAVITY * slope) / total
     speed += 0.01 * np.random.default_rng(1).normal(size=speed.size)
     signals = {"speed": speed, "drive_force": gain * force, "braking.tractor": np.zeros(time.size)}
-    signals |= {"yaw_rate.tractor": rate} if lateral else {}
     return fw.Record(time=time, signals=signals, name="pulses")
 
 
@@ -62,13 +53,6 @@ def test_an_exactly_integrated_motion_gives_its_mass_on_a_constant_unknown_grade
     result = fw.gross_mass([pulses(30e3, grade=grade)], TRUCK)
     assert abs(result.mass - 30e3) < 2.5 * result.parts["driving"]
     assert result.parts["driving"] < 0.01 * 30e3
-
-
-def test_the_drag_of_turns_is_no_mass_where_the_yaw_rate_is_logged():
-    log = pulses(30e3, lateral=2.5)
-    known, unknown = (fw.gross_mass([record], TRUCK) for record in (log, changed(log, **{"yaw_rate.tractor": None})))
-    assert abs(known.mass - 30e3) < 2.5 * known.parts["driving"]
-    assert unknown.mass - 30e3 > 5 * unknown.parts["driving"]
 
 
 def test_the_mass_scales_with_the_force_and_its_scale_is_in_sigma():

@@ -182,7 +182,7 @@ def prepare_dataset(
         for unit in unmeasured
     ]
     if settings.brakes and units[-1] in unmeasured:
-        notes += _grade_notes(records, units[-1])
+        notes = [*_grade_notes(records, units[-1]), *notes]
     return Dataset(
         records=records,
         logs=logs,
@@ -210,8 +210,9 @@ def _grade_notes(records: Sequence[Record], unit: str) -> list[str]:
         missing = missing_for_mass(without[0].signals)
         cure = enumerated(missing) if missing else "20 s of driving without brakes"
         notes.append(
-            f"{enumerated([record.name for record in without])}: without the grade of the road, the tyres of the {unit}"
-            f" seem too stiff on hills. If the road was not level, log the grade, or {cure}, from which it follows."
+            f"{enumerated([record.name for record in without])}: no signal shows the grade of the road. On hills, the "
+            f"pull of the {unit} then makes all estimates wrong, and no sigma contains it. If the road was not level, "
+            f"log the grade, or {cure}, from which it follows."
         )
     return notes
 

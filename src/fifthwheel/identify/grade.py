@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import GRADE, missing_for_mass
+from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP
-from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance
+from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -44,7 +44,7 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     known &= usable
     if STEP * known.sum() < SHORTEST:
         return record
-    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP
+    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - _cornering(record, vehicle, speed)
     lost = np.where(usable, lost / np.where(usable, moved, 1.0), 0.0)
     slope = _smoothed(lost, known, distance)
     for _ in range(ITERATIONS):  # brakes take energy: where they act, the slope is at most the one without them
@@ -52,6 +52,19 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     time = record.time[0] + STEP * np.arange(slope.size)  # between the means of two steps
     sine = np.clip(np.interp(record.time, time, slope) / STANDARD_GRAVITY, -0.5, 0.5)
     return replace(record, signals=dict(record.signals) | {GRADE.quantity: sine / np.sqrt(1 - sine**2)})
+
+
+def _cornering(record: Record, vehicle: Vehicle, speed: Array) -> Array | float:
+    """Deceleration (N,) by the side forces of a turn, m/s^2: each acts at the slip angle of its axle group.
+
+    sum (N a / g)^2 / C / m, with the lateral acceleration a; 0 without the yaw rate of the first unit.
+    """
+    name, p = f"{YAW_RATE.quantity}.{vehicle.units[0].name}", vehicle.parameters()
+    if name not in record.signals:
+        return 0.0
+    loads = {path: load / STANDARD_GRAVITY for path, load in vehicle.axle_loads().items()}
+    compliance = sum(load**2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items()) / sum(loads.values())
+    return np.asarray(compliance * (speed * np.nan_to_num(step_means(record, name))) ** 2)
 
 
 def _smoothed(slope: Array, known: NDArray[np.bool_], distance: Array) -> Array:

@@ -1,13 +1,12 @@
 """The gross mass of a vehicle from ordinary driving, by the balance of its longitudinal forces.
 
-    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + sin(grade)) - F_c
+    (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + sin(grade))
 
-F_c is the drag of the side forces in turns. With 1/m the balance is linear in 1/m and in the unknown grade, a random
-process over the travelled distance. Vahidi, Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by
-recursive least squares with forgetting, and McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on
-Vehicular Technology 58) in two stages. Here a Kalman filter for grade and noise whitens the speed and its regressors
-(`grade_filter`), and 1/m follows by generalised least squares. Changes of the force, at gear changes and when the
-driver lifts the throttle, separate mass and grade.
+With 1/m the balance is linear in 1/m and in the unknown grade, a random process over the travelled distance. Vahidi,
+Stefanopoulou and Peng (2005, Vehicle System Dynamics 43) estimate both by recursive least squares with forgetting, and
+McIntyre, Ghotikar, Vahidi, Song and Dawson (2009, IEEE Transactions on Vehicular Technology 58) in two stages. Here a
+Kalman filter for grade and noise whitens the speed and its regressors (`grade_filter`), and 1/m follows by generalised
+least squares. Changes of the force, at gear changes and when the driver lifts the throttle, separate mass and grade.
 """
 
 import math
@@ -17,8 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import BRAKING, YAW_RATE, missing_for_mass, names_of
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.channels import BRAKING, missing_for_mass, names_of
+from fifthwheel.errors import SignalError
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -170,7 +169,7 @@ def force_balance(
     inertia = rotating * acceleration  # counts for the change of the mass since the last linearisation only
     inputs = np.column_stack(
         [
-            inertia / mass - STANDARD_GRAVITY * (slope + value["rolling_resistance"]) - _cornering(means, v, vehicle),
+            inertia / mass - STANDARD_GRAVITY * (slope + value["rolling_resistance"]),
             (net - inertia) / start,
             -DELAY / mass * (np.gradient(force, STEP) + np.where(ratio > 0, force * driven / v, 0.0)),
             offset / mass,
@@ -193,21 +192,9 @@ def force_balance(
     return np.column_stack([*sample, np.where(both[:, None], averaged, 0.0)])
 
 
-def _cornering(means: "_Means", speed: Array, vehicle: Vehicle) -> Array | float:
-    """Deceleration (N,) by the side forces of a turn, m/s^2: each acts at the slip angle of its axle group.
-
-    sum (N a / g)^2 / C / m, with the lateral acceleration a; 0 without the yaw rate of the first unit, or where the
-    axle loads are not determined. With another load, N and C change in proportion to m.
-    """
-    name, p = f"{YAW_RATE.quantity}.{vehicle.units[0].name}", vehicle.parameters()
-    if name not in means.record.signals:
-        return 0.0
-    try:
-        loads = {path: load / STANDARD_GRAVITY for path, load in vehicle.axle_loads().items()}
-    except VehicleError:
-        return 0.0
-    compliance = sum(load**2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items()) / sum(loads.values())
-    return np.asarray(compliance * (speed * np.nan_to_num(means.of(name))) ** 2)
+def step_means(record: Record, name: str) -> Array:
+    """Means (N,) of a signal over the steps of `force_balance`, NaN where a step has no sample."""
+    return _Means(record).of(name)
 
 
 class _Means:

@@ -83,8 +83,8 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
 
     Driving needs "speed", "braking.<unit>", and either "drive_force" or "engine_speed" and "engine_torque" (with
     "friction_torque" where the torque includes it). "driveline_engaged" makes gear changes informative, "grade"
-    replaces the unknown grade, and the yaw rate of the first unit gives the drag of its bends. Samples count where the
-    force is known: not while braking, below 1.5 m/s, near gear changes, or in gaps.
+    replaces the unknown grade. Samples count where the force is known: not while braking, below 1.5 m/s, near gear
+    changes, or in gaps.
 
     Weights are "axle_load.<axle group>", "axle_load.<unit>" of all its axles, "weight.<unit>" and "gross_weight", at
     rest or driving straight. Without them, of the vehicle only the number of tyres and the driveline count for the

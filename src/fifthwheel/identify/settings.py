@@ -301,6 +301,7 @@ class OneStage(CommonSettings):
 
     @property
     def brakes(self) -> bool:
+        """Whether the model has longitudinal forces: with tyres that saturate."""
         return self.tyres != "linear"
 
     @property
