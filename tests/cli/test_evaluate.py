@@ -50,6 +50,16 @@ def test_the_tables_and_the_files(logs, run, tmp_path):  # noqa: F811
     assert again.json()["files"] == {n: str(out / n) for n in ("evaluation.json", "evaluation.html")}
 
 
+def test_a_result_folder_as_vehicle(logs, run, tmp_path):  # noqa: F811
+    folder = tmp_path / "result"
+    folder.mkdir()
+    (folder / "vehicle.toml").write_text((logs / "truck.toml").read_text())
+    (folder / "identification.json").write_text("{}")
+    outcome = run("evaluate", logs / "step.parquet", "--test", "step", "-v", folder, "-o", tmp_path / "out")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert str(folder / "vehicle.toml") in (tmp_path / "out" / "evaluation.html").read_text()
+
+
 def test_without_a_vehicle_and_a_folder(logs, run):  # noqa: F811
     result = run("evaluate", logs / "step.parquet", "--test", "step", "--json").json()
     assert "response_time.yaw_rate.semitrailer" in [m["name"] for m in result["measures"]]

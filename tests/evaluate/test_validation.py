@@ -12,6 +12,7 @@ from fifthwheel.evaluate import METHODS
 from fifthwheel.evaluate.curves import curve_names
 from fifthwheel.evaluate.tolerances import DEFAULTS
 from fifthwheel.record import Record
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 from tests.evaluate.conftest import NOISE, STEER, U
 from tests.evaluate.test_evaluate import MANOEUVRES
@@ -64,6 +65,22 @@ def test_softer_front_tyres_are_outside_of_the_understeer_gradient(truck):
     assert found.verdict == "outside"
 
 
+def test_fraction_inside_and_exceedance_by_hand(truck):
+    """The results' steer angle is larger by 0.5 deg/(m/s^2) times the lateral acceleration, up to 1.88 m/s^2."""
+    log = steady_turns(truck, "constant speed")
+    more = np.radians(0.5) * U * log.signals["yaw_rate.tractor"]
+    results = log.with_signals({STEER: log.signals[STEER] + more})
+    tolerances = {"steer_less_ackermann": "0.3 deg", "understeer_gradient": "5 deg/g + 10 %"}
+    found = fw.validate(results, log, "steady_state", vehicle=truck, tolerances=tolerances)
+    (gradient,), (curve,) = found.measures, found.curves
+    assert gradient.results - gradient.log == pytest.approx(np.radians(0.5), rel=1e-6)
+    assert gradient.limit == pytest.approx(np.radians(5) / STANDARD_GRAVITY + 0.1 * gradient.log, rel=1e-9)
+    assert gradient.verdict == "inside"
+    assert curve.inside == pytest.approx(np.mean(curve.x < 0.6), abs=0.01)
+    assert curve.exceedance == pytest.approx(np.radians(0.5 * curve.x.max() - 0.3), rel=1e-6)
+    assert (curve.verdict, found.verdict) == ("outside", "outside")
+
+
 def test_softer_tyres_of_all_axles_are_outside_of_the_sideslip_gradient(truck):
     """They change the understeer gradient, a difference of two axles, by less than a scale error of the steer angle."""
     soft = softer(truck, "tractor.front", "tractor.drive", "semitrailer")
@@ -71,29 +88,26 @@ def test_softer_tyres_of_all_axles_are_outside_of_the_sideslip_gradient(truck):
     assert {m.name: m.verdict for m in found.measures}["sideslip_gradient.tractor"] == "outside"
 
 
-@pytest.mark.parametrize("test", [name for name in METHODS if name != "pulse"])
+@pytest.mark.parametrize("test", METHODS)
 def test_noise_alone_is_not_outside(truck, test):
     log = simulated(truck, test)
-    for seed in (2, 3, 4):
+    for seed in (2, 3):
         found = fw.validate(simulated(truck, test, seed), log, test, vehicle=truck)
         assert not [item.name for item in (*found.measures, *found.curves) if item.verdict == "outside"]
 
 
-def test_noise_alone_is_rarely_outside_of_a_tolerance_of_0_1_sigma(truck):
-    """Without a tolerance, two sigma of a Gaussian difference leave 5 %."""
-    log, outside = steady_turns(truck, "constant speed", 1000), 0
+def test_with_a_tolerance_close_to_0_noise_alone_is_rarely_outside(truck):
+    """Of a measure by 5 % with two sigma, as it should, in 300 pairs 5.7 %; of a curve in 1 of 100 pairs."""
+    tolerances = {"understeer_gradient": "0.001 deg/g", "steer_less_ackermann": "0.001 deg"}
+    verdicts = []
     for seed in range(40):
-        found = fw.validate(
-            steady_turns(truck, "constant speed", seed),
-            log,
-            "steady_state",
-            vehicle=truck,
-            tolerances={"understeer_gradient": "0.001 deg/g"},
-        )
-        (gradient,) = found.measures
-        outside += gradient.verdict == "outside"
-        assert gradient.verdict != "inside"
-    assert outside <= 10
+        pair = (steady_turns(truck, "constant speed", seed + start) for start in (0, 1000))
+        found = fw.validate(*pair, "steady_state", vehicle=truck, tolerances=tolerances)
+        verdicts.append((found.measures[0].verdict, found.curves[0].verdict))
+    of_measure, of_curve = (list(column) for column in zip(*verdicts, strict=True))
+    assert of_measure.count("outside") <= 5
+    assert of_curve.count("outside") <= 2
+    assert "inside" not in of_measure + of_curve
 
 
 def test_the_uncertainty_of_the_wheelbase_is_common_to_both(truck):
@@ -104,7 +118,7 @@ def test_the_uncertainty_of_the_wheelbase_is_common_to_both(truck):
 
 
 def test_offsets_of_sensors_do_not_count(truck):
-    log = steady_turns(truck, "constant speed", 1)
+    log = steady_turns(truck, "constant speed")
     shifted = log.with_signals({STEER: log.signals[STEER] + 0.02})
     assert fw.validate(shifted, log, "steady_state", vehicle=truck).verdict == "inside"
     log = simulated(truck, "step", noise=QUIET)

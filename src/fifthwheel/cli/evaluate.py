@@ -153,12 +153,13 @@ def _written(
 ) -> dict[str, Path]:
     """Write the files of a result to its folder, if there is one."""
     from fifthwheel.report import gather_provenance, provenance_of_run
-    from fifthwheel.workflow import write_evaluation
+    from fifthwheel.workflow import vehicle_file, write_evaluation
 
     if out is None:
         return {}
-    inputs = [*logs, *(Path(path) for path in (vehicle, *maps) if path)]
+    file = vehicle_file(vehicle) if vehicle else None
+    inputs = [*logs, *(Path(path) for path in (file, *maps) if path)]
     with result_folder(out, command, names, inputs=inputs, force=force) as folder:
-        origin = provenance_of_run(logs, vehicle, *maps, command=sys.argv[1:]) if vehicle else None
+        origin = provenance_of_run(logs, file, *maps, command=sys.argv[1:]) if file else None
         origin = origin or gather_provenance(inputs, {}, sys.argv[1:])
         return terminal.in_folder(out, write_evaluation(evaluation, folder, provenance=origin, figures=figures))

@@ -24,6 +24,8 @@ from fifthwheel.spoken_names import spoken
 Judgement = Literal["inside", "outside", "undecided"]
 ENOUGH = 0.95
 """Fraction of the points that are inside in a curve that is."""
+MARGIN = 3.0
+"""Of the points of a curve, in sigma: by two, 5 % of them would be outside by noise alone."""
 COVERED = 0.5
 """Least fraction of the log's points at which the results have a value, for a judgement."""
 AXES = {"time": "s", "frequency": "Hz", "lateral_acceleration": "m/s²"}
@@ -78,11 +80,11 @@ class ComparedCurve:
 
     @property
     def verdict(self) -> Judgement:
-        """Whether the results are inside of the band, with two sigma."""
+        """Whether enough points of the results are inside of the band, with `MARGIN`."""
         if self.covered < COVERED or not self.same_input:
             return "undecided"
-        inside = self._fraction(self._difference + 2 * self.sigma <= self.limit)
-        outside = self._fraction(self._difference - 2 * self.sigma > self.limit)
+        inside = self._fraction(self._difference + MARGIN * self.sigma <= self.limit)
+        outside = self._fraction(self._difference - MARGIN * self.sigma > self.limit)
         return judged(inside >= ENOUGH, outside > 1 - ENOUGH)
 
     @property

@@ -5,7 +5,8 @@ of both records and the tolerance T is
 
     inside if |d| + 2 s <= T,    outside if |d| - 2 s > T,    else undecided.
 
-A curve is inside if `ENOUGH` of its points are, and outside if more than the rest are outside.
+A curve is inside if `ENOUGH` of its points are, and outside if more than the rest are outside, with `MARGIN` in place
+of 2, since it has many points.
 """
 
 from collections.abc import Iterator, Mapping
@@ -60,7 +61,18 @@ class ComparedMeasure:
 
 @dataclass(frozen=True, kw_only=True)
 class Validation:
-    """A simulation's results compared with the log of the same test."""
+    """A simulation's results compared with the log of the same test.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> log = fw.simulate(truck, manoeuvre="lane_changes", count=2, seed=1)
+        >>> validation = fw.validate(log, log, "lane_change", vehicle=truck)
+        >>> [(measure.verdict, measure.results - measure.log) for measure in validation.measures]
+        [('inside', 0.0)]
+        >>> [curve.name for curve in validation.curves]
+        ['steer.tractor.front', 'yaw_rate.tractor', 'yaw_rate.semitrailer']
+    """
 
     results: Evaluation
     log: Evaluation
@@ -75,30 +87,19 @@ class Validation:
         return judged(verdicts == {"inside"}, "outside" in verdicts)
 
     def as_dict(self) -> dict[str, Any]:
-        """The content of validation.json, SI."""
-        measures = [asdict(m) | {"limit": m.limit, "verdict": m.verdict} for m in self.measures]
+        """The content of validation.json, SI: also both evaluations."""
         curves = [
-            {
-                **{name: getattr(c, name) for name in ("name", "title", "unit", "axis", "covered", "same_input")},
-                **{name: getattr(c, name) for name in ("inside", "exceedance", "verdict")},
-                "tolerance": asdict(c.tolerance),
-                **{name: getattr(c, name).tolist() for name in ("x", "log", "results", "limit", "counted")},
-            }
+            {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(c).items()}
+            | {"title": c.title, "inside": c.inside, "exceedance": c.exceedance, "verdict": c.verdict}
             for c in self.curves
         ]
         return {
-            "results": self.results.log,
-            "log": self.log.log,
-            "test": self.log.test,
-            "standard": self.log.standard,
             "verdict": self.verdict,
-            "measures": measures,
-            "curves": curves,
-            "conditions": {
-                role: [asdict(condition) for condition in evaluation.conditions]
-                for role, evaluation in (("results", self.results), ("log", self.log))
-            },
+            "measures": [asdict(m) | {"limit": m.limit, "verdict": m.verdict} for m in self.measures],
+            "curves": [{name: value for name, value in curve.items() if name != "sigma"} for curve in curves],
             "notes": list(self.notes),
+            "results": self.results.as_dict(),
+            "log": self.log.as_dict(),
         }
 
     def plots(self) -> dict[str, Plot]:

@@ -15,7 +15,8 @@ EXPLANATION = (
 )
 
 OF_A_VALIDATION = (
-    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma. "
+    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma; "
+    "for the points of curves, three sigma, and 95 % of them. "
     "Undecided: sigma is too large, the histories have other steer angles, or the results cover less than half of a "
     "curve. The default tolerances are ours, and of no standard: state those of your standard or contract. "
     "Sigma is that of noise and repetitions; scale errors of sensors are not in it."
@@ -85,6 +86,8 @@ def validation_document(validation: Validation) -> pages.Document:
         validation.table(),
         pages.Heading("Curves", key="curves"),
         validation.curve_table(),
+        pages.Heading("Conditions of ISO 15037-2, log", key="conditions"),
+        log.condition_table(),
         pages.Items([*validation.notes, OF_A_VALIDATION], "Notes"),
     ]
     return pages.Document(f"Validation, {validation.results.log} against {log.log}", blocks)
