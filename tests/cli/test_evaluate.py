@@ -93,7 +93,7 @@ def test_a_validation_with_maps_of_both_files(logs, run, tmp_path):  # noqa: F81
     files = (tmp_path / "tool.csv", log, "--results-signals", tmp_path / "tool.toml", "--test", "step")
     outcome = run("validate", *files, "-v", logs / "truck.toml", "-o", out)
     assert (outcome.code, outcome.err) == (0, "")
-    assert outcome.out.startswith("tool against step by the Step input: ")
+    assert outcome.out.startswith("Step input, tool against step: undecided, ")
     contents = json.loads((out / "validation.json").read_text())
     assert contents["curves"][0]["exceedance"] == 0
     assert any("only in the log: " in note and "yaw_rate.semitrailer" in note for note in contents["notes"])

@@ -254,7 +254,7 @@ def _of_evaluations(results: Evaluation, log: Evaluation, compared: list[str]) -
         if missing := [name for name in names if name not in compared]:
             yield f"Not compared, only in the {role}: {enumerated(missing)}."
         if missed := [c.name for c in evaluation.conditions if c.met is False]:
-            yield f"Conditions that the {role} does not meet: {enumerated(missed)}."
+            yield f"Conditions not met, {role}: {enumerated(missed)}."
         yield from (f"{role.capitalize()}: {note}" for note in evaluation.notes)
     titles = {measure.name: measure.title for measure in log}
     yield from (

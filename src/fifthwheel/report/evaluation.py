@@ -76,12 +76,10 @@ def headline(evaluation: Evaluation) -> str:
 def validation_document(validation: Validation) -> pages.Document:
     """Headline, measures, curves and notes."""
     log, verdict = validation.log, validation.verdict
-    compared = f"{counted(len(validation.measures), 'measure')} and {counted(len(validation.curves), 'curve')}"
+    verdicts = [*(m.verdict for m in validation.measures), *(c.verdict for c in validation.curves)]
+    text = f"{verdict}, {verdicts.count(verdict)} of {len(verdicts)} measures and curves"
     blocks: list[pages.Block] = [
-        pages.Headline(
-            f"{validation.results.log} against {log.log} by the {log.title}: {compared}, {verdict}.",
-            verdict == "inside",
-        ),
+        pages.Headline(f"{log.title}, {validation.results.log} against {log.log}: {text}.", verdict == "inside"),
         pages.Heading("Measures", key="measures"),
         validation.table(),
         pages.Heading("Curves", key="curves"),
