@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS
+from fifthwheel.evaluate.diagrams import TITLES
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.repetitions import ACTIVE, ENTRY, GAIN_UNITS
 from fifthwheel.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of
@@ -29,7 +30,6 @@ MARGIN = 3.0
 COVERED = 0.5
 """Least fraction of the log's points at which the results have a value, for a judgement."""
 AXES = {"time": "s", "frequency": "Hz", "lateral_acceleration": "m/s²"}
-TITLES = {"steer": "Steer angle", "steer_less_ackermann": "Steer angle less Ackermann angle"}
 
 
 def judged(is_inside: bool, is_outside: bool) -> Judgement:
