@@ -23,6 +23,7 @@ from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
 from fifthwheel.evaluate import METHODS
+from fifthwheel.evaluate.tolerances import DEFAULTS
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.verdict import Verdict
@@ -324,6 +325,11 @@ def test_every_test_method_is_documented_with_its_standard_and_manoeuvres() -> N
     ]
     assert {cells[0]: cells[1] for cells in table} == {name: method.standard for name, method in METHODS.items()}
     assert {name for cells in table for name in cells[2].split(", ")} <= set(MANOEUVRES)
+
+
+def test_every_default_tolerance_is_documented() -> None:
+    table = {cells[0].strip("`"): cells[1] for cells in rows(section(page("evaluate.md"), "Tolerances"))[2:]}
+    assert table == dict(DEFAULTS)
 
 
 def test_every_property_and_sensor_field_is_told() -> None:

@@ -36,6 +36,8 @@ if TYPE_CHECKING:
     from fifthwheel.errors import SignalError as SignalError
     from fifthwheel.errors import VehicleError as VehicleError
     from fifthwheel.evaluate import Evaluation as Evaluation
+    from fifthwheel.evaluate import Validation as Validation
+    from fifthwheel.evaluate import validate as validate
     from fifthwheel.export import export_c as export_c
     from fifthwheel.export import export_fmu as export_fmu
     from fifthwheel.identify import Identification as Identification
@@ -90,7 +92,7 @@ _NAMES = {
     "dynamics": ("LinearSystem", "linear_system"),
     "dynamics.summary": ("summarize",),
     "errors": ("FifthwheelError", "SignalError", "VehicleError"),
-    "evaluate": ("Evaluation",),
+    "evaluate": ("Evaluation", "Validation", "validate"),
     "export": ("export_c", "export_fmu"),
     "identify": ("Identification", "LogPosterior", "OneStage", "Posterior", "Profile", "Verdict", "log_posterior"),
     "identify.design": ("design_experiment", "predict_sigmas"),

@@ -1,15 +1,38 @@
-"""fifthwheel evaluate"""
+"""fifthwheel evaluate and validate"""
 
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from fifthwheel._atomic import result_folder
 from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command
+
+if TYPE_CHECKING:
+    from fifthwheel.evaluate import Evaluation, Validation
+
+LogArgument = Annotated[
+    Path,
+    typer.Argument(help="Log of one test run: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace.", show_default=False),
+]
+TestOption = Annotated[
+    str,
+    typer.Option(
+        help="steady_state, frequency_response, step, lane_change, pulse or sine_with_dwell.", show_default=False
+    ),
+]
+VehicleOption = Annotated[
+    str | None,
+    typer.Option(
+        "--vehicle",
+        "-v",
+        help="The vehicle: a TOML file, a name from `fifthwheel vehicle`, or a result folder. Its wheelbase is for "
+        "steady_state; its units are in their order.",
+    ),
+]
 
 
 @command(
@@ -19,25 +42,9 @@ from fifthwheel.cli.app import command
     "fifthwheel simulate step.csv --manoeuvre step && fifthwheel evaluate step.csv --test step",
 )
 def evaluate(
-    log: Annotated[
-        Path,
-        typer.Argument(help="Log of one test run: CSV, Parquet, MF4, MATLAB, MCAP or a CAN trace.", show_default=False),
-    ],
-    test: Annotated[
-        str,
-        typer.Option(
-            help="steady_state, frequency_response, step, lane_change, pulse or sine_with_dwell.", show_default=False
-        ),
-    ],
-    vehicle: Annotated[
-        str | None,
-        typer.Option(
-            "--vehicle",
-            "-v",
-            help="The vehicle: a TOML file, a name from `fifthwheel vehicle`, or a result folder. Its wheelbase is for "
-            "steady_state; its units are in their order.",
-        ),
-    ] = None,
+    log: LogArgument,
+    test: TestOption,
+    vehicle: VehicleOption = None,
     signals: options.SignalsOption = None,
     allow_outside: options.AllowOutsideOption = False,
     out: Annotated[
@@ -53,26 +60,106 @@ def evaluate(
     Each measure has a sigma from the log itself. The conditions of ISO 15037-2 that a log shows are listed, met or not.
     docs/evaluate.md defines the measures and says what is implemented of each standard.
     """
-    from fifthwheel.errors import FifthwheelError
     from fifthwheel.evaluate import evaluate as run_evaluation
-    from fifthwheel.pages.page import checked_format
-    from fifthwheel.report import gather_provenance, provenance_of_run
     from fifthwheel.report.evaluation import evaluation_document
-    from fifthwheel.workflow import EVALUATION_FILES, read_vehicle, write_evaluation
+    from fifthwheel.workflow import EVALUATION_FILES, read_vehicle
+
+    _require_folder(figures, out)
+    truck = read_vehicle(vehicle) if vehicle else None
+    (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
+    evaluation = run_evaluation(record, test, vehicle=truck)
+    written = _written(
+        "evaluate", evaluation, out, EVALUATION_FILES, [log], vehicle, [signals], figures=figures, force=force
+    )
+    terminal.print_result(evaluation.as_dict(), partial(evaluation_document, evaluation), written, as_json=as_json)
+
+
+@command(
+    "fifthwheel validate results.csv circle.mf4 -s signals.toml --test steady_state --vehicle truck.toml -o validated",
+    "fifthwheel validate results.csv log.csv --test steady_state -v truck.toml --tolerance understeer_gradient=5%",
+    "fifthwheel validate results.csv log.csv --test step --tolerance 'yaw_rate=5% + 0.2deg/s' --json",
+)
+def validate(
+    results: Annotated[
+        Path,
+        typer.Argument(help="Results of a simulation, in any format of a log; no FMU.", show_default=False),
+    ],
+    log: LogArgument,
+    test: TestOption,
+    vehicle: VehicleOption = None,
+    tolerance: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="NAME=VALUE of a measure or curve, or the beginning of its name, such as yaw_rate=5% or "
+            "'response_time=10% + 20ms'; may be repeated. Default: docs/evaluate.md."
+        ),
+    ] = None,
+    signals: options.SignalsOption = None,
+    results_signals: Annotated[
+        Path | None, typer.Option("--results-signals", help="Signal map of RESULTS, as --signals of LOG.")
+    ] = None,
+    allow_outside: options.AllowOutsideOption = False,
+    out: Annotated[
+        Path | None,
+        typer.Option("--out", "-o", help="Folder for validation.json and validation.html. Default: no files."),
+    ] = None,
+    figures: options.FiguresOption = None,
+    force: options.ForceOption = False,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Validate a model: the results of its simulation against the measured log of the same test.
+
+    Both are evaluated by the same test method. Each measure and each characteristic curve is inside or outside of its
+    tolerance, or undecided where sigma is too large. The default tolerances are ours, and those of no standard.
+    """
+    from fifthwheel.evaluate import validate as run_validation
+    from fifthwheel.report.evaluation import validation_document
+    from fifthwheel.workflow import VALIDATION_FILES, read_vehicle
+
+    _require_folder(figures, out)
+    stated = options.named_texts("--tolerance", tolerance, "NAME=VALUE", "yaw_rate=5%")
+    truck = read_vehicle(vehicle) if vehicle else None
+    (simulated,) = terminal.load_records([results], results_signals, allow_outside=allow_outside)
+    (measured,) = terminal.load_records([log], signals, allow_outside=allow_outside)
+    validation = run_validation(simulated, measured, test, tolerances=stated, vehicle=truck)
+    maps = [signals, results_signals]
+    written = _written(
+        "validate", validation, out, VALIDATION_FILES, [results, log], vehicle, maps, figures=figures, force=force
+    )
+    terminal.print_result(validation.as_dict(), partial(validation_document, validation), written, as_json=as_json)
+
+
+def _require_folder(figures: str | None, out: Path | None) -> None:
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.pages.page import checked_format
 
     if figures:
         checked_format(figures)
         if out is None:
             raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
-    truck = read_vehicle(vehicle) if vehicle else None
-    (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-    evaluation = run_evaluation(record, test, vehicle=truck)
-    files: dict[str, Path] = {}
-    if out is not None:
-        read = [log, *([Path(vehicle)] if vehicle else []), *([signals] if signals else [])]
-        with result_folder(out, "evaluate", EVALUATION_FILES, inputs=read, force=force) as folder:
-            origin = provenance_of_run([log], vehicle, signals, command=sys.argv[1:]) if vehicle else None
-            origin = origin or gather_provenance(read, {}, sys.argv[1:])
-            written = write_evaluation(evaluation, folder, provenance=origin, figures=figures)
-            files = terminal.in_folder(out, written)
-    terminal.print_result(evaluation.as_dict(), partial(evaluation_document, evaluation), files, as_json=as_json)
+
+
+def _written(
+    command: str,
+    evaluation: "Evaluation | Validation",
+    out: Path | None,
+    names: tuple[str, ...],
+    logs: list[Path],
+    vehicle: str | None,
+    maps: list[Path | None],
+    *,
+    figures: str | None,
+    force: bool,
+) -> dict[str, Path]:
+    """Write the files of a result to its folder, if there is one."""
+    from fifthwheel.report import gather_provenance, provenance_of_run
+    from fifthwheel.workflow import vehicle_file, write_evaluation
+
+    if out is None:
+        return {}
+    file = vehicle_file(vehicle) if vehicle else None
+    inputs = [*logs, *(Path(path) for path in (file, *maps) if path)]
+    with result_folder(out, command, names, inputs=inputs, force=force) as folder:
+        origin = provenance_of_run(logs, file, *maps, command=sys.argv[1:]) if file else None
+        origin = origin or gather_provenance(inputs, {}, sys.argv[1:])
+        return terminal.in_folder(out, write_evaluation(evaluation, folder, provenance=origin, figures=figures))

@@ -4,9 +4,22 @@ A test method is a function of a `Motion` that gives `Findings`, one module each
 """
 
 from fifthwheel._callable import make_callable
+from fifthwheel.evaluate.curves import ComparedCurve
 from fifthwheel.evaluate.evaluate import METHODS, Method, evaluate
 from fifthwheel.evaluate.evaluation import Condition, EvaluatedMeasure, Evaluation
+from fifthwheel.evaluate.validation import ComparedMeasure, Validation, validate
 
-__all__ = ["METHODS", "Condition", "EvaluatedMeasure", "Evaluation", "Method", "evaluate"]
+__all__ = [
+    "METHODS",
+    "ComparedCurve",
+    "ComparedMeasure",
+    "Condition",
+    "EvaluatedMeasure",
+    "Evaluation",
+    "Method",
+    "Validation",
+    "evaluate",
+    "validate",
+]
 
 make_callable(__name__, evaluate)

@@ -10,6 +10,8 @@ from fifthwheel.formatting import shown
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Points
 from fifthwheel.spoken_names import spoken
 
+TITLES = {"steer": "Steer angle", "steer_less_ackermann": "Steer angle less Ackermann angle"}
+
 
 def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Plots by their captions: over lateral acceleration, frequency or time, whichever is the first column."""
@@ -22,13 +24,9 @@ def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Each quantity over the lateral acceleration."""
     x = arrays["lateral_acceleration"]
-    titles = {
-        "steer": "Steer angle",
-        "steer_less_ackermann": "Steer angle less Ackermann angle",
-    }
     axis = Axis(label="lateral acceleration", unit="m/s²")
     return {
-        titles.get(name) or spoken(name): Plot(
+        TITLES.get(name) or spoken(name): Plot(
             panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(unit="deg"))]
         )
         for name, values in arrays.items()

@@ -57,6 +57,13 @@ METHODS: Mapping[str, Method] = {
 """Test methods by name."""
 
 
+def method_of(test: str) -> Method:
+    """The test method of a name; a SignalError if there is none."""
+    if test not in METHODS:
+        raise SignalError(f"test: {test!r} is not known; {suggestion(str(test), METHODS)}")
+    return METHODS[test]
+
+
 def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Evaluation:
     """Evaluate the log of a test by a method of ISO: measures with sigma, test conditions, arrays of the diagrams.
 
@@ -82,9 +89,7 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
     """
     expect("record", record, Record)
     expect_optional("vehicle", vehicle, Vehicle)
-    if test not in METHODS:
-        raise SignalError(f"test: {test!r} is not known; {suggestion(str(test), METHODS)}")
-    method = METHODS[test]
+    method = method_of(test)
     driven = motion(record, vehicle, shortest=method.shortest)
     found = method.evaluate(driven)
     return Evaluation(
@@ -95,5 +100,7 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         measures=found.measures,
         conditions=conditions(driven, found),
         arrays=found.arrays,
+        start=found.start,
+        noise=found.noise,
         notes=(*found.notes, *driven.notes),
     )

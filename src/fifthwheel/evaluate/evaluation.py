@@ -63,6 +63,8 @@ class Findings:
     """Columns of equal length by name, SI; the first is the x axis of the diagrams."""
     start: float | None
     """Time of the first steering, s; None where the method needs no straight entry."""
+    noise: Mapping[str, float | Array]
+    """Standard deviation of the columns by noise, one or (n,); NaN where it is not known."""
     has_constant_speed: bool = True
     notes: tuple[str, ...] = ()
 
@@ -94,6 +96,10 @@ class Evaluation:
     conditions: tuple[Condition, ...]
     arrays: Mapping[str, Array] = field(repr=False)
     """Columns of the diagram by name, SI: `pandas.DataFrame(evaluation.arrays)`."""
+    start: float | None = None
+    """Time of the first steering, s; None where the method needs no straight entry."""
+    noise: Mapping[str, float | Array] = field(default_factory=dict, repr=False)
+    """Standard deviation of the columns by noise, one or (n,); NaN where it is not known."""
     notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> EvaluatedMeasure:

@@ -90,7 +90,10 @@ def evaluate(motion: Motion) -> Findings:
     measures = [m for name in responses.gains for m in _of_output(responses, name)]
     measures += [m for pair in amplified(motion) if (m := _amplification(responses, *pair))]
     segments = f"{responses.segments} segments of {1 / (responses.frequency[1] - responses.frequency[0]):.0f} s."
-    return Findings(measures=tuple(measures), arrays=_arrays(responses), start=None, notes=(segments,))
+    arrays = _arrays(responses)
+    noise = {f"phase.{name}": responses.relative_sigma(name) for name in responses.gains}
+    noise |= {f"gain.{name}": arrays[f"gain_sigma.{name}"] for name in responses.gains}
+    return Findings(measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(segments,))
 
 
 def _require_continuous_steering(motion: Motion) -> None:

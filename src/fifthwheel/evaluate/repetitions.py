@@ -109,10 +109,12 @@ def findings(
     if len(good) == 1 and None in stated.values():
         measures = [replace(m, sigma=None, reason="too short a log for the sensor noise") for m in measures]
     steered = {motion.steer_name: motion.steer, **{name: motion.signals[name] for name in outputs}}
+    remaining = {name: np.nan if stated[name] is None else sigma for name, sigma in kept[0].noise.items()}
     return Findings(
         measures=tuple(measures),
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
+        noise={motion.steer_name: remaining.pop("steer"), **remaining},
         notes=tuple(_notes(kept, [text for text in faults if text], measure(kept[0]).keys() - values.keys())),
     )
 

@@ -87,10 +87,12 @@ def evaluate(motion: Motion) -> Findings:
         notes.append("Without a vehicle, whose wheelbase it needs, there is no understeer gradient.")
     else:
         raise SignalError("vehicle: needed for the understeer gradient, which needs its wheelbase; give a vehicle file")
+    arrays = _arrays(blocks, steady_steer(motion.vehicle)[0] if motion.vehicle else 0.0)
     return Findings(
         measures=tuple(measures),
-        arrays=_arrays(blocks, steady_steer(motion.vehicle)[0] if motion.vehicle else 0.0),
+        arrays=arrays,
         start=None,
+        noise={name: _scatter(values) for name, values in arrays.items()},
         has_constant_speed=kind == "constant speed",
         notes=tuple(notes),
     )
@@ -131,6 +133,11 @@ def _arrays(blocks: Blocks, wheelbase: float) -> dict[str, Array]:
     }
     order = np.argsort(blocks.acceleration)
     return {name: values[order] for name, values in columns.items()}
+
+
+def _scatter(values: Array) -> float:
+    """Standard deviation of values (n,) from point to point, by second differences, which a smooth curve hardly has."""
+    return float(np.median(np.abs(np.diff(values, 2))) / 0.6745 / np.sqrt(6)) if values.size > 4 else float("nan")
 
 
 def _blocks(motion: Motion, yaw_rate: Array) -> Blocks:

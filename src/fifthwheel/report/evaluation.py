@@ -1,10 +1,10 @@
-"""The page of an evaluation by a test method, and its result on a terminal."""
+"""The page of an evaluation by a test method or of a validation, and its result on a terminal."""
 
 from pathlib import Path
 
 import fifthwheel
 from fifthwheel import pages
-from fifthwheel.evaluate import Evaluation
+from fifthwheel.evaluate import Evaluation, Validation
 from fifthwheel.pages import page
 from fifthwheel.report.provenance import Provenance
 from fifthwheel.report.words import counted
@@ -14,11 +14,19 @@ EXPLANATION = (
     "not in it. A log does not show track, wind, load and tyres, which ISO 15037-2 requires to be reported too."
 )
 
+OF_A_VALIDATION = (
+    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma; "
+    "for the points of curves, three sigma, and 95 % of them. "
+    "Undecided: sigma is too large, the histories have other steer angles, or the results cover less than half of a "
+    "curve. The default tolerances are ours, and of no standard: state those of your standard or contract. "
+    "Sigma is that of noise and repetitions; scale errors of sensors are not in it."
+)
+
 
 def write_evaluation_report(
-    path: Path, evaluation: Evaluation, *, provenance: Provenance | None = None, figures: str | None = None
+    path: Path, evaluation: Evaluation | Validation, *, provenance: Provenance | None = None, figures: str | None = None
 ) -> list[Path]:
-    """Write the page of an evaluation as one HTML file; returns the figures that were written.
+    """Write the page of an evaluation or a validation as one HTML file; returns the figures that were written.
 
     Args:
         provenance: command, files and versions, to reproduce the result.
@@ -27,18 +35,21 @@ def write_evaluation_report(
     Raises:
         FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
     """
+    if isinstance(evaluation, Validation):
+        document, of_log = validation_document(evaluation), evaluation.log
+    else:
+        document, of_log = evaluation_document(evaluation), evaluation
     plots = [
-        pages.CaptionedPlot(caption, plot, group=evaluation.test, path=(evaluation.log, evaluation.test, caption))
+        pages.CaptionedPlot(caption, plot, group=of_log.test, path=(of_log.log, of_log.test, caption))
         for caption, plot in evaluation.plots().items()
     ]
-    document = evaluation_document(evaluation)
     blocks = [
         *document.blocks,
         pages.Heading("Diagrams", key="diagrams"),
         pages.Plots(plots),
         *(provenance.blocks() if provenance is not None else ()),
     ]
-    subtitle = f"{evaluation.standard}, fifthwheel {fifthwheel.__version__}"
+    subtitle = f"{of_log.standard}, fifthwheel {fifthwheel.__version__}"
     return page.write(path, pages.Document(document.title, blocks, subtitle), images=figures)
 
 
@@ -62,3 +73,21 @@ def headline(evaluation: Evaluation) -> str:
     text = f"{evaluation.log} by {evaluation.standard}: {first.title} {first.text()}"
     text += f", and {counted(others, 'other measure')}." if others else "."
     return f"{text} Not met: {', '.join(missed)}." if missed else f"{text} It meets the conditions that a log shows."
+
+
+def validation_document(validation: Validation) -> pages.Document:
+    """Headline, measures, curves and notes."""
+    log, verdict = validation.log, validation.verdict
+    verdicts = [*(m.verdict for m in validation.measures), *(c.verdict for c in validation.curves)]
+    text = f"{verdict}, {verdicts.count(verdict)} of {len(verdicts)} measures and curves"
+    blocks: list[pages.Block] = [
+        pages.Headline(f"{log.title}, {validation.results.log} against {log.log}: {text}.", verdict == "inside"),
+        pages.Heading("Measures", key="measures"),
+        validation.table(),
+        pages.Heading("Curves", key="curves"),
+        validation.curve_table(),
+        pages.Heading("Conditions of ISO 15037-2, log", key="conditions"),
+        log.condition_table(),
+        pages.Items([*validation.notes, OF_A_VALIDATION], "Notes"),
+    ]
+    return pages.Document(f"Validation, {validation.results.log} against {log.log}", blocks)

@@ -10,7 +10,7 @@ from fifthwheel._atomic import atomic_write, one_run
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.errors import VehicleError
-from fifthwheel.evaluate import Evaluation
+from fifthwheel.evaluate import Evaluation, Validation
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
 from fifthwheel.observe import write_states
@@ -34,6 +34,8 @@ ASSESSMENT_FILES = ("assessment.json", "assess.html")
 """Results of an assessment, besides figures."""
 EVALUATION_FILES = ("evaluation.json", "evaluation.html")
 """Results of an evaluation, besides figures."""
+VALIDATION_FILES = ("validation.json", "validation.html")
+"""Results of a validation, besides figures."""
 
 
 def knowledge_file(path: Path) -> Path:
@@ -76,12 +78,18 @@ def write_assessment(
 
 
 def write_evaluation(
-    evaluation: Evaluation, folder: Path, *, provenance: Provenance | None = None, figures: str | None = None
+    evaluation: Evaluation | Validation,
+    folder: Path,
+    *,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
 ) -> dict[str, Path]:
-    """Write evaluation.json and evaluation.html to an existing folder; arguments and errors as `write_assessment`."""
-    _write_json(folder / EVALUATION_FILES[0], evaluation.as_dict())
-    drawn = write_evaluation_report(folder / EVALUATION_FILES[1], evaluation, provenance=provenance, figures=figures)
-    return {name: folder / name for name in (*EVALUATION_FILES, *(["figures"] if drawn else []))}
+    """Write the JSON and HTML file of an evaluation or a validation to an existing folder; arguments and errors as
+    `write_assessment`."""
+    names = EVALUATION_FILES if isinstance(evaluation, Evaluation) else VALIDATION_FILES
+    _write_json(folder / names[0], evaluation.as_dict())
+    drawn = write_evaluation_report(folder / names[1], evaluation, provenance=provenance, figures=figures)
+    return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:

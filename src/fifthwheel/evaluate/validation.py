@@ -1,0 +1,264 @@
+"""Validation of a model: the results of a simulation against the log of the same test.
+
+Both records are evaluated by one test method. A difference d of a measure, or at a point of a curve, with the sigma s
+of both records and the tolerance T is
+
+    inside if |d| + 2 s <= T,    outside if |d| - 2 s > T,    else undecided.
+
+A curve is inside if `ENOUGH` of its points are, and outside if more than the rest are outside, with `MARGIN` in place
+of 2, since it has many points.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from fifthwheel import pages
+from fifthwheel._arguments import expect, expect_optional
+from fifthwheel.checks import Fault, check, raise_errors
+from fifthwheel.errors import SignalError
+from fifthwheel.evaluate.conditions import SPEED
+from fifthwheel.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
+from fifthwheel.evaluate.evaluate import evaluate, method_of
+from fifthwheel.evaluate.evaluation import Evaluation
+from fifthwheel.evaluate.tolerances import Tolerance, require_used, tolerance_of
+from fifthwheel.formatting import approximate, enumerated, percent, with_sigma
+from fifthwheel.pages.html import notebook
+from fifthwheel.plots import Plot
+from fifthwheel.record import Record
+from fifthwheel.vehicle import Vehicle
+
+WRONG = (Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL, Fault.OUT_OF_RANGE, Fault.SWAPPED_SIGN)
+"""Faults of a signal that are refused: they are of the signal map, not of the model."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ComparedMeasure:
+    """A measure of the results beside that of the log, SI."""
+
+    name: str
+    title: str
+    unit: str
+    log: float
+    results: float
+    sigma: float | None
+    """Of the difference, by both records; None where one of them has none."""
+    tolerance: Tolerance
+
+    @property
+    def limit(self) -> float:
+        """Largest magnitude of a difference inside of the tolerance."""
+        return self.tolerance.relative * abs(self.log) + self.tolerance.absolute
+
+    @property
+    def verdict(self) -> Judgement:
+        """Whether the difference is within the tolerance, with two sigma."""
+        difference, margin = abs(self.results - self.log), np.inf if self.sigma is None else 2 * self.sigma
+        return judged(difference + margin <= self.limit, difference - margin > self.limit)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Validation:
+    """A simulation's results compared with the log of the same test.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> log = fw.simulate(truck, manoeuvre="lane_changes", count=2, seed=1)
+        >>> validation = fw.validate(log, log, "lane_change", vehicle=truck)
+        >>> [(measure.verdict, measure.results - measure.log) for measure in validation.measures]
+        [('inside', 0.0)]
+        >>> [curve.name for curve in validation.curves]
+        ['steer.tractor.front', 'yaw_rate.tractor', 'yaw_rate.semitrailer']
+    """
+
+    results: Evaluation
+    log: Evaluation
+    measures: tuple[ComparedMeasure, ...]
+    curves: tuple[ComparedCurve, ...]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Judgement:
+        """Inside if every measure and every curve is, outside if one is outside."""
+        verdicts = {m.verdict for m in self.measures} | {c.verdict for c in self.curves}
+        return judged(verdicts == {"inside"}, "outside" in verdicts)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content of validation.json, SI: also both evaluations."""
+        curves = [
+            {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(c).items()}
+            | {"title": c.title, "inside": c.inside, "exceedance": c.exceedance, "verdict": c.verdict}
+            for c in self.curves
+        ]
+        return {
+            "verdict": self.verdict,
+            "measures": [asdict(m) | {"limit": m.limit, "verdict": m.verdict} for m in self.measures],
+            "curves": [{name: value for name, value in curve.items() if name != "sigma"} for curve in curves],
+            "notes": list(self.notes),
+            "results": self.results.as_dict(),
+            "log": self.log.as_dict(),
+        }
+
+    def plots(self) -> dict[str, Plot]:
+        """Each curve with its band, by its title."""
+        return {curve.title: curve.plot() for curve in self.curves}
+
+    def table(self) -> pages.Table:
+        """The measures."""
+        heads = ("Measure|name", "Log>", "Results>", "Difference ± sigma>", "Tolerance>", "Verdict")
+        rows = [
+            (
+                m.title,
+                with_sigma(m.log, self.log[m.name].sigma, m.unit),
+                with_sigma(m.results, self.results[m.name].sigma, m.unit),
+                with_sigma(m.results - m.log, m.sigma, m.unit),
+                f"± {approximate(m.limit, m.unit)} ({m.tolerance.text})",
+                mark(m.verdict),
+            )
+            for m in self.measures
+        ]
+        return pages.Table(heads, rows, label="Measures")
+
+    def curve_table(self) -> pages.Table:
+        """The curves."""
+        heads = ("Curve|name", "Inside>", "Largest exceedance>", "Tolerance>", "Covered>", "Verdict")
+        rows = [
+            (
+                c.title,
+                percent(c.inside, round_down=True),
+                approximate(c.exceedance, c.unit),
+                f"± {approximate(float(c.limit.max(initial=0.0)), c.unit)} ({c.tolerance.text})",
+                percent(c.covered, round_down=True),
+                mark(c.verdict),
+            )
+            for c in self.curves
+        ]
+        return pages.Table(heads, rows, label="Curves")
+
+    def __repr__(self) -> str:
+        return f"Validation({self.log.test}, {self.results.log} against {self.log.log}: {self.verdict})"
+
+    def __str__(self) -> str:
+        return str(self._document())
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return notebook(self._document())
+
+    def _document(self) -> pages.Document:
+        blocks: list[pages.Block] = [self.table(), self.curve_table(), pages.Items(self.notes)]
+        return pages.Document(f"{self.log.title}, {self.results.log} against {self.log.log}: {self.verdict}", blocks)
+
+
+def mark(verdict: Judgement) -> pages.Mark:
+    """A judgement with its colour."""
+    return pages.Mark(verdict, {"inside": "converged", "outside": "not_converged", "undecided": "doubtful"}[verdict])
+
+
+def validate(
+    results: Record,
+    log: Record,
+    test: str,
+    *,
+    tolerances: Mapping[str, str] | None = None,
+    vehicle: Vehicle | None = None,
+) -> Validation:
+    """Compare a simulation's results with the log of the same test: measures and curves, each with a verdict.
+
+    docs/evaluate.md defines the comparison. The vehicle is that of both records, so its uncertainty is not in sigma.
+
+    Args:
+        results: of the simulation, with the signals that the test method needs.
+        log: the measured one.
+        test: one of `METHODS`.
+        tolerances: by measure or curve, or the beginning of its name, such as {"understeer_gradient": "5 %",
+            "yaw_rate.tractor": "5 % + 0.2 deg/s"}. Default: `evaluate.tolerances.DEFAULTS`, which are ours.
+        vehicle: as of `evaluate`.
+
+    Raises:
+        SignalError: a record is not one of this test, a signal has another unit or sign, nothing can be compared, or a
+            tolerance belongs to nothing or has a wrong unit.
+        VehicleError: `vehicle` is not one.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> log, results = (fw.simulate(truck, manoeuvre="lane_changes", count=2, seed=seed) for seed in (1, 2))
+        >>> fw.validate(results, log, "lane_change", vehicle=truck)
+        Validation(lane_change, simulated against simulated: inside)
+    """
+    expect_optional("tolerances", tolerances, Mapping)
+    expect_optional("vehicle", vehicle, Vehicle)
+    method_of(test)
+    stated = dict(tolerances or {})
+    if vehicle is not None:
+        vehicle = vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
+    of_results, of_log = (_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log)))
+    measures = tuple(_measures(of_results, of_log, stated))
+    curves = tuple(compared_curves(of_results, of_log, stated))
+    names = [*(m.name for m in measures), *(c.name for c in curves)]
+    require_used(stated, names)
+    if not measures:
+        raise SignalError(
+            f"results: no measure of {of_log.title} in common with the log, which has "
+            f"{enumerated([m.name for m in of_log])}; map the same signals in both records"
+        )
+    notes = [*_of_inputs(results, log, curves), *_of_evaluations(of_results, of_log, names)]
+    return Validation(results=of_results, log=of_log, measures=measures, curves=curves, notes=tuple(notes))
+
+
+def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> Evaluation:
+    """The evaluation of a record, without faults of its signal map."""
+    expect(role, record, Record)
+    try:
+        evaluation = evaluate(record, test, vehicle=vehicle)
+        raise_errors(finding for finding in check(record) if finding.fault in WRONG)
+    except SignalError as error:
+        raise SignalError(f"{role}, {error}") from None
+    return evaluation
+
+
+def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedMeasure]:
+    """The measures that both have."""
+    found = {measure.name: measure for measure in results}
+    for measure in log:
+        if (other := found.get(measure.name)) is not None:
+            known = measure.sigma is not None and other.sigma is not None
+            yield ComparedMeasure(
+                name=measure.name,
+                title=measure.title,
+                unit=measure.unit,
+                log=measure.value,
+                results=other.value,
+                sigma=float(np.hypot(measure.sigma or 0.0, other.sigma or 0.0)) if known else None,
+                tolerance=tolerance_of(measure.name, measure.unit, stated),
+            )
+
+
+def _of_inputs(results: Record, log: Record, curves: tuple[ComparedCurve, ...]) -> Iterator[str]:
+    """Other speeds and steer angles."""
+    speeds = [float(np.nanmean(record.signals["speed"])) for record in (results, log)]
+    if abs(speeds[0] - speeds[1]) > SPEED:
+        yield f"Mean speeds differ: results {3.6 * speeds[0]:.1f} km/h, log {3.6 * speeds[1]:.1f} km/h."
+    if not all(curve.same_input for curve in curves):
+        yield "The steer angles differ, so other histories are undecided; simulate with the steer angle of the log."
+
+
+def _of_evaluations(results: Evaluation, log: Evaluation, compared: list[str]) -> Iterator[str]:
+    """What was not compared or is of another frequency, and what the evaluations note."""
+    for role, evaluation in (("results", results), ("log", log)):
+        names = [*(measure.name for measure in evaluation), *curve_names(evaluation)]
+        if missing := [name for name in names if name not in compared]:
+            yield f"Not compared, only in the {role}: {enumerated(missing)}."
+        if missed := [c.name for c in evaluation.conditions if c.met is False]:
+            yield f"Conditions not met, {role}: {enumerated(missed)}."
+        yield from (f"{role.capitalize()}: {note}" for note in evaluation.notes)
+    titles = {measure.name: measure.title for measure in log}
+    yield from (
+        f"{titles[m.name].capitalize()}: in the results it is the {m.title}."
+        for m in results
+        if m.name in titles and m.title != titles[m.name]
+    )
