@@ -104,7 +104,7 @@ class ComparedCurve:
             Line(self.x, results, name="results"),
         ]
         x = Axis(label=self.axis.replace("_", " "), unit=AXES[self.axis])
-        return Plot(panels=[Panel(items=items, x=x, y=Axis(label=self.title, unit=unit.name))])
+        return Plot(panels=[Panel(items=items, x=x, y=Axis(unit=unit.name))])
 
 
 def compared_curves(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedCurve]:

@@ -78,8 +78,10 @@ def headline(evaluation: Evaluation) -> str:
 def validation_document(validation: Validation) -> pages.Document:
     """Headline, measures, curves and notes."""
     log, verdict = validation.log, validation.verdict
-    verdicts = [*(m.verdict for m in validation.measures), *(c.verdict for c in validation.curves)]
-    text = f"{verdict}, {verdicts.count(verdict)} of {len(verdicts)} measures and curves"
+    verdicts = {m.title: m.verdict for m in validation.measures} | {c.title: c.verdict for c in validation.curves}
+    names = [title for title, of_title in verdicts.items() if of_title == verdict]
+    text = f"{verdict}, {len(names)} of {len(verdicts)} measures and curves"
+    text += "" if verdict == "inside" else f", such as the {names[0][0].lower()}{names[0][1:]}"
     blocks: list[pages.Block] = [
         pages.Headline(f"{log.title}, {validation.results.log} against {log.log}: {text}.", verdict == "inside"),
         pages.Heading("Measures", key="measures"),
