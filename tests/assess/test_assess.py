@@ -144,6 +144,13 @@ def test_json_and_table(assessment):
     [
         ({"speed": 88}, SignalError, "speed: expected 5 to 40 m/s"),
         ({"changes": {"semitrailer.payload.hight": 1.8}}, VehicleError, "semitrailer.payload.height"),
+        ({"changes": {"driveline.engine_power": 340.0}}, VehicleError, "engine_power: expected 20000 to 2e.06 W"),
+        ({"changes": {"driveline.gear_step": 0.5}}, VehicleError, "gear_step: expected 1.05 to 3, the range"),
+        (
+            {"changes": ENGINE | {"driveline.launch_speed": 261.8}},
+            VehicleError,
+            "driveline.launch_speed: expected less than governed_speed, 199 rad/s, got 261.8 rad/s; correct one",
+        ),
         ({"body": {"hight": 1.0}}, VehicleError, "hight: no such dimension"),
         ({"body": {"trailer.front_overhang": 1.0}}, VehicleError, "trailer.front_overhang: no such end"),
         ({"body": {"tractor.front_overhang": 1.0}}, VehicleError, "expected front_overhang, that of the whole truck"),

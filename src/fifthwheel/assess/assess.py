@@ -26,6 +26,7 @@ from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.formatting import enumerated, percent
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.driveline import Driveline
 
 FAMILIES: tuple[Family, ...] = (
     rollover.measure,
@@ -74,7 +75,8 @@ def assess(
         nonlinear: also simulate the nonlinear truck; without MuJoCo a note says so.
 
     Raises:
-        VehicleError: `truck` is neither, a parameter does not exist, or a dimension is out of its range.
+        VehicleError: `truck` is neither, a parameter does not exist, or a dimension or a number of the driveline is out
+                of its range.
         SignalError: the speed is out of range.
 
     Example:
@@ -100,9 +102,12 @@ def assess(
             origin += f"; {count} numbers on which it states nothing have the priors of an identification"
     given = dict(changes or {})
     size = body if isinstance(body, Body) else Body.of(body or {})
-    if any(path.startswith("driveline.") for path in given) and vehicle.driveline is None:
+    of_driveline = {path: value for path, value in given.items() if path.startswith("driveline.")}
+    if of_driveline and vehicle.driveline is None:
         vehicle = type(vehicle)(**vehicle.model_dump() | {"driveline": {}})
     subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
+    for path, value in of_driveline.items():
+        Driveline.require_plausible(path.partition(".")[2], value, path=path, written=f"{value:.4g}")
     expect_known("sigmas", sigmas or {}, given)
     for name, stated in (sigmas or {}).items():
         expect_number(f"sigmas, {name}", stated, ge=0)
