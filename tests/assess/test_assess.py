@@ -80,6 +80,7 @@ def test_it_does_not_depend_on_a_truck_without_a_solution():
     fast = fw.assess(fw.vehicle("auburn_6x4"), speed=30.0, cheap=True)
     assert "rollover_threshold" in {m.name for m in fast}
     assert any("unstable at 108 km/h" in note for note in fast.notes)
+    assert fast.unstable == 1
     with pytest.raises(KeyError, match="rearward_amplification_peak: not a measure"):
         fast["rearward_amplification_peak"]
 

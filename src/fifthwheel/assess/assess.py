@@ -23,7 +23,7 @@ from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood,
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
 from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.formatting import enumerated, percent
+from fifthwheel.formatting import enumerated
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.driveline import Driveline
@@ -115,12 +115,12 @@ def assess(
     stated_sigmas = {**of_engine, **(sigmas or {})}
     uncertainty = complete(uncertainty, size, replaced=(*given, *of_engine), stated=stated_sigmas)
     trucks = Neighbourhood(replace(subject, vehicle=longitudinal.completed(subject.vehicle)), uncertainty)
-    results, notes = list[MeasureResult](), list[str]()
+    results, notes, unstable = list[MeasureResult](), list[str](), float(not subject.is_stable)
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
             results += [_result(name, computed) for name in computed.centre if name != REAR]
-            notes += _unstable(subject, computed)
+            unstable = max(unstable, _unstable(computed))
         except FifthwheelError as error:
             notes.append(str(error))
     if not results:
@@ -145,6 +145,7 @@ def assess(
         measures=tuple(sorted(results, key=lambda r: order.index(r.name.partition(".")[0]))),
         uncertain={name: float(value) for name, value in sigma.items()},
         origin=origin,
+        unstable=unstable,
         notes=tuple(dict.fromkeys(notes)),
         runs=runs,
     )
@@ -174,15 +175,11 @@ def rollover_threshold(identification: Identification) -> Estimate:
     )
 
 
-def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
-    """A note on the fraction of random trucks that are unstable."""
+def _unstable(computed: MeasureSamples) -> float:
+    """Fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
-        return []
-    unstable = sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws)
-    if not unstable:
-        return []
-    fraction = percent(unstable / len(computed.draws))
-    return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
+        return 0.0
+    return sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws) / len(computed.draws)
 
 
 def _unstated(truck: Truck) -> list[str]:
