@@ -589,7 +589,9 @@ def test_other_input_that_is_refused(folder, run):
     assert list(Path().iterdir()) == []
     Path("file").write_text("")
     for command in ("identify", "states"):
-        refused(run(command, log, "-v", TRUCK, "-o", "file"), r"file: File exists")
+        refused(
+            run(command, log, "-v", TRUCK, "-o", "file"), r"file: expected a folder, got a file; choose another name"
+        )
     refused(run("identify", log, "-v", TRUCK, "--fix", "tractor.mas"), r"tractor\.mas: no such parameter")
 
 

@@ -49,6 +49,8 @@ CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_dam
 """Families without a simulation of a manoeuvre, for the report of an identification."""
 SPEED = 88 / 3.6
 """Of the high-speed measures, m/s."""
+LOWEST_SPEED, HIGHEST_SPEED = 5.0, 40.0
+"""Range of that speed, m/s."""
 
 
 def assess(
@@ -87,8 +89,13 @@ def assess(
         >>> high.value < low.value
         True
     """
-    if not isinstance(speed, int | float) or not 5 <= speed <= 40:
-        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; convert km/h to m/s")
+    expect_number("speed", speed)
+    if not LOWEST_SPEED <= speed <= HIGHEST_SPEED:
+        low, high, got = (f"{3.6 * v:.4g}" for v in (LOWEST_SPEED, HIGHEST_SPEED, speed))
+        raise SignalError(
+            f"speed: expected {LOWEST_SPEED:g} to {HIGHEST_SPEED:g} m/s ({low} to {high} km/h), got {speed:.4g} m/s"
+            f" ({got} km/h); correct it"
+        )
     if isinstance(truck, Identification):
         vehicle, uncertainty = truck.vehicle, of_identification(truck)
         origin = f"the joint covariance of the identification by the {truck.method} method"
@@ -128,6 +135,8 @@ def assess(
     driven, runs = Values(), dict[str, LaneChangeRun]()
     if not cheap:
         notes += _unstated(subject)
+        if longitudinal.NEEDED.keys() & {r.name for r in results}:
+            notes += longitudinal.notes(subject)
         runs = {"linear": lane_change.linear(subject)} if subject.is_stable else {}
     if nonlinear and not cheap:
         from fifthwheel.assess.nonlinear import measures as nonlinear_measures  # slow to import
