@@ -70,7 +70,7 @@ def test_an_identification_in_a_folder(result, run, tmp_path):  # noqa: F811
         (("--body", "half_track"), "--body half_track: expected NAME=VALUE"),
         (("--body", "half_tracks=1m"), "half_tracks: no such dimension of the body"),
         (("--speed", "80kg"), "--speed 80kg: "),
-        (("--speed", "10"), "speed: expected 5 to 40 m/s (18 to 144 km/h), got 2.778 m/s (10 km/h); correct it"),
+        (("--speed", "10"), "speed: expected 5 to 40 m/s (18 to 144 km/h), got 2.778 m/s (10 km/h); give a road speed"),
         (("--figures", "svg"), "--figures: needs a folder; add -o FOLDER"),
     ],
 )

@@ -6,7 +6,7 @@ from itertools import chain
 
 import numpy as np
 
-from fifthwheel._arguments import expect, expect_known, expect_number
+from fifthwheel._arguments import expect, expect_known, expect_number, expect_road_speed
 from fifthwheel.assess import (
     braking,
     lane_change,
@@ -22,7 +22,7 @@ from fifthwheel.assess.measures import EDITIONS, MEASURES, REAR, ROLLOVER, Limit
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
-from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
@@ -49,8 +49,6 @@ CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_dam
 """Families without a simulation of a manoeuvre, for the report of an identification."""
 SPEED = 88 / 3.6
 """Of the high-speed measures, m/s."""
-LOWEST_SPEED, HIGHEST_SPEED = 5.0, 40.0
-"""Range of that speed, m/s."""
 
 
 def assess(
@@ -89,13 +87,7 @@ def assess(
         >>> high.value < low.value
         True
     """
-    expect_number("speed", speed)
-    if not LOWEST_SPEED <= speed <= HIGHEST_SPEED:
-        low, high, got = (f"{3.6 * v:.4g}" for v in (LOWEST_SPEED, HIGHEST_SPEED, speed))
-        raise SignalError(
-            f"speed: expected {LOWEST_SPEED:g} to {HIGHEST_SPEED:g} m/s ({low} to {high} km/h), got {speed:.4g} m/s"
-            f" ({got} km/h); correct it"
-        )
+    expect_road_speed(speed)
     if isinstance(truck, Identification):
         vehicle, uncertainty = truck.vehicle, of_identification(truck)
         origin = f"the joint covariance of the identification by the {truck.method} method"
