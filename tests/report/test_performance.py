@@ -43,7 +43,8 @@ def test_the_headline_says_what_is_missed_or_doubtful(assessment):
     unstable = replace(good, unstable=0.185)
     assert not is_good(unstable)
     assert unstable.instability in str(unstable)
-    assert headline(replace(good, unstable=1.0)).endswith(" assessed. The truck is unstable at this speed.")
+    broken = replace(with_rollover(good, 0.3, 0.1), unstable=1.0)
+    assert headline(broken).endswith("km/h: the truck is unstable at this speed. It misses static rollover threshold.")
     assert headline(unstable).endswith(
         "assessed. About 18 % of the trucks within the uncertainty are unstable at this speed."
     )

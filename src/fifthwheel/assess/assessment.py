@@ -147,7 +147,7 @@ class Assessment:
         if not self.unstable:
             return ""
         trucks = f"About {percent(self.unstable)} of the trucks within the uncertainty are"
-        return f"{'The truck is' if self.unstable == 1 else trucks} unstable at this speed."
+        return f"{'the truck is' if self.unstable == 1 else trucks} unstable at this speed."
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Title, value with sigma, nonlinear truck, threshold and its probability of each measure, as texts."""

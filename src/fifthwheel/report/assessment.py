@@ -122,7 +122,12 @@ def is_good(assessment: Assessment) -> bool:
 
 
 def headline(assessment: Assessment) -> str:
-    if missed := failed(assessment):
+    """Whether the truck meets its thresholds, and surely; of an unstable truck that it is unstable."""
+    missed = failed(assessment)
+    if assessment.unstable == 1:
+        also = f" It misses {enumerated([m.title for m in missed])}." if missed else ""
+        return f"{assessment.title}: {assessment.instability}{also}"
+    if missed:
         verdict = f"misses {enumerated([m.title for m in missed])}"
     else:
         verdict = f"meets all thresholds of the {SCHEME} that are assessed"
