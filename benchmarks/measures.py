@@ -41,6 +41,7 @@ def subject(name: str) -> Truck:
     """A vehicle of the catalogue with engine, gears and overhangs."""
     truck = Truck(vehicle=with_engine(get(name)))
     between = {f"{truck.vehicle.units[i].name}.front_overhang": 1.5 for i in truck.semitrailers()}
+    between |= dict.fromkeys(low_speed_turn.unstated(truck).get("tail_swing", ())[:-1], 0.0)
     return replace(truck, body=Body(rear_overhang=2.0, between=between))
 
 

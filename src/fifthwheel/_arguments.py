@@ -19,6 +19,8 @@ CURES = {
     "SignalMap": "use fw.SignalMap.load(path)",
 }
 """How to get an object of a class, by its name."""
+ROAD_SPEEDS = 5.0, 40.0
+"""Lowest and highest speed, m/s, at which a truck is simulated or assessed."""
 
 
 def expect(name: str, value: object, *kinds: type) -> None:
@@ -87,6 +89,17 @@ def expect_number(
         return
     limits = "" if ge == -math.inf else f" from {ge:g} on" if le == math.inf else f" from {ge:g} to {le:g}"
     raise SignalError(f"{name}: expected {word}{unit and ' of '}{unit}{limits}, got {value!r}; correct it")
+
+
+def expect_road_speed(speed: float) -> None:
+    """Raise a SignalError if a speed, m/s, is not one of `ROAD_SPEEDS`."""
+    expect("speed", speed, Real)
+    low, high = ROAD_SPEEDS
+    if not low <= speed <= high:
+        raise SignalError(
+            f"speed: expected {low:g} to {high:g} m/s ({3.6 * low:g} to {3.6 * high:g} km/h), got {speed:.4g} m/s"
+            f" ({3.6 * speed:.4g} km/h); give a road speed"
+        )
 
 
 def _error(kind: type) -> type[FifthwheelError]:

@@ -1,16 +1,15 @@
 """Simulated records of the linear model, with the noise of real sensors: for tests, demonstrations and benchmarks."""
 
 from collections.abc import Mapping
-from numbers import Real
 
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel._arguments import expect, expect_number
+from fifthwheel._arguments import expect, expect_number, expect_road_speed
 from fifthwheel._callable import make_callable
 from fifthwheel.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import VehicleError
 from fifthwheel.manoeuvres import linear_course
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
@@ -63,8 +62,7 @@ def simulate(
         expect_number("duration", duration, ge=1, le=36000, unit="s")
     for signal, variance in (sensors or {}).items():
         expect_number(f"sensors, {signal}", variance, ge=0)
-    if not isinstance(speed, Real) or not 5 <= speed <= 40:
-        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; the linear model is valid at road speeds")
+    expect_road_speed(speed)
     if not dynamics.is_stable(vehicle, speed, roll=roll):
         raise VehicleError(f"{vehicle.name}: unstable at {speed:.1f} m/s; simulate it below its critical speed")
     first = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name).steer_signals()[0]

@@ -80,6 +80,7 @@ def test_it_does_not_depend_on_a_truck_without_a_solution():
     fast = fw.assess(fw.vehicle("auburn_6x4"), speed=30.0, cheap=True)
     assert "rollover_threshold" in {m.name for m in fast}
     assert any("unstable at 108 km/h" in note for note in fast.notes)
+    assert fast.unstable == 1
     with pytest.raises(KeyError, match="rearward_amplification_peak: not a measure"):
         fast["rearward_amplification_peak"]
 
@@ -97,6 +98,7 @@ def test_what_is_not_stated_is_named():
 
 def test_the_driveline_brings_its_uncertainty():
     assessment = fw.assess(EXACT, changes=ENGINE, nonlinear=False)
+    assert any("startability" in note and "limited by" in note for note in assessment.notes)
     assert assessment.uncertain["driveline.efficiency"] == 0.01
     assert "driveline.engine_power" not in assessment.uncertain  # exact
     assert "driveline.speed_scale" not in assessment.uncertain  # of a sensor
@@ -142,8 +144,16 @@ def test_json_and_table(assessment):
 @pytest.mark.parametrize(
     ("arguments", "error", "message"),
     [
-        ({"speed": 88}, SignalError, "speed: expected 5 to 40 m/s"),
+        ({"speed": 88}, SignalError, r"speed: expected 5 to 40 m/s .* got 88 m/s \(316.8 km/h\)"),
+        ({"speed": "88"}, SignalError, "speed: expected a"),
         ({"changes": {"semitrailer.payload.hight": 1.8}}, VehicleError, "semitrailer.payload.height"),
+        ({"changes": {"driveline.engine_power": 340.0}}, VehicleError, "engine_power: expected 20000 to 2e.06 W"),
+        ({"changes": {"driveline.gear_step": 0.5}}, VehicleError, "gear_step: expected 1.05 to 3, the range"),
+        (
+            {"changes": ENGINE | {"driveline.launch_speed": 261.8}},
+            VehicleError,
+            "driveline.launch_speed: expected less than governed_speed, 199 rad/s, got 261.8 rad/s; correct one",
+        ),
         ({"body": {"hight": 1.0}}, VehicleError, "hight: no such dimension"),
         ({"body": {"trailer.front_overhang": 1.0}}, VehicleError, "trailer.front_overhang: no such end"),
         ({"body": {"tractor.front_overhang": 1.0}}, VehicleError, "expected front_overhang, that of the whole truck"),

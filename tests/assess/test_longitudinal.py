@@ -5,7 +5,7 @@ import math
 import pytest
 
 from fifthwheel.assess.braking import loads_under
-from fifthwheel.assess.longitudinal import GRADE, measure, unstated
+from fifthwheel.assess.longitudinal import GRADE, measure, notes, unstated
 from fifthwheel.assess.truck import Truck
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
@@ -112,3 +112,27 @@ def test_what_is_missing_has_its_path():
         f"driveline.{key}" for key in ("launch_torque", "lowest_gear", "final_drive", "tyre_radius")
     )
     assert measure(Truck(vehicle=rigid())) == {}
+
+
+def noted(**changes):
+    return notes(Truck(vehicle=with_engine(get("a_double"), **changes)))
+
+
+def test_the_notes_say_what_limits_the_grade():
+    friction = "the friction of the driven axles (coefficient 0.8), not by the engine"
+    assert noted(launch_torque=9e3, engine_torque=9e3) == [f"startability and gradeability: limited by {friction}"]
+    assert noted(launch_torque=500.0, engine_torque=9e3) == [
+        "startability: limited by the engine",
+        f"gradeability: limited by {friction}",
+    ]
+    assert notes(Truck(vehicle=rigid())) == []
+
+
+def test_what_has_no_value_has_a_note_with_the_reason():
+    assert any(
+        "speed on a grade of 1 %: 0, the engine is too" in n for n in noted(engine_torque=100.0, engine_power=9e3)
+    )
+    assert "time for 100 m from rest: none, the truck does not start" in noted(launch_torque=50.0)[-1]
+    slow = {"launch_speed": 195.0}
+    assert "acceleration_time" not in of(get("a_double"), **slow)
+    assert "time for 100 m from rest: none, after a gear change the engine" in noted(**slow)[-1]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_length, measure, measure_circle
+from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_length, measure, measure_circle, unstated
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.vehicle import get
 from tests.assess.trucks import CATALOGUE, rigid, single_axles
@@ -16,6 +16,7 @@ def of(name):
     """A truck with overhangs at every front end and at the rear of the last unit."""
     plain = Truck(vehicle=get(name))
     between = {f"{plain.vehicle.units[i].name}.front_overhang": 1.5 for i in plain.semitrailers()}
+    between |= dict.fromkeys(unstated(plain).get("tail_swing", ())[:-1], 0.0)
     return Truck(vehicle=plain.vehicle, body=Body(rear_overhang=2.0, between=between))
 
 
@@ -106,3 +107,15 @@ def test_the_tail_of_every_unit_counts():
     short = Truck(vehicle=vehicle, body=Body(rear_overhang=0.5))
     long = Truck(vehicle=vehicle, body=Body(rear_overhang=0.5, between={"lead.rear_overhang": 3.0}))
     assert measure(long)["tail_swing"] > measure(short)["tail_swing"] + 0.05
+
+
+def test_the_tail_swing_needs_the_tail_of_a_truck_with_a_drawbar():
+    vehicle = get("truck_full_trailer")
+    trailer = Truck(vehicle=vehicle, body=Body(rear_overhang=2.0))
+    both = Truck(vehicle=vehicle, body=Body(rear_overhang=2.0, between={"truck.rear_overhang": 3.0}))
+    assert unstated(trailer)["tail_swing"] == ("truck.rear_overhang",)
+    assert "tail_swing" not in measure(trailer)
+    assert "tail_swing" not in unstated(both)
+    tails = -rolled(both, 0.0, math.pi / 2, 80.0)[:, 1, 0].imag.min(axis=1)
+    assert tails[0] > tails[-1] + 0.1
+    assert measure(both)["tail_swing"] == pytest.approx(tails[0], abs=2e-3)

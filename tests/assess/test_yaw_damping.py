@@ -111,5 +111,5 @@ def test_at_the_zero_damping_speed_a_mode_of_yaw_does_not_decay():
 def test_trucks_without_a_zero_damping_speed_say_why():
     with pytest.raises(VehicleError, match="zero-damping speed: none up to 200 km/h"):
         measure_zero_damping_speed(Truck(vehicle=TRUCK))
-    with pytest.raises(VehicleError, match="zero-damping speed: none, unstable without oscillation at 120 km/h"):
+    with pytest.raises(VehicleError, match=r"zero-damping speed: none, .* at 120 km/h it spins or jackknifes"):
         measure_zero_damping_speed(Truck(vehicle=get("auburn_6x4")))

@@ -33,6 +33,14 @@ def test_the_table_and_the_files(exact, run, tmp_path):  # noqa: F811
     assert all(text in page for text in ("steer tyre friction demand", "Lane change", "Low-speed turn of 90°"))
 
 
+def test_a_file_is_no_folder_for_results(exact, run, tmp_path):  # noqa: F811
+    (tmp_path / "file").write_text("mine")
+    outcome = run("assess", exact, *QUICK, "-o", tmp_path / "file")
+    assert outcome.code == 2
+    assert outcome.err.endswith("file: expected a folder, got a file; choose another name\n")
+    assert (tmp_path / "file").read_text() == "mine"
+
+
 def test_set_changes_a_parameter_and_its_sigma(exact, run):  # noqa: F811
     plain = run("assess", exact, *QUICK, "--json").json()
     text = "semitrailer.payload.height=1.8 m +- 10 %"
@@ -62,7 +70,7 @@ def test_an_identification_in_a_folder(result, run, tmp_path):  # noqa: F811
         (("--body", "half_track"), "--body half_track: expected NAME=VALUE"),
         (("--body", "half_tracks=1m"), "half_tracks: no such dimension of the body"),
         (("--speed", "80kg"), "--speed 80kg: "),
-        (("--speed", "300"), "speed: expected 5 to 40 m/s"),
+        (("--speed", "10"), "speed: expected 5 to 40 m/s (18 to 144 km/h), got 2.778 m/s (10 km/h); give a road speed"),
         (("--figures", "svg"), "--figures: needs a folder; add -o FOLDER"),
     ],
 )

@@ -36,8 +36,18 @@ def test_the_headline_says_what_is_missed_or_doubtful(assessment):
     assert headline(good).endswith(" at 88 km/h: meets all thresholds of the Australian PBS that are assessed.")
     doubtful = with_rollover(good, 0.36, 0.6)
     assert not is_good(doubtful)
-    assert headline(doubtful).endswith("not surely those of static rollover threshold.")
+    assert headline(doubtful).endswith(
+        "that are assessed, but with its uncertainty not surely those of static rollover threshold."
+    )
     assert headline(with_rollover(good, 0.3, 0.1)).endswith("misses static rollover threshold.")
+    unstable = replace(good, unstable=0.185)
+    assert not is_good(unstable)
+    assert unstable.instability in str(unstable)
+    broken = replace(with_rollover(good, 0.3, 0.1), unstable=1.0)
+    assert headline(broken).endswith("km/h: the truck is unstable at this speed. It misses static rollover threshold.")
+    assert headline(unstable).endswith(
+        "assessed. About 18 % of the trucks within the uncertainty are unstable at this speed."
+    )
 
 
 def test_notes_name_the_assumed_dimensions_and_the_origin_of_sigma(assessment):

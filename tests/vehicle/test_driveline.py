@@ -52,6 +52,11 @@ def test_the_lateral_motion_does_not_depend_on_it():
     [
         ("eficiency = 0.9", r"driveline\.eficiency: no such key; did you mean .*efficiency"),
         ('drag_area = "60 m^2"', r"driveline\.drag_area: expected 0\.5 to 20 m\^2"),
+        (
+            "launch_speed = 200\ngoverned_speed = 199",
+            r"driveline\.launch_speed: expected less than governed_speed, 199 r",
+        ),
+        ("lowest_gear = 2\nhighest_gear = 2", r"driveline\.highest_gear: expected less than lowest_gear, 2, got 2; c"),
         ("efficiency = 95", r"driveline\.efficiency: expected 0\.7 to 1, the range"),
     ],
 )

@@ -6,7 +6,7 @@ from itertools import chain
 
 import numpy as np
 
-from fifthwheel._arguments import expect, expect_known, expect_number
+from fifthwheel._arguments import expect, expect_known, expect_number, expect_road_speed
 from fifthwheel.assess import (
     braking,
     lane_change,
@@ -22,10 +22,11 @@ from fifthwheel.assess.measures import EDITIONS, MEASURES, REAR, ROLLOVER, Limit
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
-from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.formatting import enumerated, percent
+from fifthwheel.errors import FifthwheelError, VehicleError
+from fifthwheel.formatting import enumerated
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.driveline import Driveline
 
 FAMILIES: tuple[Family, ...] = (
     rollover.measure,
@@ -74,7 +75,8 @@ def assess(
         nonlinear: also simulate the nonlinear truck; without MuJoCo a note says so.
 
     Raises:
-        VehicleError: `truck` is neither, a parameter does not exist, or a dimension is out of its range.
+        VehicleError: `truck` is neither, a parameter does not exist, or a dimension or a number of the driveline is out
+                of its range.
         SignalError: the speed is out of range.
 
     Example:
@@ -85,8 +87,7 @@ def assess(
         >>> high.value < low.value
         True
     """
-    if not isinstance(speed, int | float) or not 5 <= speed <= 40:
-        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed!r}; convert km/h to m/s")
+    expect_road_speed(speed)
     if isinstance(truck, Identification):
         vehicle, uncertainty = truck.vehicle, of_identification(truck)
         origin = f"the joint covariance of the identification by the {truck.method} method"
@@ -100,9 +101,12 @@ def assess(
             origin += f"; {count} numbers on which it states nothing have the priors of an identification"
     given = dict(changes or {})
     size = body if isinstance(body, Body) else Body.of(body or {})
-    if any(path.startswith("driveline.") for path in given) and vehicle.driveline is None:
+    of_driveline = {path: value for path, value in given.items() if path.startswith("driveline.")}
+    if of_driveline and vehicle.driveline is None:
         vehicle = type(vehicle)(**vehicle.model_dump() | {"driveline": {}})
     subject = Truck(vehicle=vehicle.replace(given), body=size, speed=float(speed))
+    for path, value in of_driveline.items():
+        Driveline.require_plausible(path.partition(".")[2], value, path=path, written=f"{value:.4g}")
     expect_known("sigmas", sigmas or {}, given)
     for name, stated in (sigmas or {}).items():
         expect_number(f"sigmas, {name}", stated, ge=0)
@@ -110,12 +114,12 @@ def assess(
     stated_sigmas = {**of_engine, **(sigmas or {})}
     uncertainty = complete(uncertainty, size, replaced=(*given, *of_engine), stated=stated_sigmas)
     trucks = Neighbourhood(replace(subject, vehicle=longitudinal.completed(subject.vehicle)), uncertainty)
-    results, notes = list[MeasureResult](), list[str]()
+    results, notes, unstable = list[MeasureResult](), list[str](), float(not subject.is_stable)
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
             results += [_result(name, computed) for name in computed.centre if name != REAR]
-            notes += _unstable(subject, computed)
+            unstable = max(unstable, _unstable(computed))
         except FifthwheelError as error:
             notes.append(str(error))
     if not results:
@@ -123,6 +127,8 @@ def assess(
     driven, runs = Values(), dict[str, LaneChangeRun]()
     if not cheap:
         notes += _unstated(subject)
+        if longitudinal.NEEDED.keys() & {r.name for r in results}:
+            notes += longitudinal.notes(subject)
         runs = {"linear": lane_change.linear(subject)} if subject.is_stable else {}
     if nonlinear and not cheap:
         from fifthwheel.assess.nonlinear import measures as nonlinear_measures  # slow to import
@@ -140,6 +146,7 @@ def assess(
         measures=tuple(sorted(results, key=lambda r: order.index(r.name.partition(".")[0]))),
         uncertain={name: float(value) for name, value in sigma.items()},
         origin=origin,
+        unstable=unstable,
         notes=tuple(dict.fromkeys(notes)),
         runs=runs,
     )
@@ -169,15 +176,11 @@ def rollover_threshold(identification: Identification) -> Estimate:
     )
 
 
-def _unstable(truck: Truck, computed: MeasureSamples) -> list[str]:
-    """A note on the fraction of random trucks that are unstable."""
+def _unstable(computed: MeasureSamples) -> float:
+    """Fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
-        return []
-    unstable = sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws)
-    if not unstable:
-        return []
-    fraction = percent(unstable / len(computed.draws))
-    return [f"{fraction} of the trucks within the uncertainty are unstable at {3.6 * truck.speed:.0f} km/h"]
+        return 0.0
+    return sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws) / len(computed.draws)
 
 
 def _unstated(truck: Truck) -> list[str]:

@@ -116,6 +116,9 @@ class Assessment:
     """Sigma of each uncertain parameter by path, SI."""
     origin: str
     """Where the uncertainty comes from, in words."""
+    unstable: float = 0.0
+    """Fraction of the random trucks within the uncertainty that are unstable, 0 if none were needed; 1 if the truck
+    itself is unstable."""
     notes: tuple[str, ...] = ()
     runs: Mapping[str, LaneChangeRun] = field(default_factory=dict, repr=False)
     """The lane change by model, "linear" and "nonlinear"."""
@@ -137,6 +140,14 @@ class Assessment:
     def title(self) -> str:
         """Vehicle and speed."""
         return f"{self.vehicle.name} at {3.6 * self.speed:.0f} km/h"
+
+    @property
+    def instability(self) -> str:
+        """A sentence on the fraction of trucks that are unstable; empty if none are."""
+        if not self.unstable:
+            return ""
+        trucks = f"About {percent(self.unstable)} of the trucks within the uncertainty are"
+        return f"{'the truck is' if self.unstable == 1 else trucks} unstable at this speed."
 
     def rows(self) -> list[tuple[str, str, str, str, str]]:
         """Title, value with sigma, nonlinear truck, threshold and its probability of each measure, as texts."""
@@ -168,6 +179,7 @@ class Assessment:
                 for path, words, unit in self.uncertain_units()
             },
             "origin": self.origin,
+            "unstable": self.unstable,
             "notes": list(self.notes),
         }
 
@@ -188,7 +200,7 @@ class Assessment:
         return notebook(self._document())
 
     def _document(self) -> pages.Document:
-        return pages.Document(self.title, [self.table(), pages.Items(self.notes)])
+        return pages.Document(self.title, [self.table(), pages.Items([*filter(None, [self.instability]), *self.notes])])
 
 
 HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", "Threshold>", "Probability>")

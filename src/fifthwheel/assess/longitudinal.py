@@ -30,7 +30,9 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.assess.braking import loads_under
 from fifthwheel.assess.low_speed_turn import FRICTION
+from fifthwheel.assess.measures import title
 from fifthwheel.assess.truck import Truck, Values
+from fifthwheel.formatting import enumerated
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.driveline import drag, driveline_numbers, rotating_mass
@@ -41,6 +43,8 @@ START_GEARS, SKIPPED = 4, (1, 2, 3)
 """Number of gears in which the truck may start, and numbers of gears of one change."""
 POINTS = 60
 """Speeds at which a gear is evaluated."""
+TORQUES = {"startability": "launch_torque", "gradeability": "engine_torque"}
+"""Torque of the engine that climbs, by measure."""
 _LOWEST = ("lowest_gear", "final_drive", "tyre_radius")
 _ENGINE = ("engine_torque", "engine_power", "launch_speed", "governed_speed", "highest_gear", "gear_step")
 NEEDED: Mapping[str, tuple[str, ...]] = {
@@ -90,9 +94,9 @@ def measure(truck: Truck) -> Values:
     time for 100 m, s."""
     missing, n = unstated(truck.vehicle), {key: value for key, (value, _) in numbers(truck.vehicle).items()}
     values = Values()
-    for name, torque in (("startability", "launch_torque"), ("gradeability", "engine_torque")):
+    for name, torque in TORQUES.items():
         if name not in missing:
-            values[name] = steepest(truck, n[torque] * n["efficiency"] * _ratio(n, n["lowest_gear"]))
+            values[name] = min(grades(truck, _pull(n, torque)))
     if "grade_speed" not in missing:
         values["grade_speed"] = speed_on_grade(truck, n)
     if "acceleration_time" not in missing:
@@ -100,8 +104,32 @@ def measure(truck: Truck) -> Values:
     return values
 
 
-def steepest(truck: Truck, force: float) -> float:
-    """Rise over run that a force of the driveline, N, and the friction of the driven group can climb."""
+def notes(truck: Truck) -> list[str]:
+    """What limits startability and gradeability, and why there is no speed on the grade or no time for 100 m."""
+    n, values = {key: value for key, (value, _) in numbers(truck.vehicle).items()}, measure(truck)
+    limited: dict[str, list[str]] = {}
+    for name, torque in TORQUES.items():
+        if name in values:
+            of_engine, of_friction = grades(truck, _pull(n, torque))
+            friction = f"the friction of the driven axles (coefficient {FRICTION}), not by the engine"
+            limited.setdefault(friction if of_friction < of_engine else "the engine", []).append(title(name))
+    found = [f"{enumerated(titles)}: limited by {limit}" for limit, titles in limited.items()]
+    if values.get("grade_speed") == 0:
+        cure = "check driveline.engine_torque, driveline.engine_power and driveline.lowest_gear"
+        found.append(f"{title('grade_speed')}: 0, the engine is too weak for the grade in every gear; {cure}")
+    if "acceleration_time" not in {*values, *unstated(truck.vehicle)}:
+        reason = "the truck does not start on a level road; check driveline.launch_torque and driveline.lowest_gear"
+        if values["startability"] > 0:
+            reason = (
+                "after a gear change the engine is slower than driveline.launch_speed; check it, driveline.gear_step"
+                " and driveline.governed_speed"
+            )
+        found.append(f"{title('acceleration_time')}: none, {reason}")
+    return found
+
+
+def grades(truck: Truck, force: float) -> tuple[float, float]:
+    """Rise over run that a force of the driveline, N, can climb, and that the friction of the driven group permits."""
     vehicle, (rolling, _) = truck.vehicle, numbers(truck.vehicle)["rolling_resistance"]
     weight, driven = _weight(vehicle), _driven(vehicle)
     level = vehicle.axle_loads()[driven]
@@ -109,7 +137,7 @@ def steepest(truck: Truck, force: float) -> float:
     of_friction = (FRICTION * level - rolling * weight) / (weight - FRICTION * rise)
     along = force / weight / math.hypot(1.0, rolling)
     of_engine = math.tan(math.asin(along) - math.atan(rolling)) if along < 1 else math.inf
-    return min(of_engine, of_friction)
+    return of_engine, of_friction
 
 
 def speed_on_grade(truck: Truck, n: Mapping[str, float]) -> float:
@@ -190,6 +218,11 @@ def _gears(n: Mapping[str, float]) -> Array:
     span = n["lowest_gear"] / n["highest_gear"]
     count = max(round(math.log(span) / math.log(n["gear_step"])), 0) if span > 1 else 0
     return np.geomspace(n["lowest_gear"], n["highest_gear"], count + 1)
+
+
+def _pull(n: Mapping[str, float], torque: str) -> float:
+    """Force of the driveline in the lowest gear, N, with the torque of a key."""
+    return n[torque] * n["efficiency"] * _ratio(n, n["lowest_gear"])
 
 
 def _ratio(n: Mapping[str, float], gear: float) -> float:

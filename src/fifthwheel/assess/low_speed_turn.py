@@ -62,11 +62,20 @@ class LowSpeedTurn:
 
 
 def unstated(truck: Truck) -> dict[str, tuple[str, ...]]:
-    """Names of dimensions of the body that a truck lacks, by the measure that needs them."""
+    """Names of dimensions of the body that a truck lacks, by the measure that needs them.
+
+    The tail of the last unit swings, and that of a unit that draws another by a drawbar; a fifth wheel is near the last
+    axle, so that the tail of a unit below it may be unknown.
+    """
     front = [truck.vehicle.units[i].name for i in truck.semitrailers() if truck.overhang(i, OVERHANGS[0]) is None]
-    missing = {"frontal_swing_difference": tuple(f"{unit}.{OVERHANGS[0]}" for unit in front)}
+    couplings = zip(truck.vehicle.units, truck.vehicle.couplings, strict=False)
+    tails = [f"{unit.name}.{OVERHANGS[1]}" for unit, behind in couplings if behind.kind == "drawbar_eye"]
+    missing = {
+        "frontal_swing_difference": tuple(f"{unit}.{OVERHANGS[0]}" for unit in front),
+        "tail_swing": tuple(name for name in tails if name not in truck.body.between),
+    }
     if truck.body.rear_overhang is None:
-        missing["tail_swing"] = (OVERHANGS[1],)
+        missing["tail_swing"] += (OVERHANGS[1],)
     return {measure: names for measure, names in missing.items() if names}
 
 
@@ -160,7 +169,8 @@ def turn(
 def swings(truck: Truck, run: LowSpeedTurn) -> Values:
     """Swing of the outer corners of a turn of 90 degrees whose overhang is known, m.
 
-    Tail swing: beyond the straight line before the turn, the largest of all units. Frontal swing: of the first unit,
+    Tail swing: beyond the straight line before the turn, the largest of all units; left out if the tail of a unit that
+    swings is unknown. Frontal swing: of the first unit,
     beyond the line after the turn. Of a semitrailer and the unit in front of it, dollies left out, the largest
     difference of both at one place along that line, and the difference of their largest values; of several the largest.
     """
@@ -173,8 +183,8 @@ def swings(truck: Truck, run: LowSpeedTurn) -> Values:
         return [i for i in range(len(ends)) if truck.overhang(i, end) is not None]
 
     values = Values()
-    if tails := known(OVERHANGS[1]):
-        values["tail_swing"] = max(0.0, *[-float(corner(i, ends[i][0]).imag.min()) for i in tails])
+    if "tail_swing" not in unstated(truck):
+        values["tail_swing"] = max(0.0, *[-float(corner(i, ends[i][0]).imag.min()) for i in known(OVERHANGS[1])])
     path = {i: corner(i, ends[i][1]) for i in known(OVERHANGS[0])}
     values["frontal_swing"] = max(0.0, float(path[0].real.max()) - RADIUS)
     pairs = [(path[max(j for j in path if j < i)], path[i]) for i in truck.semitrailers() if i in path]

@@ -55,8 +55,10 @@ def measure_zero_damping_speed(truck: Truck) -> Values:
         try:
             return eigenvalue_damping(replace(truck, speed=speed))
         except VehicleError:
-            found = f"unstable without oscillation at {3.6 * speed:.0f} km/h"
-            raise VehicleError(f"zero-damping speed: none, {found}") from None
+            raise VehicleError(
+                f"zero-damping speed: none, the truck does not sway when it becomes unstable: at"
+                f" {3.6 * speed:.0f} km/h it spins or jackknifes after a small disturbance"
+            ) from None
 
     for low, high in pairwise(np.linspace(LOWEST_SPEED, HIGHEST_SPEED, 10).tolist()):
         if damping(high) < 0:

@@ -68,6 +68,8 @@ def main() -> None:
         _refuse(f"{error.format_message()} See fifthwheel{words} --help")
     except FifthwheelError as error:
         _refuse(str(error))
+    except FileExistsError as error:
+        _refuse(f"{error.filename}: expected a folder, got a file; choose another name")
     except OSError as error:
         _refuse(f"{error.filename or 'file'}: {error.strerror or error}; check path, permissions and free space")
     finally:

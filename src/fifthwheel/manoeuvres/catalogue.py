@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel._arguments import expect_road_speed
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import accelerations, open_loops, paths
@@ -175,8 +176,8 @@ def course(
             f"manoeuvre: {name!r} exists only for the linear model; for the nonlinear truck choose one of "
             f"{', '.join(PLANT_MANOEUVRES)}"
         )
-    if speed is not None and not 5 <= speed <= 40:
-        raise SignalError(f"speed: expected 5 to 40 m/s, got {speed:g}; give a road speed in m/s")
+    if speed is not None:
+        expect_road_speed(speed)
     if seed < 0:
         raise SignalError(f"seed: expected 0 or more, got {seed}; give another number")
     options = {"speed": speed, "count": count, "duration": duration}

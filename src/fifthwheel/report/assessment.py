@@ -117,20 +117,23 @@ def _thresholds(assessment: Assessment) -> Iterator[tuple[MeasureResult, Thresho
 
 
 def is_good(assessment: Assessment) -> bool:
-    """Whether every threshold is met without doubt."""
-    return not failed(assessment) and not doubtful(assessment)
+    """Whether every threshold is met, and the truck is stable, without doubt."""
+    return not failed(assessment) and not doubtful(assessment) and assessment.unstable <= 1 - LIKELY
 
 
 def headline(assessment: Assessment) -> str:
-    if missed := failed(assessment):
-        return f"{assessment.title}: misses {enumerated([m.title for m in missed])}."
-    if uncertain := doubtful(assessment):
-        names = enumerated([m.title for m in uncertain])
-        return (
-            f"{assessment.title}: meets all thresholds of the {SCHEME}, but with its uncertainty not surely those of"
-            f" {names}."
-        )
-    return f"{assessment.title}: meets all thresholds of the {SCHEME} that are assessed."
+    """Whether the truck meets its thresholds, and surely; of an unstable truck that it is unstable."""
+    missed = failed(assessment)
+    if assessment.unstable == 1:
+        also = f" It misses {enumerated([m.title for m in missed])}." if missed else ""
+        return f"{assessment.title}: {assessment.instability}{also}"
+    if missed:
+        verdict = f"misses {enumerated([m.title for m in missed])}"
+    else:
+        verdict = f"meets all thresholds of the {SCHEME} that are assessed"
+        if uncertain := doubtful(assessment):
+            verdict += f", but with its uncertainty not surely those of {enumerated([m.title for m in uncertain])}"
+    return f"{assessment.title}: {verdict}. {assessment.instability}".rstrip()
 
 
 def explanations(assessment: Assessment) -> list[str]:

@@ -1,5 +1,6 @@
 """Base of all components of a vehicle: immutable, keyword-only, finite, with errors that name the path and the cure."""
 
+import math
 from collections.abc import Iterable, Mapping
 from reprlib import repr as shorten
 from types import UnionType
@@ -77,6 +78,24 @@ class Component(BaseModel):
             super().__init__(**data)
         except ValidationError as error:
             raise VehicleError(_message(error, self._prefix(data), type(self).model_fields)) from None
+
+    @classmethod
+    def require_plausible(cls, key: str, value: float, *, path: str, written: object) -> None:
+        """Raise a VehicleError where a number that the user states, SI, is outside the range of road vehicles.
+
+        Args:
+            key: of the number.
+            value: SI.
+            path: that the message names.
+            written: the value as the user wrote it.
+        """
+        low, high = cls.plausible.get(key, (-math.inf, math.inf))
+        if not low <= value <= high:
+            unit = "" if cls.si_units[key] == "1" else f" {cls.si_units[key]}"
+            raise VehicleError(
+                f"{path}: expected {low:g} to {high:g}{unit}, the range of road vehicles, got {written}; check the"
+                " number and its unit"
+            )
 
     @classmethod
     def _prefix(cls, data: dict[str, Any]) -> str:

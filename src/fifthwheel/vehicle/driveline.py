@@ -6,8 +6,11 @@ with the force F = efficiency * torque * ratio, and the ratio of engine speed to
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Self
 
+from pydantic import model_validator
+
+from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.classes.table import Figure
 from fifthwheel.vehicle.component import Component, NonNegative, Positive, number
 from fifthwheel.vehicle.parameters import DRAG_AREA, ROLLING_RESISTANCE, TYRE_PARAMETERS
@@ -67,6 +70,16 @@ class Driveline(Component):
     tyre_radius: Positive | None = number(
         "m", "Rolling radius of the driven tyres.", default=None, plausible=(0.2, 1.5)
     )
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        for lower, higher in (("launch_speed", "governed_speed"), ("highest_gear", "lowest_gear")):
+            low, high = getattr(self, lower), getattr(self, higher)
+            if None not in (low, high) and not low < high:
+                unit = self.si_units[lower].removeprefix("1")
+                limit, got = (f"{x:.4g} {unit}".rstrip() for x in (high, low))
+                raise VehicleError(f"{lower}: expected less than {higher}, {limit}, got {got}; correct one of them")
+        return self
 
 
 DRIVELINE: Mapping[str, Figure] = {

@@ -140,23 +140,11 @@ def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, fl
     for key, value in table.items():
         if key in kind.si_units:
             value, sigma = read_quantity(value, kind.si_units[key], f"{prefix}{key}")
-            if key in kind.plausible:
-                _require_plausible(f"{prefix}{key}", value, table[key], kind.si_units[key], kind.plausible[key])
+            kind.require_plausible(key, value, path=f"{prefix}{key}", written=table[key])
             if sigma is not None:
                 stated[f"{prefix}{key}"] = sigma
         values[fields[key]] = value
     return values
-
-
-def _require_plausible(path: str, value: float, written: Any, si: str, limits: tuple[float, float]) -> None:
-    """Raise a VehicleError where a number is outside the range of road vehicles."""
-    low, high = limits
-    if not low <= value <= high:
-        unit = "" if si == "1" else f" {si}"
-        raise VehicleError(
-            f"{path}: expected {low:g} to {high:g}{unit}, the range of road vehicles, got {written}; check the number"
-            " and its unit"
-        )
 
 
 def _require_plausible_axles(unit: str, groups: list[Table]) -> None:
