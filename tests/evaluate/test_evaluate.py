@@ -80,6 +80,24 @@ def test_wrong_logs_are_refused_with_signal_and_cure(truck, logs, test):
         fw.evaluate(bare, test, vehicle=truck)
 
 
+@pytest.mark.parametrize(
+    ("name", "factor", "message"),
+    [
+        (STEER, 180 / np.pi, "looks like degrees"),
+        ("speed", 3.6, "looks like km/h"),
+        ("yaw_rate.semitrailer", -1.0, "the sign contradicts"),
+    ],
+)
+@pytest.mark.parametrize("with_vehicle", [True, False])
+def test_implausible_signals_are_refused(truck, logs, name, factor, message, with_vehicle):
+    log, vehicle = logs["step"], truck if with_vehicle else None
+    wrong = log.with_signals({name: factor * log.signals[name]})
+    with pytest.raises(SignalError, match=f"{name}: .*{message}"):
+        fw.evaluate(wrong, "step", vehicle=vehicle)
+    notes = fw.evaluate(wrong, "step", vehicle=vehicle, check=False).notes
+    assert any(note.startswith(name) and message in note for note in notes)
+
+
 def test_wrong_arguments(truck, logs):
     with pytest.raises(SignalError, match="test: 'steps' is not known; did you mean 'step'"):
         fw.evaluate(logs["step"], "steps")
@@ -127,9 +145,9 @@ def test_gaps_and_reference_signals_are_noted(truck, logs):
 
 def test_stated_sensors_time_bases_and_other_steer_angles_are_noted(truck, logs):
     log, gyro = logs["step"], fw.SensorPrior(sensor_class="mems")
-    log = log.with_signals({"steer.semitrailer.second": 0.0 * log.time})
+    log = log.with_signals({"steer.semitrailer.rear": -0.5 * log.signals[STEER]})
     stated = replace(log, sensors={"yaw_rate.tractor": gyro}, time_bases={"yaw_rate.tractor": "imu"})
-    assert "Other steer angles are not evaluated: steer.semitrailer.second." in fw.evaluate(log, "step").notes
+    assert "Other steer angles are not evaluated: steer.semitrailer.rear." in fw.evaluate(log, "step").notes
     notes = fw.evaluate(stated, "step", vehicle=truck).notes
     assert "Stated errors of sensors are neither corrected nor in sigma: yaw_rate.tractor." in notes
     assert "Times contain the time offset of signals on another time base: yaw_rate.tractor." in notes

@@ -82,7 +82,7 @@ def test_the_uncertainty_of_the_wheelbase_is_in_sigma(truck):
 def test_the_slowly_increasing_steer_of_the_linear_model(truck, variances):
     """The lag of the ramp does not bias the gradients, whose closed form is the gain of the steady state."""
     log = fw.simulate(truck, manoeuvre="slowly_increasing_steer", speed=U, sensors=variances, seed=3)
-    found = fw.evaluate(log, "steady_state", vehicle=truck)
+    found = fw.evaluate(log, "steady_state", vehicle=truck, check=False)  # without noise both roll angles are equal
     names = ["yaw_rate.tractor", "sideslip.tractor", "roll.tractor", "roll.semitrailer"]
     rate, *gains = linear_system(truck, U, names).gain()[:, 0]
     exact = {"understeer_gradient": steady_steer(truck)[1]}

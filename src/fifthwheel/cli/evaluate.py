@@ -39,6 +39,7 @@ def evaluate(
         ),
     ] = None,
     signals: options.SignalsOption = None,
+    check: options.CheckOption = True,
     allow_outside: options.AllowOutsideOption = False,
     out: Annotated[
         Path | None,
@@ -66,7 +67,7 @@ def evaluate(
             raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
     truck = read_vehicle(vehicle) if vehicle else None
     (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-    evaluation = run_evaluation(record, test, vehicle=truck)
+    evaluation = run_evaluation(record, test, vehicle=truck, check=check)
     files: dict[str, Path] = {}
     if out is not None:
         read = [log, *([Path(vehicle)] if vehicle else []), *([signals] if signals else [])]

@@ -4,12 +4,15 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from fifthwheel._arguments import expect, expect_optional
+from fifthwheel.channels import STEER, is_of
+from fifthwheel.checks import Fault, Finding, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
 from fifthwheel.evaluate.evaluation import Evaluation, Findings
 from fifthwheel.evaluate.motion import Motion, motion
 from fifthwheel.record import Record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 
 
@@ -57,7 +60,7 @@ METHODS: Mapping[str, Method] = {
 """Test methods by name."""
 
 
-def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Evaluation:
+def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check: bool = True) -> Evaluation:
     """Evaluate the log of a test by a method of ISO: measures with sigma, test conditions, arrays of the diagrams.
 
     docs/evaluate.md defines the measures.
@@ -66,9 +69,10 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         record: one run with speed and the steer angle of the first steered axle, and the outputs that the method needs.
         test: one of `METHODS`.
         vehicle: names the units in their order; "steady_state" takes the wheelbase from it.
+        check: refuse implausible signals, the errors of `check_signals`.
 
     Raises:
-        SignalError: the test is unknown, a signal is missing, the log is too short, sampled too slowly, or does not
+        SignalError: the test is unknown, a signal is missing or implausible, the log is too short, sampled too slowly, or does not
             contain the manoeuvre.
         VehicleError: `vehicle` is not one, or has no steered axle.
 
@@ -86,6 +90,9 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         raise SignalError(f"test: {test!r} is not known; {suggestion(str(test), METHODS)}")
     method = METHODS[test]
     driven = motion(record, vehicle, shortest=method.shortest)
+    suspicions = [finding for finding in check_signals(record, vehicle) if not _is_steady_steer(finding)]
+    if check:
+        raise_errors(suspicions)
     found = method.evaluate(driven)
     return Evaluation(
         log=record.name,
@@ -95,5 +102,10 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         measures=found.measures,
         conditions=conditions(driven, found),
         arrays=found.arrays,
-        notes=(*found.notes, *driven.notes),
+        notes=(*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions)),
     )
+
+
+def _is_steady_steer(finding: Finding) -> bool:
+    """Whether it is a constant steer angle, which a step, and a pulse by a machine, have."""
+    return finding.fault is Fault.STUCK and is_of(finding.signal, STEER)
