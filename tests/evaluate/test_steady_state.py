@@ -100,6 +100,15 @@ def test_the_diagram_has_the_characteristic(truck):
     assert list(found.plots()) == ["Steer angle less Ackermann angle"]
 
 
+def test_one_acceleration_only_is_refused(truck):
+    """A straight entry and one circle."""
+    log = steady_turns(truck, "constant speed", 1)
+    turn = np.interp(log.time, [2.0, 6.0], [0.0, 1.5 / U])
+    steer = (steady_steer(truck)[0] / U + steady_steer(truck)[1] * U) * turn
+    with pytest.raises(SignalError, match=r"without any tenth of it.* drive circles at several accelerations"):
+        fw.evaluate(log.with_signals({YAW_RATE: turn, STEER: steer}), "steady_state", vehicle=truck, check=False)
+
+
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "straight", "step", "random"])
 def test_logs_without_slow_turns_are_refused(truck, manoeuvre):
     log = fw.simulate(truck, manoeuvre=manoeuvre, count=6, duration=20 if manoeuvre == "step" else None)

@@ -72,8 +72,8 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check
         check: refuse implausible signals, the errors of `check_signals`.
 
     Raises:
-        SignalError: the test is unknown, a signal is missing or implausible, the log is too short, sampled too slowly, or does not
-            contain the manoeuvre.
+        SignalError: the test is unknown, a signal is missing or implausible, the log is too short, sampled too slowly,
+            or does not contain the manoeuvre.
         VehicleError: `vehicle` is not one, or has no steered axle.
 
     Example:

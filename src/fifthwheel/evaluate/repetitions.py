@@ -31,6 +31,8 @@ JOINED = 0.5
 """Longest time without steering within a manoeuvre, s."""
 WIDTH = 0.3
 """Of the local polynomials, s."""
+LARGE = 0.5
+"""Fraction of the largest steer angle above which steering is more than a correction."""
 DRAWS = 40
 
 GAIN_UNITS = {"yaw_rate": "1/s", "lateral_acceleration": "m/(s^2 rad)"}
@@ -93,7 +95,7 @@ def findings(
         words: title and unit of the measures.
 
     Raises:
-        SignalError: the log has no manoeuvre without a fault, or does not begin straight ahead.
+        SignalError: most manoeuvres of the log have a fault, or it does not begin straight ahead.
     """
     stated = {"steer": motion.noise(motion.steer_name), **{name: motion.noise(name) for name in outputs}}
     noise = {name: sigma or 0.0 for name, sigma in stated.items()}
@@ -104,6 +106,7 @@ def findings(
     if not good:
         raise SignalError(f"{motion.steer_name}: {faults[0]} in {motion.name}; give the log of this test")
     kept = [responses[k] for k in good]
+    _require_mostly_good(motion, responses, faults)
     values, biases, draws = _repeated(kept, noise, measure)
     measures = [_measure(name, values[name], biases[name], draws[name], words) for name in values]
     if len(good) == 1 and None in stated.values():
@@ -115,6 +118,18 @@ def findings(
         start=float(motion.time[times[good[0]][0]]),
         notes=tuple(_notes(kept, [text for text in faults if text], measure(kept[0]).keys() - values.keys())),
     )
+
+
+def _require_mostly_good(motion: Motion, responses: Sequence[Response], faults: Sequence[str]) -> None:
+    """Raise where as many large steering inputs have a fault as have none: chance resemblances in another test."""
+    peaks = [float(np.abs(response.steer).max()) for response in responses]
+    large = [text for text, peak in zip(faults, peaks, strict=True) if peak > LARGE * max(peaks)]
+    wrong = [text for text in large if text]
+    if 2 * len(wrong) >= len(large):
+        raise SignalError(
+            f"{motion.steer_name}: {len(wrong)} of {len(large)} steering inputs of {motion.name} are not this test: "
+            f"{wrong[0]}; give the log of this test, or cut the record to it"
+        )
 
 
 def _repeated(

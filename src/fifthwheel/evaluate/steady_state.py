@@ -43,7 +43,7 @@ RECOMMENDED = 0.2
 LINEAR = 2.0
 """Lateral acceleration up to which the gradients are fitted, m/s^2."""
 SPAN = 0.8
-"""Least range of the lateral acceleration, m/s^2."""
+"""Least range of the lateral acceleration without any one of the segments, m/s^2."""
 SEGMENTS = 10
 """Of the jackknife."""
 CONSTANT = 0.05
@@ -155,14 +155,28 @@ def _blocks(motion: Motion, yaw_rate: Array) -> Blocks:
         linear=np.abs(acceleration[kept]) <= LINEAR,
     )
     within = blocks.acceleration[blocks.linear]
-    if within.size < SEGMENTS + 2 or np.ptp(within) < SPAN:
-        span = np.ptp(within) if within.size else 0.0
+    span = _span(within)
+    if within.size < SEGMENTS + 2 or span < SPAN:
         raise SignalError(
             f"{motion.name}: {within.size} s of quasi-steady motion with a range of lateral acceleration of "
-            f"{span:.3g} m/s^2 up to {LINEAR:g} m/s^2, expected {SEGMENTS + 2} s and {SPAN:g} m/s^2; drive circles or "
-            "steer slowly, such as the manoeuvre slowly_increasing_steer"
+            f"{span:.3g} m/s^2 up to {LINEAR:g} m/s^2 without any tenth of it, expected {SEGMENTS + 2} s and {SPAN:g} "
+            "m/s^2; drive circles at several accelerations, or steer slowly, such as the manoeuvre "
+            "slowly_increasing_steer"
         )
     return blocks
+
+
+def _span(acceleration: Array) -> float:
+    """Range of the lateral acceleration that remains without any one segment: one turn has one acceleration only."""
+    if acceleration.size < SEGMENTS:
+        return 0.0
+    segment = _segments(acceleration.size)
+    return float(min(np.ptp(acceleration[segment != k]) for k in range(SEGMENTS)))
+
+
+def _segments(size: int) -> NDArray[np.int_]:
+    """The segment of each block, (n,)."""
+    return np.arange(size) * SEGMENTS // size
 
 
 def _kind(blocks: Blocks) -> str:
@@ -214,7 +228,7 @@ def jackknife(X: Array, y: Array) -> tuple[float, float]:
     def first(rows: NDArray[np.bool_]) -> float:
         return float(np.linalg.lstsq(scaled[rows], y[rows], rcond=1e-6)[0][0]) / float(scale[0])
 
-    segment = np.arange(len(y)) * SEGMENTS // len(y)
+    segment = _segments(len(y))
     left_out = np.array([first(segment != k) for k in range(SEGMENTS)])
     sigma = np.sqrt((SEGMENTS - 1) / SEGMENTS * np.sum((left_out - left_out.mean()) ** 2))
     return first(np.ones(len(y), dtype=bool)), float(sigma)
