@@ -7,9 +7,9 @@ transients T of its ends are smooth, and quadratic in the 2 n + 1 frequencies ar
     Y(k + r) = H(r) X(k + r) + T(r) + V(r),    H(r) = H + h_1 r + h_2 r^2,    T(r) = t_0 + t_1 r + t_2 r^2.     (1)
 
 Least squares give H without leakage, and the variance s^2 of the noise V from the residuals, with 2 n + 1 - 6 degrees
-of freedom; sigma of |H| is that of least squares, and that of the phase is sigma / |H|. The coherence is the fraction of
-the output's power that the steer angle explains, apart from transients; m = 4 (2 n + 1) / 9 is the number of
-independent frequencies in a quadratic fit:
+of freedom; sigma of |H| is that of least squares and of `PARABOLA`, and that of the phase is sigma / |H|. The coherence
+is the fraction of the output's power that the steer angle explains, apart from transients; m = 4 (2 n + 1) / 9 is the
+number of independent frequencies in a quadratic fit:
 
     c = |H|^2 / (|H|^2 + 2 m sigma^2).                                                                         (2)
 
@@ -37,20 +37,22 @@ SHORTEST = 30.0
 """Least duration of a log, s."""
 RESOLUTION = 1 / 30
 """Least distance of evaluated frequencies, Hz."""
-NEIGHBOURS = 7
-"""Least number n of frequencies of equation (1) on each side: nine degrees of freedom for sigma."""
+NEIGHBOURS = 6
+"""Least number n of frequencies of equation (1) on each side: seven degrees of freedom for sigma."""
 BANDWIDTH = 0.05
 """Half of the band of equation (1) in a long log, Hz."""
 INDEPENDENT = 4 / 9
 """Distance of independent estimates, as a fraction of the band: that of a local quadratic polynomial."""
+PARABOLA = 1e-3
+"""Standard deviation of a response from the parabola of equation (1), as a fraction of it; part of sigma."""
 LONGEST_LAG = 4.0
 """Of an output behind the steer angle, s."""
 HIGHEST = 3.0
 """Highest frequency, Hz; heavy vehicles are tested up to 2 Hz."""
 CONTINUOUS = 0.4
 """Least fraction of the time in which the truck is steered."""
-STEERED = 1e-3
-"""Least power of the steer angle as a fraction of the largest one."""
+STEERED = 3e-3
+"""Least power of the steer angle in each third of the band, as a fraction of the largest one."""
 COHERENT = 0.8
 """Least coherence."""
 NEAR_PEAK = 0.95
@@ -74,7 +76,7 @@ class Responses:
 
     def relative_sigma(self, name: str) -> Array:
         """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
-        return np.asarray(self.sigmas[name] / np.abs(self.gains[name]))
+        return np.hypot(self.sigmas[name] / np.abs(self.gains[name]), PARABOLA)
 
     def coherent(self, *names: str) -> NDArray[np.bool_]:
         """Frequencies at which the truck is steered and the outputs are coherent, (f,)."""
@@ -123,7 +125,7 @@ def _responses(motion: Motion, names: list[str]) -> Responses:
     return Responses(
         frequency=frequency,
         band=band,
-        steered=power > STEERED * power.max(),
+        steered=(power > STEERED * power.max()) & (frequency >= band / 2),
         gains={name: fit.gain for name, fit in fits.items()},
         sigmas={name: fit.sigma for name, fit in fits.items()},
         coherences={name: fit.coherence for name, fit in fits.items()},
@@ -146,7 +148,7 @@ class LocalFit:
     sigma: Array
     coherence: Array
     power: Array
-    """Mean of |X|^2."""
+    """Smallest mean |X|^2 of the thirds of the band: a response at the edge of the steered frequencies is biased."""
 
 
 def _fit(motion: Motion, name: str) -> LocalFit:
@@ -174,7 +176,7 @@ def _fit(motion: Motion, name: str) -> LocalFit:
         gain=coefficients[:, 0, 0] / scale * np.exp(-2j * np.pi * frequency * lag / motion.rate),
         sigma=sigma / scale,
         coherence=np.divide(explained, total, out=np.zeros_like(total), where=total > 0),
-        power=power,
+        power=np.min([np.mean(part, axis=1) for part in np.array_split(np.abs(X[rows]) ** 2, 3, axis=1)], axis=0),
     )
 
 
