@@ -1,7 +1,9 @@
 """The evaluation of a log by a test method of ISO."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel.channels import STEER, is_of
@@ -9,7 +11,7 @@ from fifthwheel.checks import Fault, Finding, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
-from fifthwheel.evaluate.evaluation import Evaluation, Findings
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Evaluation, Findings
 from fifthwheel.evaluate.motion import Motion, motion
 from fifthwheel.record import Record
 from fifthwheel.time_bases import check_signals
@@ -94,16 +96,22 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check
     if check:
         raise_errors(suspicions)
     found = method.evaluate(driven)
+    unknown = {f"gain_sigma.{name}" for name in driven.references}
     return Evaluation(
         log=record.name,
         test=test,
         title=method.title,
         standard=method.standard,
-        measures=found.measures,
+        measures=tuple(_without_sigma(m) if driven.references & set(m.signals) else m for m in found.measures),
         conditions=conditions(driven, found),
-        arrays=found.arrays,
+        arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
         notes=(*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions)),
     )
+
+
+def _without_sigma(measure: EvaluatedMeasure) -> EvaluatedMeasure:
+    """The measure of a reference signal, whose noise is not that of a sensor."""
+    return replace(measure, sigma=None, reason="no sigma: from a reference signal")
 
 
 def _is_steady_steer(finding: Finding) -> bool:

@@ -27,9 +27,9 @@ from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.lane_change import amplified
-from fifthwheel.evaluate.motion import Motion
-from fifthwheel.evaluate.repetitions import ACTIVE, GAIN_UNITS
+from fifthwheel.evaluate.lane_change import amplified, compared
+from fifthwheel.evaluate.motion import GAIN_UNITS, Motion
+from fifthwheel.evaluate.repetitions import ACTIVE
 from fifthwheel.formatting import percent
 from fifthwheel.spoken_names import named
 
@@ -103,7 +103,7 @@ def evaluate(motion: Motion) -> Findings:
     measures = [m for name in responses.gains for m in _of_output(responses, name)]
     measures += [m for pair in amplified(motion) if (m := _amplification(responses, *pair))]
     band = f"Each response is a mean over {responses.band:.2f} Hz, along a parabola."
-    return Findings(measures=tuple(measures), arrays=_arrays(responses), start=None, notes=(band,))
+    return Findings(measures=tuple(measures), arrays=_arrays(responses), start=None, notes=(band, compared(motion)))
 
 
 def _require_continuous_steering(motion: Motion) -> None:
@@ -137,7 +137,7 @@ def _frequencies(motion: Motion) -> tuple[Array, float]:
     step = motion.rate / len(motion.time)
     half = max(NEIGHBOURS, round(BANDWIDTH / step)) * step
     distance = max(RESOLUTION, step)
-    return distance * np.arange(1, int(min(HIGHEST, motion.rate / 4) / distance) + 1), 2 * half
+    return np.asarray(distance * np.arange(1, int(min(HIGHEST, motion.rate / 4) / distance) + 1)), 2 * half
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -204,6 +204,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
             unit=GAIN_UNITS.get(name.partition(".")[0], "1"),
             value=float(gain[lowest]),
             sigma=float(gain[lowest] * sigma[lowest]),
+            signals=(name,),
         )
     ]
     response = responses.gains[name][used]
@@ -220,6 +221,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
                 unit="Hz",
                 value=float(at),
                 sigma=float(sigma[used[k]] / abs(slope)),
+                signals=(name,),
             )
         )
     return measures
@@ -255,6 +257,7 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
         unit="1",
         value=value,
         sigma=error,
+        signals=(first, last),
         reason=edge,
     )
 

@@ -5,6 +5,7 @@ where both units have an accelerometer.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -43,7 +44,8 @@ def evaluate(motion: Motion) -> Findings:
     if not pairs:
         for unit in (motion.units[0], motion.units[-1]):
             motion.output(f"yaw_rate.{unit}")
-    return findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
+    found = findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
+    return replace(found, notes=(*found.notes, compared(motion)))
 
 
 def amplified(motion: Motion) -> list[tuple[str, str]]:
@@ -51,6 +53,17 @@ def amplified(motion: Motion) -> list[tuple[str, str]]:
     first, last = motion.units[0], motion.units[-1]
     pairs = [(f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")]
     return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
+
+
+def compared(motion: Motion) -> str:
+    """Which units a rearward amplification compares, or why there is none."""
+    first, last = motion.units[0], motion.units[-1]
+    order = "" if motion.vehicle else ", in the order of the columns, since no vehicle is given"
+    if not amplified(motion):
+        return (
+            f"No rearward amplification, which needs the same signal of {first} and {last}, first and last unit{order}."
+        )
+    return f"Rearward amplification: {last} divided by {first}{order}."
 
 
 def fault(response: Response) -> str:

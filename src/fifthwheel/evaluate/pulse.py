@@ -35,8 +35,8 @@ def evaluate(motion: Motion) -> Findings:
             above the noise.
     """
     last = motion.units[-1]
-    name = f"articulation.{last}"
-    name = name if name in motion.signals else f"yaw_rate.{last}"
+    names = [n for n in (f"articulation.{last}", f"yaw_rate.{last}") if n in motion.signals]
+    name = min(names, key=motion.references.__contains__, default=f"yaw_rate.{last}")  # a measured one first
     motion.output(name)
     found = findings(motion, [name], measures, fault, WORDS)
     if not found.measures:

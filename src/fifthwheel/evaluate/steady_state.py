@@ -82,7 +82,8 @@ def evaluate(motion: Motion) -> Findings:
     measures = [_gradient(blocks, name, values) for name, values in blocks.outputs.items()]
     notes = list(_notes(blocks, kind))
     if motion.vehicle is not None:
-        measures.insert(0, _understeer(blocks, motion.vehicle))
+        measures.insert(0, _understeer(blocks, motion.vehicle, f"yaw_rate.{motion.units[0]}"))
+        notes.append(_scale_error(blocks))
     elif measures:
         notes.append("Without a vehicle, whose wheelbase it needs, there is no understeer gradient.")
     else:
@@ -101,7 +102,9 @@ def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
     quantity, _, unit = name.partition(".")
     value, sigma = _slope(blocks, values)
     title = f"{quantity} gradient, {named_unit(unit)}"
-    return EvaluatedMeasure(name=f"{quantity}_gradient.{unit}", title=title, unit=GRADIENT, value=value, sigma=sigma)
+    return EvaluatedMeasure(
+        name=f"{quantity}_gradient.{unit}", title=title, unit=GRADIENT, value=value, sigma=sigma, signals=(name,)
+    )
 
 
 def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
@@ -110,13 +113,17 @@ def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
     yield f"Method: {kind}; {used} s of quasi-steady turning up to {LINEAR:g} m/s²."
     if left:
         yield f"{left} s above {LINEAR:g} m/s² are in the diagram, not in the gradients."
-    change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
-    yield f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
     if (fastest := np.abs(blocks.rate).max()) > RECOMMENDED:
         yield (
             f"The lateral acceleration changes by up to {fastest:.2f} m/s² in 1 s; up to {RECOMMENDED:g} is closer to "
             "a steady state."
         )
+
+
+def _scale_error(blocks: Blocks) -> str:
+    """What a scale error of the steer angle does."""
+    change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
+    return f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
 
 
 def _arrays(blocks: Blocks, wheelbase: float) -> dict[str, Array]:
@@ -188,7 +195,7 @@ def _kind(blocks: Blocks) -> str:
     return name if spreads[name] < CONSTANT else "mixed driving"
 
 
-def _understeer(blocks: Blocks, vehicle: Vehicle) -> EvaluatedMeasure:
+def _understeer(blocks: Blocks, vehicle: Vehicle, yaw_rate: str) -> EvaluatedMeasure:
     """The understeer gradient, with the uncertainty of the wheelbase in its sigma."""
     wheelbase, wheelbase_sigma = equivalent_wheelbase(vehicle)
     value, sigma = _slope(blocks, blocks.steer - wheelbase * blocks.curvature)
@@ -196,7 +203,13 @@ def _understeer(blocks: Blocks, vehicle: Vehicle) -> EvaluatedMeasure:
     total = float(np.hypot(sigma, by_wheelbase))
     remark = f"{percent(by_wheelbase**2 / total**2)} of its variance by the wheelbase" if by_wheelbase > sigma else ""
     return EvaluatedMeasure(
-        name="understeer_gradient", title="understeer gradient", unit=GRADIENT, value=value, sigma=total, reason=remark
+        name="understeer_gradient",
+        title="understeer gradient",
+        unit=GRADIENT,
+        value=value,
+        sigma=total,
+        signals=(yaw_rate,),
+        reason=remark,
     )
 
 
