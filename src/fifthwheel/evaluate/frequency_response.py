@@ -33,8 +33,8 @@ from fifthwheel.evaluate.repetitions import ACTIVE
 from fifthwheel.formatting import percent
 from fifthwheel.spoken_names import named
 
-SHORTEST = 30.0
-"""Least duration of a log, s."""
+SHORTEST = 50.0
+"""Least duration of a log, s; in 30 s a response is no parabola within the 12 nearest frequencies."""
 RESOLUTION = 1 / 30
 """Least distance of evaluated frequencies, Hz."""
 NEIGHBOURS = 6
@@ -44,7 +44,8 @@ BANDWIDTH = 0.05
 INDEPENDENT = 4 / 9
 """Distance of independent estimates, as a fraction of the band: that of a local quadratic polynomial."""
 PARABOLA = 1e-3
-"""Standard deviation of a response from the parabola of equation (1), as a fraction of it; part of sigma."""
+"""Standard deviation of a response from the parabola of equation (1), as a fraction of it, where the band has the half
+width `BANDWIDTH`; it grows with the square of the band, and is part of sigma."""
 LONGEST_LAG = 4.0
 """Of an output behind the steer angle, s."""
 HIGHEST = 3.0
@@ -53,7 +54,7 @@ CONTINUOUS = 0.4
 """Least fraction of the time in which the truck is steered."""
 STEERED = 3e-3
 """Least power of the steer angle in each third of the band, as a fraction of the largest one."""
-COHERENT = 0.8
+COHERENT = 0.95
 """Least coherence."""
 NEAR_PEAK = 0.95
 """Gains above this fraction of the largest one determine the peak."""
@@ -76,7 +77,8 @@ class Responses:
 
     def relative_sigma(self, name: str) -> Array:
         """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
-        return np.hypot(self.sigmas[name] / np.abs(self.gains[name]), PARABOLA)
+        parabola = PARABOLA * (self.band / (2 * BANDWIDTH)) ** 2
+        return np.asarray(np.hypot(self.sigmas[name] / np.abs(self.gains[name]), parabola))
 
     def coherent(self, *names: str) -> NDArray[np.bool_]:
         """Frequencies at which the truck is steered and the outputs are coherent, (f,)."""
@@ -148,7 +150,7 @@ class LocalFit:
     sigma: Array
     coherence: Array
     power: Array
-    """Smallest mean |X|^2 of the thirds of the band: a response at the edge of the steered frequencies is biased."""
+    """Smallest mean |X|^2 of the thirds of the band: at the edge of the steered frequencies a response is biased."""
 
 
 def _fit(motion: Motion, name: str) -> LocalFit:
@@ -170,13 +172,14 @@ def _fit(motion: Motion, name: str) -> LocalFit:
     coefficients = inverse @ Y[rows][..., None]
     residual = (Y[rows][..., None] - regressors @ coefficients)[..., 0]
     noise = np.sum(np.abs(residual) ** 2, axis=1) / (2 * n + 1 - 6)
+    thirds = np.array([np.mean(part, axis=1) for part in np.array_split(np.abs(X[rows]) ** 2, 3, axis=1)])
     explained, sigma = np.abs(coefficients[:, 0, 0]) ** 2, np.sqrt(noise / 2) * np.linalg.norm(inverse[:, 0], axis=1)
     total = explained + 2 * INDEPENDENT * (2 * n + 1) * sigma**2
     return LocalFit(
         gain=coefficients[:, 0, 0] / scale * np.exp(-2j * np.pi * frequency * lag / motion.rate),
         sigma=sigma / scale,
         coherence=np.divide(explained, total, out=np.zeros_like(total), where=total > 0),
-        power=np.min([np.mean(part, axis=1) for part in np.array_split(np.abs(X[rows]) ** 2, 3, axis=1)], axis=0),
+        power=thirds.min(axis=0),
     )
 
 
