@@ -52,8 +52,11 @@ HIGHEST = 3.0
 """Highest frequency, Hz; heavy vehicles are tested up to 2 Hz."""
 CONTINUOUS = 0.4
 """Least fraction of the time in which the truck is steered."""
-STEERED = 3e-3
-"""Least power of the steer angle in each third of the band, as a fraction of the largest one."""
+STEERED = 1e-3
+"""Least power of the steer angle as a fraction of the largest one."""
+INFLATION = 5.0
+"""Largest variance of a response by least squares, as a multiple of that of even steering without transients: at the
+edge of the steered frequencies a response is not distinct from the transients."""
 COHERENT = 0.95
 """Least coherence."""
 NEAR_PEAK = 0.95
@@ -123,11 +126,10 @@ def _responses(motion: Motion, names: list[str]) -> Responses:
     """The responses by the local polynomial method, of each output behind its lag."""
     fits = {name: _fit(motion, name) for name in names}
     frequency, band = _frequencies(motion)
-    power = fits[f"yaw_rate.{motion.units[0]}"].power
     return Responses(
         frequency=frequency,
         band=band,
-        steered=(power > STEERED * power.max()) & (frequency >= band / 2),
+        steered=fits[f"yaw_rate.{motion.units[0]}"].steered,
         gains={name: fit.gain for name, fit in fits.items()},
         sigmas={name: fit.sigma for name, fit in fits.items()},
         coherences={name: fit.coherence for name, fit in fits.items()},
@@ -149,8 +151,8 @@ class LocalFit:
     gain: NDArray[np.complex128]
     sigma: Array
     coherence: Array
-    power: Array
-    """Smallest mean |X|^2 of the thirds of the band: at the edge of the steered frequencies a response is biased."""
+    steered: NDArray[np.bool_]
+    """Frequencies at which the truck is steered, and apart from the transients."""
 
 
 def _fit(motion: Motion, name: str) -> LocalFit:
@@ -172,14 +174,14 @@ def _fit(motion: Motion, name: str) -> LocalFit:
     coefficients = inverse @ Y[rows][..., None]
     residual = (Y[rows][..., None] - regressors @ coefficients)[..., 0]
     noise = np.sum(np.abs(residual) ** 2, axis=1) / (2 * n + 1 - 6)
-    thirds = np.array([np.mean(part, axis=1) for part in np.array_split(np.abs(X[rows]) ** 2, 3, axis=1)])
-    explained, sigma = np.abs(coefficients[:, 0, 0]) ** 2, np.sqrt(noise / 2) * np.linalg.norm(inverse[:, 0], axis=1)
+    length = np.linalg.norm(inverse[:, 0], axis=1)
+    explained, sigma = np.abs(coefficients[:, 0, 0]) ** 2, np.sqrt(noise / 2) * length
     total = explained + 2 * INDEPENDENT * (2 * n + 1) * sigma**2
     return LocalFit(
         gain=coefficients[:, 0, 0] / scale * np.exp(-2j * np.pi * frequency * lag / motion.rate),
         sigma=sigma / scale,
         coherence=np.divide(explained, total, out=np.zeros_like(total), where=total > 0),
-        power=thirds.min(axis=0),
+        steered=(power > STEERED * power.max()) & (INDEPENDENT * (2 * n + 1) * length**2 < INFLATION),
     )
 
 
