@@ -39,7 +39,11 @@ def test_every_method_has_a_manoeuvre_that_simulates_it():
 def test_every_measure_has_a_sigma_and_every_result_is_data(truck, logs, test):
     found = fw.evaluate(logs[test], test, vehicle=truck)
     assert len(found)
-    assert all(np.isfinite(m.value) and m.sigma is not None and m.sigma > 0 for m in found)
+    assert all(np.isfinite(m.value) for m in found)
+    measured = [m for m in found if set(m.signals) <= logs[test].signals.keys()]
+    assert measured
+    assert all(m.sigma is not None and m.sigma > 0 for m in measured)
+    assert all((m.sigma, m.reason) == (None, "no sigma: from a reference signal") for m in found if m not in measured)
     assert len({values.size for values in found.arrays.values()}) == 1
     assert json.loads(json.dumps(found.as_dict(), allow_nan=False))["test"] == test
     assert list(found.to_pandas().index) == [m.name for m in found]
@@ -78,6 +82,24 @@ def test_wrong_logs_are_refused_with_signal_and_cure(truck, logs, test):
     bare = Record(time=log.time, signals={n: signals[n] for n in ("speed", STEER)}, name="bare")
     with pytest.raises(SignalError, match=r"(yaw_rate|articulation)\.\w+: not in bare; map a column to it"):
         fw.evaluate(bare, test, vehicle=truck)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "message"),
+    [
+        (STEER, 180 / np.pi, "looks like degrees"),
+        ("speed", 3.6, "looks like km/h"),
+        ("yaw_rate.semitrailer", -1.0, "the sign contradicts"),
+    ],
+)
+@pytest.mark.parametrize("with_vehicle", [True, False])
+def test_implausible_signals_are_refused(truck, logs, name, factor, message, with_vehicle):
+    log, vehicle = logs["step"], truck if with_vehicle else None
+    wrong = log.with_signals({name: factor * log.signals[name]})
+    with pytest.raises(SignalError, match=f"{name}: .*{message}"):
+        fw.evaluate(wrong, "step", vehicle=vehicle)
+    notes = fw.evaluate(wrong, "step", vehicle=vehicle, check=False).notes
+    assert any(note.startswith(name) and message in note for note in notes)
 
 
 def test_wrong_arguments(truck, logs):
@@ -125,11 +147,52 @@ def test_gaps_and_reference_signals_are_noted(truck, logs):
     assert any("Reference signals are evaluated too: sideslip.tractor" in note for note in found.notes)
 
 
+@pytest.mark.parametrize("test", ["frequency_response", "pulse"])
+def test_measured_signals_come_before_reference_signals(truck, logs, test):
+    """A reference signal gives no sigma, and the pulse takes a measured yaw rate instead of it."""
+    log = logs[test]
+    kept = {n: v for n, v in log.signals.items() if n != "articulation.semitrailer"}
+    referred = {"articulation.semitrailer": log.signals["articulation.semitrailer"]}
+    found = fw.evaluate(Record(time=log.time, signals=kept, reference=referred), test, vehicle=truck)
+    if test == "pulse":
+        assert found["yaw_damping"].signals == ("yaw_rate.semitrailer",)
+        assert found["yaw_damping"].sigma > 0
+    else:
+        assert found["gain.articulation.semitrailer"].sigma is None
+        assert np.isnan(found.arrays["gain_sigma.articulation.semitrailer"]).all()
+        assert found["gain.yaw_rate.tractor"].sigma > 0
+        assert found.plots()
+
+
+def test_a_long_gap_of_a_needed_signal_is_named(truck, logs):
+    log = logs["lane_change"]
+    rate = log.signals["yaw_rate.tractor"].copy()
+    rate[100:250] = np.nan
+    kept = {n: log.signals[n] for n in (STEER, "speed", "yaw_rate.semitrailer")}
+    broken = Record(time=log.time, signals={**kept, "yaw_rate.tractor": rate}, name="broken")
+    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: .* the longest gap is .* up to 0\.5 s is permitted"):
+        fw.evaluate(broken, "lane_change", vehicle=truck, check=False)
+
+
+@pytest.mark.parametrize("test", ["lane_change", "frequency_response"])
+def test_an_amplification_names_its_units(truck, logs, test):
+    notes = {vehicle: fw.evaluate(logs[test], test, vehicle=vehicle).notes for vehicle in (truck, None)}
+    assert "Rearward amplification: semitrailer divided by tractor." in notes[truck]
+    assert any("divided by tractor, in the order of the columns, since no vehicle is" in note for note in notes[None])
+    kept = {n: v for n, v in logs[test].signals.items() if not n.endswith("semitrailer")}
+    log = Record(time=logs[test].time, signals=kept, name="tractor_only")
+    if test == "lane_change":
+        with pytest.raises(SignalError, match=r"yaw_rate\.semitrailer: not in tractor_only"):
+            fw.evaluate(log, test, vehicle=truck)
+    else:
+        assert any("No rearward amplification" in note for note in fw.evaluate(log, test, vehicle=truck).notes)
+
+
 def test_stated_sensors_time_bases_and_other_steer_angles_are_noted(truck, logs):
     log, gyro = logs["step"], fw.SensorPrior(sensor_class="mems")
-    log = log.with_signals({"steer.semitrailer.second": 0.0 * log.time})
+    log = log.with_signals({"steer.semitrailer.rear": -0.5 * log.signals[STEER]})
     stated = replace(log, sensors={"yaw_rate.tractor": gyro}, time_bases={"yaw_rate.tractor": "imu"})
-    assert "Other steer angles are not evaluated: steer.semitrailer.second." in fw.evaluate(log, "step").notes
+    assert "Other steer angles are not evaluated: steer.semitrailer.rear." in fw.evaluate(log, "step").notes
     notes = fw.evaluate(stated, "step", vehicle=truck).notes
     assert "Stated errors of sensors are neither corrected nor in sigma: yaw_rate.tractor." in notes
     assert "Times contain the time offset of signals on another time base: yaw_rate.tractor." in notes

@@ -62,10 +62,13 @@ def test_an_ordinary_drive_informs_on_the_understeer_gradient(truck, driven):
 def test_its_dynamics_are_near_those_of_the_linear_model(truck, driven, test, manoeuvre, measure, tolerance):
     """Its tyres are softer in the manoeuvres by up to 8 %."""
     options = {"count": 2} if test == "lane_change" else {}
-    plant = fw.evaluate(driven(course(manoeuvre, truck, speed=U, **options)), test, vehicle=truck)[measure]
-    log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U, rate=50.0, **options)
-    linear = fw.evaluate(log, test, vehicle=truck)[measure]
-    assert plant.value == pytest.approx(linear.value, rel=tolerance)
+    logs = [
+        driven(course(manoeuvre, truck, speed=U, **options)),
+        fw.simulate(truck, manoeuvre=manoeuvre, speed=U, rate=50.0, **options),
+    ]
+    angle = "articulation.semitrailer"  # measured: a yaw rate has another decay
+    plant, linear = (fw.evaluate(r.with_signals({angle: r.reference[angle]}), test, vehicle=truck) for r in logs)
+    assert plant[measure].value == pytest.approx(linear[measure].value, rel=tolerance)
 
 
 def test_the_yaw_rate_decays_after_a_sine_with_dwell(truck, driven):

@@ -167,6 +167,8 @@ def test_most_intervals_contain_the_measure(truck):
         ("step", "sine_with_dwell", "no step"),
         ("lane_change", "step", "no lane change, the steer angle does not change its side"),
         ("lane_change", "sweep", "no single lane change|no lane change"),
+        ("lane_change", "sine_with_dwell", "no lane change, the steer angle stays at a peak"),
+        ("lane_change", "random", "lane change|are not this test"),
         ("pulse", "step", "no pulse, but steering for"),
         ("pulse", "sine_with_dwell", "no pulse, but steering for"),
         ("sine_with_dwell", "step", "no sine with dwell, the steer angle does not change its side once"),
@@ -177,6 +179,20 @@ def test_most_intervals_contain_the_measure(truck):
 def test_another_manoeuvre_is_refused(truck, test, manoeuvre, message):
     with pytest.raises(SignalError, match=message):
         fw.evaluate(log(truck, manoeuvre), test, vehicle=truck)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_chance_resemblances_in_random_steering_are_no_lane_changes(truck, seed):
+    with pytest.raises(SignalError, match="lane change"):
+        fw.evaluate(log(truck, "random", seed=seed, duration=300.0, rate=50.0), "lane_change", vehicle=truck)
+
+
+def test_the_entry_of_a_bend_is_no_step(truck):
+    """A driver turns the wheel for about 1 s."""
+    step = log(truck, "step", rate=50.0)
+    bend = np.interp(step.time, [1.0, 2.2], [0.0, 0.01])
+    with pytest.raises(SignalError, match=r"no step, the steer angle rises for [01]\.\d s"):
+        fw.evaluate(step.with_signals({STEER: bend}), "step", vehicle=truck, check=False)
 
 
 def test_a_log_that_begins_while_steering_is_refused(truck):

@@ -46,6 +46,7 @@ def evaluate(
     test: TestOption,
     vehicle: VehicleOption = None,
     signals: options.SignalsOption = None,
+    check: options.CheckOption = True,
     allow_outside: options.AllowOutsideOption = False,
     out: Annotated[
         Path | None,
@@ -67,7 +68,7 @@ def evaluate(
     _require_folder(figures, out)
     truck = read_vehicle(vehicle) if vehicle else None
     (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-    evaluation = run_evaluation(record, test, vehicle=truck)
+    evaluation = run_evaluation(record, test, vehicle=truck, check=check)
     written = _written(
         "evaluate", evaluation, out, EVALUATION_FILES, [log], vehicle, [signals], figures=figures, force=force
     )

@@ -16,7 +16,8 @@ from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS
 from fifthwheel.evaluate.diagrams import TITLES
 from fifthwheel.evaluate.evaluation import Evaluation
-from fifthwheel.evaluate.repetitions import ACTIVE, ENTRY, GAIN_UNITS
+from fifthwheel.evaluate.motion import GAIN_UNITS
+from fifthwheel.evaluate.repetitions import ACTIVE, ENTRY
 from fifthwheel.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of
 from fifthwheel.formatting import shown
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot

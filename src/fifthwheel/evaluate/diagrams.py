@@ -6,6 +6,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS
+from fifthwheel.evaluate.motion import GAIN_UNITS
 from fifthwheel.formatting import shown
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Points
 from fifthwheel.spoken_names import spoken
@@ -42,10 +43,10 @@ def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
         gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]
         gains: list[Item] = [Band(f, gain - sigma, gain + sigma), Line(f, gain)]
-        unit = CHANNELS[name.partition(".")[0]].unit
+        unit = GAIN_UNITS.get(name.partition(".")[0], "1")
         plots[spoken(name)] = Plot(
             panels=[
-                Panel(items=gains, x=axis, y=Axis(label="gain ± sigma", unit=f"{unit} per rad"), height=1.5),
+                Panel(items=gains, x=axis, y=Axis(label="gain", unit=shown(unit).name), height=1.5),
                 Panel(items=[Line(f, np.degrees(arrays[f"phase.{name}"]))], x=axis, y=Axis(label="phase", unit="deg")),
                 Panel(items=[Line(f, arrays[f"coherence.{name}"])], x=axis, y=Axis(label="coherence", range=(0, 1.02))),
             ]

@@ -1,15 +1,20 @@
 """The evaluation of a log by a test method of ISO."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from fifthwheel._arguments import expect, expect_optional
+from fifthwheel.channels import STEER, is_of
+from fifthwheel.checks import Fault, Finding, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
-from fifthwheel.evaluate.evaluation import Evaluation, Findings
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Evaluation, Findings
 from fifthwheel.evaluate.motion import Motion, motion
 from fifthwheel.record import Record
+from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 
 
@@ -64,7 +69,7 @@ def method_of(test: str) -> Method:
     return METHODS[test]
 
 
-def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Evaluation:
+def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check: bool = True) -> Evaluation:
     """Evaluate the log of a test by a method of ISO: measures with sigma, test conditions, arrays of the diagrams.
 
     docs/evaluate.md defines the measures.
@@ -73,10 +78,11 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         record: one run with speed and the steer angle of the first steered axle, and the outputs that the method needs.
         test: one of `METHODS`.
         vehicle: names the units in their order; "steady_state" takes the wheelbase from it.
+        check: refuse implausible signals, the errors of `check_signals`.
 
     Raises:
-        SignalError: the test is unknown, a signal is missing, the log is too short, sampled too slowly, or does not
-            contain the manoeuvre.
+        SignalError: the test is unknown, a signal is missing or implausible, the log is too short, sampled too slowly,
+            or does not contain the manoeuvre.
         VehicleError: `vehicle` is not one, or has no steered axle.
 
     Example:
@@ -89,10 +95,26 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
     """
     expect("record", record, Record)
     expect_optional("vehicle", vehicle, Vehicle)
+    found, references = with_references(record, test, vehicle, check=check)
+    unknown = {f"gain_sigma.{name}" for name in references}
+    return replace(
+        found,
+        measures=tuple(_without_sigma(m) if references & set(m.signals) else m for m in found.measures),
+        arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
+    )
+
+
+def with_references(
+    record: Record, test: str, vehicle: Vehicle | None, *, check: bool
+) -> tuple[Evaluation, frozenset[str]]:
+    """The evaluation with a sigma by the scatter of reference signals too, and their names; arguments as `evaluate`."""
     method = method_of(test)
     driven = motion(record, vehicle, shortest=method.shortest)
+    suspicions = [finding for finding in check_signals(record, vehicle) if not _is_steady_steer(finding)]
+    if check:
+        raise_errors(suspicions)
     found = method.evaluate(driven)
-    return Evaluation(
+    evaluation = Evaluation(
         log=record.name,
         test=test,
         title=method.title,
@@ -102,5 +124,16 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None) -> Ev
         arrays=found.arrays,
         start=found.start,
         noise=found.noise,
-        notes=(*found.notes, *driven.notes),
+        notes=(*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions)),
     )
+    return evaluation, frozenset(driven.references)
+
+
+def _without_sigma(measure: EvaluatedMeasure) -> EvaluatedMeasure:
+    """The measure of a reference signal, whose noise is not that of a sensor."""
+    return replace(measure, sigma=None, reason="no sigma: from a reference signal")
+
+
+def _is_steady_steer(finding: Finding) -> bool:
+    """Whether it is a constant steer angle, which a step, and a pulse by a machine, have."""
+    return finding.fault is Fault.STUCK and is_of(finding.signal, STEER)

@@ -30,6 +30,8 @@ class EvaluatedMeasure:
     """SI unit, "1" for a ratio."""
     value: float
     sigma: float | None
+    signals: tuple[str, ...]
+    """Outputs from which it is computed."""
     reason: str = ""
     """Why there is no sigma, or what it does not contain."""
 

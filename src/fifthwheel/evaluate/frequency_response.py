@@ -1,13 +1,20 @@
 """Frequency response, ISO 14793:2011 and ISO 14791:2000: gain, phase and coherence by random or swept steering.
 
-Welch's method (IEEE Trans. Audio Electroacoust. 15, 1967): responses are means over n segments with Hann windows that
-overlap by half. Each output is moved by its lag behind the steer angle, so that both lie in the same window,
+Local polynomial method (R. Pintelon, J. Schoukens, G. Vandersteen, K. Barbe, Mech. Syst. Signal Process. 24, 2010):
+in the discrete Fourier transforms X of the steer angle and Y of an output over the whole log, a response H and the
+transients T of its ends are smooth, and quadratic in the 2 n + 1 frequencies around each one:
 
-    H = S_xy / S_xx,    coherence c = |S_xy|^2 / (S_xx S_yy),    sigma of |H| = |H| sqrt((1 - c) / (2 c (n' - 1))),
+    Y(k + r) = H(r) X(k + r) + T(r) + V(r),    H(r) = H + h_1 r + h_2 r^2,    T(r) = t_0 + t_1 r + t_2 r^2.     (1)
 
-n' = n / `OVERLAP` is the number of independent segments (J. Bendat and A. Piersol, Random Data, 4th ed., 2010, 9.2).
-The sigma of the phase is that of |H| / |H|. Only frequencies at which the truck is steered and the coherence is at
-least `COHERENT` are evaluated.
+Least squares give H without leakage, and the variance s^2 of the noise V from the residuals, with 2 n + 1 - 6 degrees
+of freedom; sigma of |H| is that of least squares and of `PARABOLA`, and that of the phase is sigma / |H|. The coherence
+is the fraction of the output's power that the steer angle explains, apart from transients; m = 4 (2 n + 1) / 9 is the
+number of independent frequencies in a quadratic fit:
+
+    c = |H|^2 / (|H|^2 + 2 m sigma^2).                                                                         (2)
+
+Each output is moved by its lag behind the steer angle, so that the phase of H changes slowly. Only frequencies at which
+the truck is steered and the coherence is at least `COHERENT` are evaluated.
 """
 
 from collections.abc import Mapping
@@ -20,29 +27,37 @@ from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.lane_change import amplified
-from fifthwheel.evaluate.motion import Motion
-from fifthwheel.evaluate.repetitions import ACTIVE, GAIN_UNITS
+from fifthwheel.evaluate.lane_change import amplified, compared
+from fifthwheel.evaluate.motion import GAIN_UNITS, Motion
+from fifthwheel.evaluate.repetitions import ACTIVE
 from fifthwheel.formatting import percent
 from fifthwheel.spoken_names import named
 
-SHORTEST = 30.0
-"""Least duration of a log, s."""
-SEGMENT = 30.0
-"""Longest segment, s."""
+SHORTEST = 50.0
+"""Least duration of a log, s; in 30 s a response is no parabola within the 12 nearest frequencies."""
+RESOLUTION = 1 / 30
+"""Least distance of evaluated frequencies, Hz."""
+NEIGHBOURS = 6
+"""Least number n of frequencies of equation (1) on each side: seven degrees of freedom for sigma."""
+BANDWIDTH = 0.05
+"""Half of the band of equation (1) in a long log, Hz."""
+INDEPENDENT = 4 / 9
+"""Distance of independent estimates, as a fraction of the band: that of a local quadratic polynomial."""
+PARABOLA = 1e-3
+"""Standard deviation of a response from the parabola of equation (1), as a fraction of it, where the band has the half
+width `BANDWIDTH`; it grows with the square of the band, and is part of sigma."""
 LONGEST_LAG = 4.0
 """Of an output behind the steer angle, s."""
-LEAST_SEGMENTS = 5
-"""Segments that a short log is divided into, with overlap."""
-OVERLAP = 1.056
-"""1 + 2 (1/6)^2: variance of the mean over Hann windows that overlap by half, as a multiple of independent ones."""
 HIGHEST = 3.0
 """Highest frequency, Hz; heavy vehicles are tested up to 2 Hz."""
 CONTINUOUS = 0.4
 """Least fraction of the time in which the truck is steered."""
 STEERED = 1e-3
 """Least power of the steer angle as a fraction of the largest one."""
-COHERENT = 0.8
+INFLATION = 5.0
+"""Largest variance of a response by least squares, as a multiple of that of even steering without transients: at the
+edge of the steered frequencies a response is not distinct from the transients."""
+COHERENT = 0.95
 """Least coherence."""
 NEAR_PEAK = 0.95
 """Gains above this fraction of the largest one determine the peak."""
@@ -54,16 +69,19 @@ class Responses:
 
     frequency: Array
     """Hz."""
-    segments: int
+    band: float
+    """Band of frequencies from which each response is estimated, Hz."""
     steered: NDArray[np.bool_]
     """Frequencies at which the truck is steered."""
     gains: Mapping[str, NDArray[np.complex128]]
+    sigmas: Mapping[str, Array]
+    """Of the magnitudes."""
     coherences: Mapping[str, Array]
 
     def relative_sigma(self, name: str) -> Array:
         """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
-        c = np.clip(self.coherences[name], 1e-9, 1.0)
-        return np.asarray(np.sqrt((1 - c) / (2 * c * (self.segments / OVERLAP - 1))))
+        parabola = PARABOLA * (self.band / (2 * BANDWIDTH)) ** 2
+        return np.asarray(np.hypot(self.sigmas[name] / np.abs(self.gains[name]), parabola))
 
     def coherent(self, *names: str) -> NDArray[np.bool_]:
         """Frequencies at which the truck is steered and the outputs are coherent, (f,)."""
@@ -89,15 +107,14 @@ def evaluate(motion: Motion) -> Findings:
         )
     measures = [m for name in responses.gains for m in _of_output(responses, name)]
     measures += [m for pair in amplified(motion) if (m := _amplification(responses, *pair))]
-    segments = f"{responses.segments} segments of {1 / (responses.frequency[1] - responses.frequency[0]):.0f} s."
-    arrays = _arrays(responses)
+    band, arrays = f"Each response is a mean over {responses.band:.2f} Hz, along a parabola.", _arrays(responses)
     noise = {f"phase.{name}": responses.relative_sigma(name) for name in responses.gains}
     noise |= {f"gain.{name}": arrays[f"gain_sigma.{name}"] for name in responses.gains}
-    return Findings(measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(segments,))
+    return Findings(measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(band, compared(motion)))
 
 
 def _require_continuous_steering(motion: Motion) -> None:
-    """Raise for single manoeuvres: their segments differ in what they contain, and sigma would be too small."""
+    """Raise for single manoeuvres: they are short in a long log, most of which is noise."""
     deviation = np.abs(motion.steer - np.median(motion.steer))
     fraction = float(np.mean(deviation > ACTIVE * deviation.max()))
     if fraction < CONTINUOUS:
@@ -108,33 +125,65 @@ def _require_continuous_steering(motion: Motion) -> None:
 
 
 def _responses(motion: Motion, names: list[str]) -> Responses:
-    """The responses by overlapping segments."""
-    from scipy import signal  # slow to import
-
-    duration = len(motion.time) / motion.rate
-    size = round(min(SEGMENT, 2 * duration / (LEAST_SEGMENTS + 1)) * motion.rate)
-    frequency = np.arange(size // 2 + 1) * motion.rate / size
-    used = (frequency > 0) & (frequency <= min(HIGHEST, motion.rate / 4))
-    frequency = frequency[used]
-
-    def density(x: Array, y: Array) -> NDArray[np.complex128]:
-        return np.asarray(signal.csd(x, y, motion.rate, nperseg=size, noverlap=size - size // 2)[1][used])
-
-    power = density(motion.steer, motion.steer).real
-    gains, coherences = dict[str, NDArray[np.complex128]](), dict[str, Array]()
-    for name in names:
-        lag = _lag(motion, name)
-        steer, output = motion.steer[: len(motion.time) - lag], motion.signals[name][lag:]
-        cross, own = density(steer, output), density(steer, steer).real
-        gains[name] = cross / own * np.exp(-2j * np.pi * frequency * lag / motion.rate)
-        both = own * density(output, output).real
-        coherences[name] = np.divide(np.abs(cross) ** 2, both, out=np.zeros_like(both), where=both > 0)
+    """The responses by the local polynomial method, of each output behind its lag."""
+    fits = {name: _fit(motion, name) for name in names}
+    frequency, band = _frequencies(motion)
     return Responses(
         frequency=frequency,
-        segments=(len(motion.time) - size) // (size // 2) + 1,
-        steered=power > STEERED * power.max(),
-        gains=gains,
-        coherences=coherences,
+        band=band,
+        steered=fits[f"yaw_rate.{motion.units[0]}"].steered,
+        gains={name: fit.gain for name, fit in fits.items()},
+        sigmas={name: fit.sigma for name, fit in fits.items()},
+        coherences={name: fit.coherence for name, fit in fits.items()},
+    )
+
+
+def _frequencies(motion: Motion) -> tuple[Array, float]:
+    """The evaluated frequencies and the band of each, Hz."""
+    step = motion.rate / len(motion.time)
+    half = max(NEIGHBOURS, round(BANDWIDTH / step)) * step
+    distance = max(RESOLUTION, step)
+    return np.asarray(distance * np.arange(1, int(min(HIGHEST, motion.rate / 4) / distance) + 1)), 2 * half
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalFit:
+    """One output at the evaluated frequencies, (f,) each."""
+
+    gain: NDArray[np.complex128]
+    sigma: Array
+    coherence: Array
+    steered: NDArray[np.bool_]
+    """Frequencies at which the truck is steered, and apart from the transients."""
+
+
+def _fit(motion: Motion, name: str) -> LocalFit:
+    """The least squares of equation (1) at each frequency; at the lowest ones the band is not symmetric."""
+    lag = _lag(motion, name)
+    size = len(motion.time) - lag
+    X, Y = (np.fft.rfft(v - v.mean())[1:] for v in (motion.steer[:size], motion.signals[name][lag:]))
+    frequency, band = _frequencies(motion)
+    step = motion.rate / size
+    n = round(band / 2 / step)
+    centre = np.maximum(np.round(frequency / step).astype(int) - 1, n)
+    rows = centre[:, None] + np.arange(-n, n + 1)  # (f, 2n + 1)
+    power = np.mean(np.abs(X[rows]) ** 2, axis=1)
+    r = ((rows + 1) * step - frequency[:, None]) / (n * step)
+    shape = r[..., None] ** np.arange(3)
+    scale = np.sqrt(np.maximum(power, np.finfo(float).tiny))
+    regressors = np.concatenate([(X[rows] / scale[:, None])[..., None] * shape, shape], axis=2)
+    inverse = np.linalg.pinv(regressors)
+    coefficients = inverse @ Y[rows][..., None]
+    residual = (Y[rows][..., None] - regressors @ coefficients)[..., 0]
+    noise = np.sum(np.abs(residual) ** 2, axis=1) / (2 * n + 1 - 6)
+    length = np.linalg.norm(inverse[:, 0], axis=1)
+    explained, sigma = np.abs(coefficients[:, 0, 0]) ** 2, np.sqrt(noise / 2) * length
+    total = explained + 2 * INDEPENDENT * (2 * n + 1) * sigma**2
+    return LocalFit(
+        gain=coefficients[:, 0, 0] / scale * np.exp(-2j * np.pi * frequency * lag / motion.rate),
+        sigma=sigma / scale,
+        coherence=np.divide(explained, total, out=np.zeros_like(total), where=total > 0),
+        steered=(power > STEERED * power.max()) & (INDEPENDENT * (2 * n + 1) * length**2 < INFLATION),
     )
 
 
@@ -162,6 +211,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
             unit=GAIN_UNITS.get(name.partition(".")[0], "1"),
             value=float(gain[lowest]),
             sigma=float(gain[lowest] * sigma[lowest]),
+            signals=(name,),
         )
     ]
     response = responses.gains[name][used]
@@ -178,6 +228,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
                 unit="Hz",
                 value=float(at),
                 sigma=float(sigma[used[k]] / abs(slope)),
+                signals=(name,),
             )
         )
     return measures
@@ -201,7 +252,9 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
             peak = -slope / (2 * bent)
             row = np.array([peak**2, peak, 1.0])
             value, at = float(row @ parabola), float(f[near].mean() + peak)
-            error = float(np.sqrt(row @ covariance @ row))
+            distance = responses.frequency[1] - responses.frequency[0]
+            together = max(1.0, INDEPENDENT * responses.band / distance)  # neighbours have common errors
+            error = float(np.sqrt(together * row @ covariance @ row))
     quantity = first.partition(".")[0]
     words = quantity.replace("_", " ")
     edge = "largest at the end of the evaluated frequencies" if top in (0, ratio.size - 1) else ""
@@ -211,6 +264,7 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
         unit="1",
         value=value,
         sigma=error,
+        signals=(first, last),
         reason=edge,
     )
 

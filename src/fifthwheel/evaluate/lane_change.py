@@ -5,6 +5,7 @@ where both units have an accelerometer.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,10 @@ SHORTEST = 5.0
 """Least duration of a log, s."""
 LONGEST = 8.0
 """Of the steering, s."""
+FLAT = 0.5
+"""Largest fraction of a lobe within a tenth of its peak; a sine has 0.29."""
+FREE = 1.5
+"""Least time without steering after a lane change, s."""
 WORDS = {
     "rearward_amplification_yaw_rate": Words(title="rearward amplification, yaw rate", unit="1"),
     "rearward_amplification_lateral_acceleration": Words(
@@ -37,7 +42,8 @@ def evaluate(motion: Motion) -> Findings:
     if not pairs:
         for unit in (motion.units[0], motion.units[-1]):
             motion.output(f"yaw_rate.{unit}")
-    return findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
+    found = findings(motion, [name for pair in pairs for name in pair], measures, fault, WORDS)
+    return replace(found, notes=(*found.notes, compared(motion)))
 
 
 def amplified(motion: Motion) -> list[tuple[str, str]]:
@@ -47,11 +53,27 @@ def amplified(motion: Motion) -> list[tuple[str, str]]:
     return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
 
 
+def compared(motion: Motion) -> str:
+    """Which units a rearward amplification compares, or why there is none."""
+    first, last = motion.units[0], motion.units[-1]
+    order = "" if motion.vehicle else ", in the order of the columns, since no vehicle is given"
+    if not amplified(motion):
+        return (
+            f"No rearward amplification, which needs the same signal of {first} and {last}, first and last unit{order}."
+        )
+    return f"Rearward amplification: {last} divided by {first}{order}."
+
+
 def fault(response: Response) -> str:
     """Why a manoeuvre is no lane change."""
     if len(response.lobes) < 2:
         return "no lane change, the steer angle does not change its side"
-    return f"no single lane change, steering for {response.end:.1f} s" if response.end > LONGEST else ""
+    if response.end > LONGEST:
+        return f"no single lane change, steering for {response.end:.1f} s"
+    if max(np.mean(np.abs(lobe) > 0.9 * np.abs(lobe).max()) for lobe in response.lobes) > FLAT:
+        return "no lane change, the steer angle stays at a peak"
+    free = float(response.time[-1]) - response.end
+    return f"no {FREE:g} s without steering after the lane change" if free < FREE else ""
 
 
 def measures(response: Response) -> Mapping[str, float]:

@@ -1,7 +1,7 @@
 """The motion of a truck in a test: its signals on an even time base, without gaps."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,6 +26,8 @@ from fifthwheel.vehicle import Vehicle
 
 EVALUATED = (YAW_RATE, ARTICULATION, ROLL, LATERAL_ACCELERATION, SIDESLIP, LATERAL_VELOCITY)
 """Outputs of a test."""
+GAIN_UNITS = {"yaw_rate": "1/s", "lateral_acceleration": "m/(s^2 rad)"}
+"""Unit of a gain by the quantity of its output; of others, which are angles, "1"."""
 LOWEST_RATE = 10.0
 """Least sampling rate, Hz: five times the 2 Hz up to which heavy vehicles are tested (ISO 15037-2)."""
 LOWEST_SPEED = 5.0
@@ -51,6 +53,10 @@ class Motion:
     """Front to rear; without a vehicle in the order of their signals."""
     vehicle: Vehicle | None
     notes: tuple[str, ...]
+    references: frozenset[str] = frozenset()
+    """Outputs that are reference signals."""
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    """Outputs with a long gap, and the message on it."""
 
     @property
     def rate(self) -> float:
@@ -59,6 +65,8 @@ class Motion:
 
     def output(self, name: str) -> Array:
         """An output (N,); a SignalError where the log does not have it."""
+        if name in self.left_out:
+            raise SignalError(f"{self.left_out[name]}; this test needs it")
         if name not in self.signals:
             raise SignalError(f"{name}: not in {self.name}; map a column to it in signals.toml, this test needs it")
         return self.signals[name]
@@ -109,7 +117,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
         raise SignalError(
             f"speed: {np.median(speed):.1f} m/s in {record.name}, at least {LOWEST_SPEED:g} m/s needed; check its unit"
         )
-    signals, notes = dict[str, Array](), list[str]()
+    signals, left_out = dict[str, Array](), dict[str, str]()
     referred = {name: values for name, values in record.reference.items() if name not in record.signals}
     record = record.with_signals(referred)
     for name in record.signals:
@@ -117,15 +125,20 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
             try:
                 signals[name] = on_grid(name)
             except SignalError as error:
-                notes.append(f"left out: {error}")
+                left_out[name] = str(error)
+    notes = [f"left out: {message}" for message in left_out.values()]
+    references = {name for name in referred if name in signals}
     for name in [name for name in signals if is_of(name, LATERAL_VELOCITY)]:
-        signals.setdefault(f"{SIDESLIP.quantity}.{SignalName.of(name).unit}", signals[name] / speed)
+        angle = f"{SIDESLIP.quantity}.{SignalName.of(name).unit}"
+        if angle not in signals or (angle in references and name not in references):  # measured signals first
+            signals[angle] = signals[name] / speed
+            references = references | {angle} if name in references else references - {angle}
     for name in [name for name in signals if is_of(name, LATERAL_ACCELERATION)]:
         if (roll := f"{ROLL.quantity}.{SignalName.of(name).unit}") in signals:
             signals[name] = signals[name] - STANDARD_GRAVITY * signals[roll]
         else:
             notes.append(f"{name} contains g times the roll angle, since {roll} is not in the log.")
-    if used := [name for name in referred if name in signals]:
+    if used := [name for name in signals if name in references]:
         notes.append(f"Reference signals are evaluated too: {enumerated(used)}.")
     notes += _unused(record, [steer_name, "speed", *signals])
     seen = dict.fromkeys([SignalName.of(steer_name).unit, *(SignalName.of(name).unit for name in signals)])
@@ -140,6 +153,8 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
         units=units,
         vehicle=vehicle,
         notes=tuple(notes),
+        references=frozenset(references),
+        left_out=left_out,
     )
 
 

@@ -1,7 +1,8 @@
 """Pulse input, ISO 14791:2000: yaw damping by the decay after a pulse of the steer angle.
 
-The decrement of successive peaks of the last articulation angle, or of the last yaw rate without it, gives the damping
-ratio as in `assess.yaw_damping`. Peaks within `NOISE` standard deviations of the noise are not used.
+The decrement of successive peaks of the last articulation angle, or of the last yaw rate without it (measured ones
+before reference signals, where they have two peaks above the noise), gives the damping ratio as in
+`assess.yaw_damping`. Peaks within `NOISE` standard deviations of the noise are not used.
 """
 
 from collections.abc import Mapping
@@ -35,16 +36,17 @@ def evaluate(motion: Motion) -> Findings:
             above the noise.
     """
     last = motion.units[-1]
-    name = f"articulation.{last}"
-    name = name if name in motion.signals else f"yaw_rate.{last}"
-    motion.output(name)
-    found = findings(motion, [name], measures, fault, WORDS)
-    if not found.measures:
-        raise SignalError(
-            f"{name}: fewer than two peaks above the noise after the pulse in {motion.name}; steer a larger pulse, or "
-            "the motion does not oscillate"
-        )
-    return replace(found, notes=(*found.notes, f"Decay of {named(name)}."))
+    names = [n for n in (f"articulation.{last}", f"yaw_rate.{last}") if n in motion.signals]
+    if not names:
+        motion.output(f"yaw_rate.{last}")
+    for name in sorted(names, key=motion.references.__contains__):  # a measured one first
+        found = findings(motion, [name], measures, fault, WORDS)
+        if found.measures:
+            return replace(found, notes=(*found.notes, f"Decay of {named(name)}."))
+    raise SignalError(
+        f"{name}: fewer than two peaks above the noise after the pulse in {motion.name}; steer a larger pulse, or "
+        "the motion does not oscillate"
+    )
 
 
 def fault(response: Response) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.motion import GAIN_UNITS, Motion
 from fifthwheel.formatting import approximate, enumerated
 from fifthwheel.spoken_names import named
 
@@ -31,10 +31,9 @@ JOINED = 0.5
 """Longest time without steering within a manoeuvre, s."""
 WIDTH = 0.3
 """Of the local polynomials, s."""
+LARGE = 0.5
+"""Fraction of the largest steer angle above which steering is more than a correction."""
 DRAWS = 40
-
-GAIN_UNITS = {"yaw_rate": "1/s", "lateral_acceleration": "m/(s^2 rad)"}
-"""Unit of a gain by the quantity of its output; of others, which are angles, "1"."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,7 +92,7 @@ def findings(
         words: title and unit of the measures.
 
     Raises:
-        SignalError: the log has no manoeuvre without a fault, or does not begin straight ahead.
+        SignalError: most manoeuvres of the log have a fault, or it does not begin straight ahead.
     """
     stated = {"steer": motion.noise(motion.steer_name), **{name: motion.noise(name) for name in outputs}}
     noise = {name: sigma or 0.0 for name, sigma in stated.items()}
@@ -104,10 +103,14 @@ def findings(
     if not good:
         raise SignalError(f"{motion.steer_name}: {faults[0]} in {motion.name}; give the log of this test")
     kept = [responses[k] for k in good]
+    _require_mostly_good(motion, responses, faults)
     values, biases, draws = _repeated(kept, noise, measure)
-    measures = [_measure(name, values[name], biases[name], draws[name], words) for name in values]
+    measures = [
+        _measure(name, values[name], biases[name], draws[name], words=words, outputs=outputs) for name in values
+    ]
     if len(good) == 1 and None in stated.values():
         measures = [replace(m, sigma=None, reason="too short a log for the sensor noise") for m in measures]
+    missing = [_title(name, words) for name in measure(kept[0]) if name not in values]
     steered = {motion.steer_name: motion.steer, **{name: motion.signals[name] for name in outputs}}
     remaining = {name: np.nan if stated[name] is None else sigma for name, sigma in kept[0].noise.items()}
     return Findings(
@@ -115,8 +118,20 @@ def findings(
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
         noise={motion.steer_name: remaining.pop("steer"), **remaining},
-        notes=tuple(_notes(kept, [text for text in faults if text], measure(kept[0]).keys() - values.keys())),
+        notes=tuple(_notes(kept, [text for text in faults if text], missing)),
     )
+
+
+def _require_mostly_good(motion: Motion, responses: Sequence[Response], faults: Sequence[str]) -> None:
+    """Raise where as many large steering inputs have a fault as have none: chance resemblances in another test."""
+    peaks = [float(np.abs(response.steer).max()) for response in responses]
+    large = [text for text, peak in zip(faults, peaks, strict=True) if peak > LARGE * max(peaks)]
+    wrong = [text for text in large if text]
+    if 2 * len(wrong) >= len(large):
+        raise SignalError(
+            f"{motion.steer_name}: {len(wrong)} of {len(large)} steering inputs of {motion.name} are not this test: "
+            f"{wrong[0]}; give the log of this test, or cut the record to it"
+        )
 
 
 def _repeated(
@@ -145,20 +160,34 @@ def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterab
         yield "Sigma has the sensor noise only, and no scatter, which needs more manoeuvres."
     if faults:
         yield f"{len(faults)} more left out: {enumerated(faults)}."
-    if names := sorted(missing):
-        yield f"Not determined, because of noise or no such instant: {enumerated(names)}."
+    if titles := list(missing):
+        yield f"Not determined, because of noise or no such instant: {enumerated(titles)}."
 
 
-def _measure(name: str, values: Array, biases: Array, draws: Array, words: Mapping[str, Words]) -> EvaluatedMeasure:
+def _title(name: str, words: Mapping[str, Words]) -> str:
+    kind, _, signal = name.partition(".")
+    return f"{words[kind].title}, {named(signal).removeprefix('the ')}" if signal else words[kind].title
+
+
+def _measure(
+    name: str, values: Array, biases: Array, draws: Array, *, words: Mapping[str, Words], outputs: Sequence[str]
+) -> EvaluatedMeasure:
     """Mean over the repetitions (n,) without their bias (n,), and sigma; draws (n, DRAWS) with simulated noise."""
     kind, _, signal = name.partition(".")
     unit = words[kind].unit or GAIN_UNITS.get(signal.partition(".")[0], "1")
-    title = f"{words[kind].title}, {named(signal).removeprefix('the ')}" if signal else words[kind].title
     n, bias = len(values), float(biases.mean())
     by_noise = np.sqrt(np.mean(np.nanvar(draws, axis=1)) / n)
     scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
     sigma = float(np.hypot(max(by_noise, scatter), bias))
-    return EvaluatedMeasure(name=name, title=title, unit=unit, value=float(values.mean()) - bias, sigma=sigma)
+    used = [signal] if signal else [o for o in outputs if kind.endswith(o.partition(".")[0])] or outputs
+    return EvaluatedMeasure(
+        name=name,
+        title=_title(name, words),
+        unit=unit,
+        value=float(values.mean()) - bias,
+        sigma=sigma,
+        signals=tuple(used),
+    )
 
 
 def _manoeuvres(motion: Motion) -> list[tuple[int, int]]:

@@ -43,7 +43,7 @@ RECOMMENDED = 0.2
 LINEAR = 2.0
 """Lateral acceleration up to which the gradients are fitted, m/s^2."""
 SPAN = 0.8
-"""Least range of the lateral acceleration, m/s^2."""
+"""Least range of the lateral acceleration without any one of the segments, m/s^2."""
 SEGMENTS = 10
 """Of the jackknife."""
 CONSTANT = 0.05
@@ -82,7 +82,8 @@ def evaluate(motion: Motion) -> Findings:
     measures = [_gradient(blocks, name, values) for name, values in blocks.outputs.items()]
     notes = list(_notes(blocks, kind))
     if motion.vehicle is not None:
-        measures.insert(0, _understeer(blocks, motion.vehicle))
+        measures.insert(0, _understeer(blocks, motion.vehicle, f"yaw_rate.{motion.units[0]}"))
+        notes.append(_scale_error(blocks))
     elif measures:
         notes.append("Without a vehicle, whose wheelbase it needs, there is no understeer gradient.")
     else:
@@ -103,7 +104,9 @@ def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
     quantity, _, unit = name.partition(".")
     value, sigma = _slope(blocks, values)
     title = f"{quantity} gradient, {named_unit(unit)}"
-    return EvaluatedMeasure(name=f"{quantity}_gradient.{unit}", title=title, unit=GRADIENT, value=value, sigma=sigma)
+    return EvaluatedMeasure(
+        name=f"{quantity}_gradient.{unit}", title=title, unit=GRADIENT, value=value, sigma=sigma, signals=(name,)
+    )
 
 
 def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
@@ -112,13 +115,17 @@ def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
     yield f"Method: {kind}; {used} s of quasi-steady turning up to {LINEAR:g} m/s²."
     if left:
         yield f"{left} s above {LINEAR:g} m/s² are in the diagram, not in the gradients."
-    change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
-    yield f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
     if (fastest := np.abs(blocks.rate).max()) > RECOMMENDED:
         yield (
             f"The lateral acceleration changes by up to {fastest:.2f} m/s² in 1 s; up to {RECOMMENDED:g} is closer to "
             "a steady state."
         )
+
+
+def _scale_error(blocks: Blocks) -> str:
+    """What a scale error of the steer angle does."""
+    change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
+    return f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
 
 
 def _arrays(blocks: Blocks, wheelbase: float) -> dict[str, Array]:
@@ -162,14 +169,28 @@ def _blocks(motion: Motion, yaw_rate: Array) -> Blocks:
         linear=np.abs(acceleration[kept]) <= LINEAR,
     )
     within = blocks.acceleration[blocks.linear]
-    if within.size < SEGMENTS + 2 or np.ptp(within) < SPAN:
-        span = np.ptp(within) if within.size else 0.0
+    span = _span(within)
+    if within.size < SEGMENTS + 2 or span < SPAN:
         raise SignalError(
             f"{motion.name}: {within.size} s of quasi-steady motion with a range of lateral acceleration of "
-            f"{span:.3g} m/s^2 up to {LINEAR:g} m/s^2, expected {SEGMENTS + 2} s and {SPAN:g} m/s^2; drive circles or "
-            "steer slowly, such as the manoeuvre slowly_increasing_steer"
+            f"{span:.3g} m/s^2 up to {LINEAR:g} m/s^2 without any tenth of it, expected {SEGMENTS + 2} s and {SPAN:g} "
+            "m/s^2; drive circles at several accelerations, or steer slowly, such as the manoeuvre "
+            "slowly_increasing_steer"
         )
     return blocks
+
+
+def _span(acceleration: Array) -> float:
+    """Range of the lateral acceleration that remains without any one segment: one turn has one acceleration only."""
+    if acceleration.size < SEGMENTS:
+        return 0.0
+    segment = _segments(acceleration.size)
+    return float(min(np.ptp(acceleration[segment != k]) for k in range(SEGMENTS)))
+
+
+def _segments(size: int) -> NDArray[np.int_]:
+    """The segment of each block, (n,)."""
+    return np.arange(size) * SEGMENTS // size
 
 
 def _kind(blocks: Blocks) -> str:
@@ -181,7 +202,7 @@ def _kind(blocks: Blocks) -> str:
     return name if spreads[name] < CONSTANT else "mixed driving"
 
 
-def _understeer(blocks: Blocks, vehicle: Vehicle) -> EvaluatedMeasure:
+def _understeer(blocks: Blocks, vehicle: Vehicle, yaw_rate: str) -> EvaluatedMeasure:
     """The understeer gradient, with the uncertainty of the wheelbase in its sigma."""
     wheelbase, wheelbase_sigma = equivalent_wheelbase(vehicle)
     value, sigma = _slope(blocks, blocks.steer - wheelbase * blocks.curvature)
@@ -189,7 +210,13 @@ def _understeer(blocks: Blocks, vehicle: Vehicle) -> EvaluatedMeasure:
     total = float(np.hypot(sigma, by_wheelbase))
     remark = f"{percent(by_wheelbase**2 / total**2)} of its variance by the wheelbase" if by_wheelbase > sigma else ""
     return EvaluatedMeasure(
-        name="understeer_gradient", title="understeer gradient", unit=GRADIENT, value=value, sigma=total, reason=remark
+        name="understeer_gradient",
+        title="understeer gradient",
+        unit=GRADIENT,
+        value=value,
+        sigma=total,
+        signals=(yaw_rate,),
+        reason=remark,
     )
 
 
@@ -221,7 +248,7 @@ def jackknife(X: Array, y: Array) -> tuple[float, float]:
     def first(rows: NDArray[np.bool_]) -> float:
         return float(np.linalg.lstsq(scaled[rows], y[rows], rcond=1e-6)[0][0]) / float(scale[0])
 
-    segment = np.arange(len(y)) * SEGMENTS // len(y)
+    segment = _segments(len(y))
     left_out = np.array([first(segment != k) for k in range(SEGMENTS)])
     sigma = np.sqrt((SEGMENTS - 1) / SEGMENTS * np.sum((left_out - left_out.mean()) ** 2))
     return first(np.ones(len(y), dtype=bool)), float(sigma)

@@ -21,7 +21,7 @@ SHORTEST = 5.0
 """Least duration of a log, s."""
 HELD = 3.0
 """Least duration of a step, s."""
-RISE = 1.0
+RISE = 0.5
 """Longest time from 10 to 90 % of the step, s."""
 STEADY = 0.1
 """Largest standard deviation of the steer angle while it is steady, as a fraction of the step."""

@@ -21,7 +21,7 @@ from fifthwheel.checks import Fault, check, raise_errors
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.conditions import SPEED
 from fifthwheel.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
-from fifthwheel.evaluate.evaluate import evaluate, method_of
+from fifthwheel.evaluate.evaluate import method_of, with_references
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.tolerances import Tolerance, require_used, tolerance_of
 from fifthwheel.formatting import approximate, enumerated, percent, with_sigma
@@ -214,7 +214,7 @@ def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) ->
     """The evaluation of a record, without faults of its signal map."""
     expect(role, record, Record)
     try:
-        evaluation = evaluate(record, test, vehicle=vehicle)
+        evaluation, _ = with_references(record, test, vehicle, check=False)
         raise_errors(finding for finding in check(record) if finding.fault in WRONG)
     except SignalError as error:
         raise SignalError(f"{role}, {error}") from None
