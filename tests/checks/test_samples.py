@@ -208,6 +208,7 @@ QUANTITIES = {
     "wheel_speed.tractor.front.left": (45.0, 2.0, None),
     "longitudinal_acceleration.tractor": (12.0, 3.0, None),
     "wheel_speed_difference.semitrailer": (0.5, 0.1, None),
+    "grade": (0.4, 0.1, None),
     "axle_load.tractor.drive": (5e5, 1e5, None),
     "weight.semitrailer": (1e6, 1e5, None),
     "gross_weight": (5e6, 1e6, None),

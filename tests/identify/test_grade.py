@@ -73,6 +73,8 @@ def test_a_record_with_a_grade_or_without_the_force_is_left_as_it_is():
     record, slope = hills(duration=40.0)
     logged = replace(record, signals=dict(record.signals) | {"grade": slope})
     assert with_grade(logged, TRUCK) is logged
+    empty = replace(record, signals=dict(record.signals) | {"grade": np.full(slope.size, np.nan)})
+    assert np.abs(with_grade(empty, TRUCK).signals["grade"] - slope).max() < 0.01
     for name in ("drive_force", "braking.tractor"):
         without = replace(record, signals={k: v for k, v in record.signals.items() if k != name})
         assert with_grade(without, TRUCK) is without
@@ -88,3 +90,10 @@ def test_gravity_along_the_road_counts_as_acceleration_also_where_samples_are_mi
     level = corrected_inputs(record, names, {})[SPEED_RATE]
     uphill = corrected_inputs(replace(record, signals=dict(record.signals) | {"grade": grade}), names, {})[SPEED_RATE]
     assert uphill - level == pytest.approx(STANDARD_GRAVITY * math.sin(math.atan(0.03)), abs=1e-12)
+
+
+def test_a_grade_in_per_cent_is_refused():
+    record, slope = hills(duration=40.0)
+    log = replace(record, signals=dict(record.signals) | {"grade": 100 * slope})
+    with pytest.raises(fw.SignalError, match="grade"):
+        fw.identify([log], TRUCK)

@@ -1,6 +1,6 @@
 """Quantities of the longitudinal motion: force, engine, brakes and grade. The gross mass follows from them."""
 
-from fifthwheel.channels.channel import Channel, NamePattern
+from fifthwheel.channels.channel import Channel, NamePattern, SignalLimits
 
 ENGINE_SPEED = Channel(
     quantity="engine_speed",
@@ -83,7 +83,8 @@ GRADE = Channel(
     patterns=(NamePattern(pattern="_(road_)?(grade|gradient|slope)_|strassen_?(neigung|steigung)|_steigung_"),),
     proposed="signal",
     percent="fraction",
+    limit=SignalLimits(magnitude=0.4, jump=0.1, may_be_constant=True),
 )
 """Rise over run, positive uphill."""
 DRIVING = (ENGINE_SPEED, ENGINE_TORQUE, FRICTION_TORQUE, DRIVE_FORCE, DRIVELINE_ENGAGED, BRAKING, GRADE)
-"""Those that only the mass from driving uses."""
+"""Those that only the mass from driving uses, and the grade."""

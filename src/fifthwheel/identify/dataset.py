@@ -200,11 +200,11 @@ def prepare_dataset(
 
 def _grade_notes(records: Sequence[Record], unit: str) -> list[str]:
     """Where the grade of the road comes from, on which the parameters of a unit without sensors depend."""
-    with_it = [record.signals[GRADE.quantity] for record in records if GRADE.quantity in record.signals]
-    without = [record for record in records if GRADE.quantity not in record.signals]
+    grades = [record.signals.get(GRADE.quantity, np.full(1, np.nan)) for record in records]
+    without = [record for record, grade in zip(records, grades, strict=True) if not np.isfinite(grade).any()]
     notes = []
-    if with_it:
-        low, high = (100 * function(np.concatenate(with_it)) for function in (np.nanmin, np.nanmax))
+    if len(without) < len(records):
+        low, high = (100 * function(np.concatenate(grades)) for function in (np.nanmin, np.nanmax))
         notes.append(f"The pull of the {unit} follows the grade of the road, {low:.1f} to {high:.1f} %.")
     if without:
         missing = missing_for_mass(without[0].signals)

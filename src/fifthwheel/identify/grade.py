@@ -31,14 +31,15 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     The record is the same where the force is known for less than `longitudinal.SHORTEST`, or the brakes are never on
     although the vehicle brakes. The head wind counts as a grade.
     """
-    if GRADE.quantity in record.signals or missing_for_mass(record.signals):
+    if np.isfinite(record.signals.get(GRADE.quantity, np.nan)).any() or missing_for_mass(record.signals):
         return record
     mass = sum(unit.mass for unit in vehicle.units)
+    bare = replace(record, signals={name: v for name, v in record.signals.items() if name != GRADE.quantity})
     try:
-        known = force_balance(record, vehicle, mass, mass, 0.0)[:, 0] > 0
+        known = force_balance(bare, vehicle, mass, mass, 0.0)[:, 0] > 0
     except SignalError:
         return record
-    rows = force_balance(record, vehicle, mass, mass, 0.0, braked=False)
+    rows = force_balance(bare, vehicle, mass, mass, 0.0, braked=False)
     moved, distance, speed, present, without_force, by_force = rows.T[:6]
     usable = (moved > 0) & (present > 0) & np.append(False, present[:-1] > 0)
     known &= usable
