@@ -115,7 +115,8 @@ def test_what_is_missing_has_its_path():
 
 
 def noted(**changes):
-    return notes(Truck(vehicle=with_engine(get("a_double"), **changes)))
+    truck = Truck(vehicle=with_engine(get("a_double"), **changes))
+    return notes(truck, measure(truck))
 
 
 def test_the_notes_say_what_limits_the_grade():
@@ -125,7 +126,8 @@ def test_the_notes_say_what_limits_the_grade():
         "startability: limited by the engine",
         f"gradeability: limited by {friction}",
     ]
-    assert notes(Truck(vehicle=rigid())) == []
+    truck = Truck(vehicle=rigid())
+    assert notes(truck, measure(truck)) == []
 
 
 def test_what_has_no_value_has_a_note_with_the_reason():

@@ -127,8 +127,8 @@ def assess(
     driven, runs = Values(), dict[str, LaneChangeRun]()
     if not cheap:
         notes += _unstated(subject)
-        if longitudinal.NEEDED.keys() & {r.name for r in results}:
-            notes += longitudinal.notes(subject)
+        of_engine = {r.name: r.value for r in results if r.name in longitudinal.NEEDED}
+        notes += longitudinal.notes(subject, Values(of_engine)) if of_engine else []
         runs = {"linear": lane_change.linear(subject)} if subject.is_stable else {}
     if nonlinear and not cheap:
         from fifthwheel.assess.nonlinear import measures as nonlinear_measures  # slow to import

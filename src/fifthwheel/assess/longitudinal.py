@@ -65,6 +65,10 @@ def numbers(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
     return stated | driveline_numbers(vehicle.driveline, vehicle.stated)
 
 
+def _values(vehicle: Vehicle) -> dict[str, float]:
+    return {key: value for key, (value, _) in numbers(vehicle).items()}
+
+
 def sigmas(vehicle: Vehicle) -> dict[str, float]:
     """Standard deviation, SI, of each number of the driveline that the measures use, by its path; of none if the engine
     is not stated."""
@@ -76,8 +80,7 @@ def completed(vehicle: Vehicle) -> Vehicle:
     """The vehicle with every number of its driveline, if its engine is stated."""
     if not sigmas(vehicle):
         return vehicle
-    values = {key: value for key, (value, _) in numbers(vehicle).items()}
-    return type(vehicle)(**vehicle.model_dump() | {"driveline": values})
+    return type(vehicle)(**vehicle.model_dump() | {"driveline": _values(vehicle)})
 
 
 def unstated(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
@@ -92,7 +95,7 @@ def unstated(vehicle: Vehicle) -> dict[str, tuple[str, ...]]:
 def measure(truck: Truck) -> Values:
     """The measures whose numbers are stated: startability and gradeability, rise over run; speed on the grade, m/s;
     time for 100 m, s."""
-    missing, n = unstated(truck.vehicle), {key: value for key, (value, _) in numbers(truck.vehicle).items()}
+    missing, n = unstated(truck.vehicle), _values(truck.vehicle)
     values = Values()
     for name, torque in TORQUES.items():
         if name not in missing:
@@ -104,9 +107,10 @@ def measure(truck: Truck) -> Values:
     return values
 
 
-def notes(truck: Truck) -> list[str]:
-    """What limits startability and gradeability, and why there is no speed on the grade or no time for 100 m."""
-    n, values = {key: value for key, (value, _) in numbers(truck.vehicle).items()}, measure(truck)
+def notes(truck: Truck, values: Values) -> list[str]:
+    """What limits startability and gradeability, and why there is no speed on the grade or no time for 100 m, by the
+    measures of the truck."""
+    n = _values(truck.vehicle)
     limited: dict[str, list[str]] = {}
     for name, torque in TORQUES.items():
         if name in values:

@@ -170,9 +170,9 @@ def swings(truck: Truck, run: LowSpeedTurn) -> Values:
     """Swing of the outer corners of a turn of 90 degrees whose overhang is known, m.
 
     Tail swing: beyond the straight line before the turn, the largest of all units; left out if the tail of a unit that
-    swings is unknown. Frontal swing: of the first unit,
-    beyond the line after the turn. Of a semitrailer and the unit in front of it, dollies left out, the largest
-    difference of both at one place along that line, and the difference of their largest values; of several the largest.
+    swings is unknown. Frontal swing: of the first unit, beyond the line after the turn. Of a semitrailer and the unit
+    in front of it, dollies left out, the largest difference of both at one place along that line, and the difference of
+    their largest values; of several the largest.
     """
     ends, half = truck.ends(), truck.body.width / 2
 

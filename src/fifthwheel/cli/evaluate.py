@@ -24,7 +24,7 @@ TestOption = Annotated[
         help="steady_state, frequency_response, step, lane_change, pulse or sine_with_dwell.", show_default=False
     ),
 ]
-VehicleOption = Annotated[
+OptionalVehicle = Annotated[
     str | None,
     typer.Option(
         "--vehicle",
@@ -44,7 +44,7 @@ VehicleOption = Annotated[
 def evaluate(
     log: LogArgument,
     test: TestOption,
-    vehicle: VehicleOption = None,
+    vehicle: OptionalVehicle = None,
     signals: options.SignalsOption = None,
     check: options.CheckOption = True,
     allow_outside: options.AllowOutsideOption = False,
@@ -87,7 +87,7 @@ def validate(
     ],
     log: LogArgument,
     test: TestOption,
-    vehicle: VehicleOption = None,
+    vehicle: OptionalVehicle = None,
     tolerance: Annotated[
         list[str] | None,
         typer.Option(

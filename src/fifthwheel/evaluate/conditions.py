@@ -6,22 +6,20 @@ of speed, yaw rate and steer angle below are ours. A log does not show track, wi
 
 import numpy as np
 
-from fifthwheel.evaluate.evaluation import Condition, Findings
-from fifthwheel.evaluate.motion import Motion
-from fifthwheel.evaluate.repetitions import smoothed
+from fifthwheel.evaluate.evaluation import Condition, MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
+from fifthwheel.evaluate.repetitions import ENTRY, smoothed
 from fifthwheel.formatting import approximate
 
 SAMPLING = 20.0
 """Sampling rate, Hz: four times the bandwidth of 5 Hz."""
 SPEED = 2 / 3.6
 """Largest deviation of the speed from its mean, m/s."""
-ENTRY = 1.0
-"""Time straight ahead before the first steering, s."""
 STRAIGHT = float(np.radians(0.5))
 """Largest mean and standard deviation of the yaw rate before the first steering, rad/s; and mean steer angle, rad."""
 
 
-def conditions(motion: Motion, findings: Findings) -> tuple[Condition, ...]:
+def conditions(motion: MeasuredMotion, findings: MethodResult) -> tuple[Condition, ...]:
     """The conditions, met or not."""
     deviation = float(np.abs(motion.speed - motion.speed.mean()).max())
     constant = findings.has_constant_speed
@@ -46,7 +44,7 @@ def conditions(motion: Motion, findings: Findings) -> tuple[Condition, ...]:
     return (*result, *_entry(motion, findings.start))
 
 
-def _entry(motion: Motion, start: float | None) -> list[Condition]:
+def _entry(motion: MeasuredMotion, start: float | None) -> list[Condition]:
     """Straight entry and offsets before the first steering."""
     rates = motion.outputs("yaw_rate")
     needed = f"{ENTRY:g} s, yaw rate of {approximate(STRAIGHT, 'rad/s')} at most"

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS
-from fifthwheel.evaluate.diagrams import TITLES
+from fifthwheel.evaluate.diagrams import AXES, TITLES
 from fifthwheel.evaluate.evaluation import Evaluation
-from fifthwheel.evaluate.motion import GAIN_UNITS
+from fifthwheel.evaluate.motion import gain_unit
 from fifthwheel.evaluate.repetitions import ACTIVE, ENTRY
 from fifthwheel.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of
 from fifthwheel.formatting import shown
@@ -30,7 +30,6 @@ MARGIN = 3.0
 """Of the points of a curve, in sigma: by two, 5 % of them would be outside by noise alone."""
 COVERED = 0.5
 """Least fraction of the log's points at which the results have a value, for a judgement."""
-AXES = {"time": "s", "frequency": "Hz", "lateral_acceleration": "m/s²"}
 
 
 def judged(is_inside: bool, is_outside: bool) -> Judgement:
@@ -104,8 +103,7 @@ class ComparedCurve:
             Line(self.x, log, name="log"),
             Line(self.x, results, name="results"),
         ]
-        x = Axis(label=self.axis.replace("_", " "), unit=AXES[self.axis])
-        return Plot(panels=[Panel(items=items, x=x, y=Axis(unit=unit.name))])
+        return Plot(panels=[Panel(items=items, x=AXES[self.axis], y=Axis(unit=unit.name))])
 
 
 def compared_curves(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedCurve]:
@@ -173,5 +171,5 @@ def _offset(axis: str, x: Array, values: Array) -> float:
 def _unit(kind: str, signal: str) -> str:
     """SI unit of a curve."""
     if kind == "gain":
-        return GAIN_UNITS.get(signal.partition(".")[0], "1")
+        return gain_unit(signal)
     return CHANNELS[kind].unit if kind in CHANNELS else "rad"

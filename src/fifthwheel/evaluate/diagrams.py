@@ -6,11 +6,17 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS
-from fifthwheel.evaluate.motion import GAIN_UNITS
+from fifthwheel.evaluate.motion import gain_unit
 from fifthwheel.formatting import shown
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Points
 from fifthwheel.spoken_names import spoken
 
+AXES = {
+    "lateral_acceleration": Axis(label="lateral acceleration", unit="m/s²"),
+    "frequency": Axis(label="frequency", unit="Hz"),
+    "time": Axis(label="time", unit="s"),
+}
+"""Of the first column of the arrays."""
 TITLES = {"steer": "Steer angle", "steer_less_ackermann": "Steer angle less Ackermann angle"}
 
 
@@ -25,7 +31,7 @@ def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Each quantity over the lateral acceleration."""
     x = arrays["lateral_acceleration"]
-    axis = Axis(label="lateral acceleration", unit="m/s²")
+    axis = AXES["lateral_acceleration"]
     return {
         TITLES.get(name) or spoken(name): Plot(
             panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(unit="deg"))]
@@ -38,12 +44,12 @@ def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Gain with sigma, phase and coherence of each output by the steer angle."""
     f = arrays["frequency"]
-    axis = Axis(label="frequency", unit="Hz")
+    axis = AXES["frequency"]
     plots = {}
     for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
         gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]
         gains: list[Item] = [Band(f, gain - sigma, gain + sigma), Line(f, gain)]
-        unit = GAIN_UNITS.get(name.partition(".")[0], "1")
+        unit = gain_unit(name)
         plots[spoken(name)] = Plot(
             panels=[
                 Panel(items=gains, x=axis, y=Axis(label="gain", unit=shown(unit).name), height=1.5),
@@ -62,7 +68,7 @@ def _histories(arrays: Mapping[str, Array]) -> dict[str, Plot]:
             quantity = name.partition(".")[0]
             unit = shown(CHANNELS[quantity].unit)
             quantities.setdefault(quantity, []).append(Line(arrays["time"], unit.factor * values, name=spoken(name)))
-    axis = Axis(label="time", unit="s")
+    axis = AXES["time"]
     return {
         quantity.replace("_", " ").capitalize(): Plot(
             panels=[Panel(items=items, x=axis, y=Axis(unit=shown(CHANNELS[quantity].unit).name))]

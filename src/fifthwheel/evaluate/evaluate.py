@@ -11,8 +11,8 @@ from fifthwheel.checks import Fault, Finding, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
-from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Evaluation, Findings
-from fifthwheel.evaluate.motion import Motion, motion
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Evaluation, MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion, motion
 from fifthwheel.record import Record
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
@@ -26,7 +26,7 @@ class Method:
     standard: str
     shortest: float
     """Least duration of a log, s."""
-    evaluate: Callable[[Motion], Findings]
+    evaluate: Callable[[MeasuredMotion], MethodResult]
 
 
 METHODS: Mapping[str, Method] = {

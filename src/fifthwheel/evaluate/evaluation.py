@@ -57,7 +57,7 @@ class Condition:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Findings:
+class MethodResult:
     """What a test method finds in a motion."""
 
     measures: tuple[EvaluatedMeasure, ...]

@@ -26,9 +26,9 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
 from fifthwheel.errors import SignalError
-from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.evaluate.lane_change import amplified, compared
-from fifthwheel.evaluate.motion import GAIN_UNITS, Motion
+from fifthwheel.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.evaluate.repetitions import ACTIVE
 from fifthwheel.formatting import percent
 from fifthwheel.spoken_names import named
@@ -88,7 +88,7 @@ class Responses:
         return np.asarray(self.steered & np.all([self.coherences[n] >= COHERENT for n in names], axis=0))
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The frequency responses of a motion, and its rearward amplification.
 
     Raises:
@@ -110,10 +110,12 @@ def evaluate(motion: Motion) -> Findings:
     band, arrays = f"Each response is a mean over {responses.band:.2f} Hz, along a parabola.", _arrays(responses)
     noise = {f"phase.{name}": responses.relative_sigma(name) for name in responses.gains}
     noise |= {f"gain.{name}": arrays[f"gain_sigma.{name}"] for name in responses.gains}
-    return Findings(measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(band, compared(motion)))
+    return MethodResult(
+        measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(band, compared(motion))
+    )
 
 
-def _require_continuous_steering(motion: Motion) -> None:
+def _require_continuous_steering(motion: MeasuredMotion) -> None:
     """Raise for single manoeuvres: they are short in a long log, most of which is noise."""
     deviation = np.abs(motion.steer - np.median(motion.steer))
     fraction = float(np.mean(deviation > ACTIVE * deviation.max()))
@@ -124,7 +126,7 @@ def _require_continuous_steering(motion: Motion) -> None:
         )
 
 
-def _responses(motion: Motion, names: list[str]) -> Responses:
+def _responses(motion: MeasuredMotion, names: list[str]) -> Responses:
     """The responses by the local polynomial method, of each output behind its lag."""
     fits = {name: _fit(motion, name) for name in names}
     frequency, band = _frequencies(motion)
@@ -138,7 +140,7 @@ def _responses(motion: Motion, names: list[str]) -> Responses:
     )
 
 
-def _frequencies(motion: Motion) -> tuple[Array, float]:
+def _frequencies(motion: MeasuredMotion) -> tuple[Array, float]:
     """The evaluated frequencies and the band of each, Hz."""
     step = motion.rate / len(motion.time)
     half = max(NEIGHBOURS, round(BANDWIDTH / step)) * step
@@ -157,7 +159,7 @@ class LocalFit:
     """Frequencies at which the truck is steered, and apart from the transients."""
 
 
-def _fit(motion: Motion, name: str) -> LocalFit:
+def _fit(motion: MeasuredMotion, name: str) -> LocalFit:
     """The least squares of equation (1) at each frequency; at the lowest ones the band is not symmetric."""
     lag = _lag(motion, name)
     size = len(motion.time) - lag
@@ -187,7 +189,7 @@ def _fit(motion: Motion, name: str) -> LocalFit:
     )
 
 
-def _lag(motion: Motion, name: str) -> int:
+def _lag(motion: MeasuredMotion, name: str) -> int:
     """Samples by which an output follows the steer angle: those of the largest correlation within `LONGEST_LAG`."""
     from scipy.signal import correlate  # slow to import
 
@@ -208,7 +210,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
         EvaluatedMeasure(
             name=f"gain.{name}",
             title=f"gain at {f[lowest]:.2f} Hz, {of}",
-            unit=GAIN_UNITS.get(name.partition(".")[0], "1"),
+            unit=gain_unit(name),
             value=float(gain[lowest]),
             sigma=float(gain[lowest] * sigma[lowest]),
             signals=(name,),

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from fifthwheel.errors import SignalError
-from fifthwheel.evaluate.evaluation import Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.evaluation import MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.evaluate.repetitions import Response, Words, findings
 
 SHORTEST = 5.0
@@ -30,7 +30,7 @@ WORDS = {
 }
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The rearward amplification of a motion.
 
     Raises:
@@ -46,14 +46,14 @@ def evaluate(motion: Motion) -> Findings:
     return replace(found, notes=(*found.notes, compared(motion)))
 
 
-def amplified(motion: Motion) -> list[tuple[str, str]]:
+def amplified(motion: MeasuredMotion) -> list[tuple[str, str]]:
     """First and last signal of each quantity whose amplification the log shows."""
     first, last = motion.units[0], motion.units[-1]
     pairs = [(f"{q}.{first}", f"{q}.{last}") for q in ("yaw_rate", "lateral_acceleration")]
     return [pair for pair in pairs if first != last and all(name in motion.signals for name in pair)]
 
 
-def compared(motion: Motion) -> str:
+def compared(motion: MeasuredMotion) -> str:
     """Which units a rearward amplification compares, or why there is none."""
     first, last = motion.units[0], motion.units[-1]
     order = "" if motion.vehicle else ", in the order of the columns, since no vehicle is given"

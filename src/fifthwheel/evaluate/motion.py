@@ -8,6 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import (
     ARTICULATION,
+    CHANNELS,
     LATERAL_ACCELERATION,
     LATERAL_VELOCITY,
     ROLL,
@@ -26,8 +27,8 @@ from fifthwheel.vehicle import Vehicle
 
 EVALUATED = (YAW_RATE, ARTICULATION, ROLL, LATERAL_ACCELERATION, SIDESLIP, LATERAL_VELOCITY)
 """Outputs of a test."""
-GAIN_UNITS = {"yaw_rate": "1/s", "lateral_acceleration": "m/(s^2 rad)"}
-"""Unit of a gain by the quantity of its output; of others, which are angles, "1"."""
+_GAIN_UNITS = {"rad": "1", "rad/s": "1/s", "m/s^2": "m/(s^2 rad)"}
+"""Unit of a gain by that of its output."""
 LOWEST_RATE = 10.0
 """Least sampling rate, Hz: five times the 2 Hz up to which heavy vehicles are tested (ISO 15037-2)."""
 LOWEST_SPEED = 5.0
@@ -35,7 +36,7 @@ LOWEST_SPEED = 5.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class MeasuredMotion:
     """Signals of a test, (N,) samples in equal steps."""
 
     name: str
@@ -83,7 +84,12 @@ class Motion:
         return None if variance is None else float(np.sqrt(variance))
 
 
-def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motion:
+def gain_unit(output: str) -> str:
+    """Unit of the gain from the steer angle to an output."""
+    return _GAIN_UNITS[CHANNELS[SignalName.of(output).quantity].unit]
+
+
+def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> MeasuredMotion:
     """The motion in a record, as measured; reference signals count where the log has no other.
 
     Args:
@@ -143,7 +149,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Motio
     notes += _unused(record, [steer_name, "speed", *signals])
     seen = dict.fromkeys([SignalName.of(steer_name).unit, *(SignalName.of(name).unit for name in signals)])
     units = tuple(unit.name for unit in vehicle.units) if vehicle else tuple(seen)
-    return Motion(
+    return MeasuredMotion(
         name=record.name,
         time=grid,
         speed=speed,

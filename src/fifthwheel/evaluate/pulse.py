@@ -12,8 +12,8 @@ import numpy as np
 
 from fifthwheel.assess.yaw_damping import SMALLEST_PEAK, decay
 from fifthwheel.errors import SignalError
-from fifthwheel.evaluate.evaluation import Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.evaluation import MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.evaluate.repetitions import Response, Words, findings
 from fifthwheel.spoken_names import named
 
@@ -28,7 +28,7 @@ NOISE = 5.0
 WORDS = {"yaw_damping": Words(title="yaw damping, pulse", unit="1")}
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The yaw damping of a motion.
 
     Raises:

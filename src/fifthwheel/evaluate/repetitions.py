@@ -14,8 +14,8 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
-from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.motion import GAIN_UNITS, Motion
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.formatting import approximate, enumerated
 from fifthwheel.spoken_names import named
 
@@ -24,7 +24,7 @@ ACTIVE = 0.1
 SMALLEST = float(np.radians(0.2))
 """Least steer angle of a manoeuvre, rad."""
 ENTRY = 1.0
-"""Time before a manoeuvre whose mean is the offset of a signal, s."""
+"""Time straight ahead before a manoeuvre, whose mean is the offset of a signal, s."""
 LEAST_ENTRY = 0.4
 """The same at least, s."""
 JOINED = 0.5
@@ -76,12 +76,12 @@ class Words:
 
 
 def findings(
-    motion: Motion,
+    motion: MeasuredMotion,
     outputs: Sequence[str],
     measure: Callable[[Response], Mapping[str, float]],
     fault: Callable[[Response], str],
     words: Mapping[str, Words],
-) -> Findings:
+) -> MethodResult:
     """The measures of all manoeuvres of a log that have no fault.
 
     Args:
@@ -113,7 +113,7 @@ def findings(
     missing = [_title(name, words) for name in measure(kept[0]) if name not in values]
     steered = {motion.steer_name: motion.steer, **{name: motion.signals[name] for name in outputs}}
     remaining = {name: np.nan if stated[name] is None else sigma for name, sigma in kept[0].noise.items()}
-    return Findings(
+    return MethodResult(
         measures=tuple(measures),
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
@@ -122,7 +122,7 @@ def findings(
     )
 
 
-def _require_mostly_good(motion: Motion, responses: Sequence[Response], faults: Sequence[str]) -> None:
+def _require_mostly_good(motion: MeasuredMotion, responses: Sequence[Response], faults: Sequence[str]) -> None:
     """Raise where as many large steering inputs have a fault as have none: chance resemblances in another test."""
     peaks = [float(np.abs(response.steer).max()) for response in responses]
     large = [text for text, peak in zip(faults, peaks, strict=True) if peak > LARGE * max(peaks)]
@@ -174,7 +174,7 @@ def _measure(
 ) -> EvaluatedMeasure:
     """Mean over the repetitions (n,) without their bias (n,), and sigma; draws (n, DRAWS) with simulated noise."""
     kind, _, signal = name.partition(".")
-    unit = words[kind].unit or GAIN_UNITS.get(signal.partition(".")[0], "1")
+    unit = words[kind].unit or gain_unit(signal)
     n, bias = len(values), float(biases.mean())
     by_noise = np.sqrt(np.mean(np.nanvar(draws, axis=1)) / n)
     scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
@@ -190,7 +190,7 @@ def _measure(
     )
 
 
-def _manoeuvres(motion: Motion) -> list[tuple[int, int]]:
+def _manoeuvres(motion: MeasuredMotion) -> list[tuple[int, int]]:
     """First and last sample of each time of steering."""
     entry = round(LEAST_ENTRY * motion.rate)
     steer = smoothed(motion.steer, motion.rate)
@@ -210,7 +210,7 @@ def _manoeuvres(motion: Motion) -> list[tuple[int, int]]:
     return [(int(part[0]), int(part[-1])) for part in parts]
 
 
-def _raw(motion: Motion, found: Sequence[tuple[int, int]], outputs: Sequence[str]) -> Iterator[Response]:
+def _raw(motion: MeasuredMotion, found: Sequence[tuple[int, int]], outputs: Sequence[str]) -> Iterator[Response]:
     """Each manoeuvre as measured, by its first and last sample of steering."""
     stops = [*(first for first, _ in found[1:]), len(motion.time)]
     before = 0

@@ -10,8 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel.channels import YAW_RATE
-from fifthwheel.evaluate.evaluation import Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.evaluation import MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.evaluate.repetitions import Response, Words, crossing, findings
 
 SHORTEST = 6.0
@@ -26,7 +26,7 @@ WORDS = {
 }
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The ratios of every yaw rate.
 
     Raises:

@@ -26,8 +26,8 @@ from fifthwheel.assess.uncertainty import of_vehicle
 from fifthwheel.channels import ROLL, SIDESLIP
 from fifthwheel.dynamics import steady_steer
 from fifthwheel.errors import SignalError
-from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.spoken_names import named_unit
 from fifthwheel.vehicle import Vehicle
@@ -70,7 +70,7 @@ class Blocks:
         return np.column_stack([self.acceleration, self.rate, np.ones_like(self.rate)])
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The gradients of a motion.
 
     Raises:
@@ -89,7 +89,7 @@ def evaluate(motion: Motion) -> Findings:
     else:
         raise SignalError("vehicle: needed for the understeer gradient, which needs its wheelbase; give a vehicle file")
     arrays = _arrays(blocks, steady_steer(motion.vehicle)[0] if motion.vehicle else 0.0)
-    return Findings(
+    return MethodResult(
         measures=tuple(measures),
         arrays=arrays,
         start=None,
@@ -147,7 +147,7 @@ def _scatter(values: Array) -> float:
     return float(np.median(np.abs(np.diff(values, 2))) / 0.6745 / np.sqrt(6)) if values.size > 4 else float("nan")
 
 
-def _blocks(motion: Motion, yaw_rate: Array) -> Blocks:
+def _blocks(motion: MeasuredMotion, yaw_rate: Array) -> Blocks:
     """Means over the blocks whose lateral acceleration is close to that of the blocks before and after."""
     size = round(BLOCK * motion.rate)
     count = len(motion.time) // size

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import LATERAL_ACCELERATION, ROLL, YAW_RATE
-from fifthwheel.evaluate.evaluation import Findings
-from fifthwheel.evaluate.motion import Motion
+from fifthwheel.evaluate.evaluation import MethodResult
+from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.evaluate.repetitions import Response, Words, crossing, findings
 
 SHORTEST = 5.0
@@ -37,7 +37,7 @@ WORDS = {
 }
 
 
-def evaluate(motion: Motion) -> Findings:
+def evaluate(motion: MeasuredMotion) -> MethodResult:
     """The response of every yaw rate, lateral acceleration and roll angle.
 
     Raises:

@@ -65,9 +65,9 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     """Inputs of a record by name, (N,) each, shifted by their delays.
 
     The play of a steering changes its angle, unless its contact is an input of its own. The derivative of the speed, if
-    it is an input, has no delay. Of the errors of the sensors, "<name>.delay" is the delay of an input, s,
-    "<name>.play" the play of a steering, rad at the wheels, and "<name>.gain" the angle of the wheels by that of the
-    sensor.
+    it is an input, has no delay, and contains gravity along the road where the record has the grade. Of the errors of
+    the sensors, "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad at the wheels,
+    and "<name>.gain" the angle of the wheels by that of the sensor.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.

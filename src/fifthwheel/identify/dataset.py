@@ -9,7 +9,6 @@ import numpy as np
 
 from fifthwheel.channels import (
     ARTICULATION,
-    GRADE,
     IDENTIFIED,
     MOTION,
     ROLL_RATE,
@@ -19,7 +18,6 @@ from fifthwheel.channels import (
     SignalName,
     is_input,
     measured_signals,
-    missing_for_mass,
     names_of,
 )
 from fifthwheel.channels.sensors import SensorPrior
@@ -28,8 +26,7 @@ from fifthwheel.checks.samples import remove_input_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
-from fifthwheel.formatting import enumerated
-from fifthwheel.identify.grade import with_grade
+from fifthwheel.identify.grade import grade_notes, with_grade
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.sensor_priors import common_sensors
@@ -182,7 +179,7 @@ def prepare_dataset(
         for unit in unmeasured
     ]
     if settings.brakes and units[-1] in unmeasured:
-        notes = [*_grade_notes(records, units[-1]), *notes]
+        notes = [*grade_notes(records, units[-1]), *notes]
     return Dataset(
         records=records,
         logs=logs,
@@ -196,25 +193,6 @@ def prepare_dataset(
         findings=tuple(found),
         notes=tuple(notes),
     )
-
-
-def _grade_notes(records: Sequence[Record], unit: str) -> list[str]:
-    """Where the grade of the road comes from, on which the parameters of a unit without sensors depend."""
-    grades = [record.signals.get(GRADE.quantity, np.full(1, np.nan)) for record in records]
-    without = [record for record, grade in zip(records, grades, strict=True) if not np.isfinite(grade).any()]
-    notes = []
-    if len(without) < len(records):
-        low, high = (100 * function(np.concatenate(grades)) for function in (np.nanmin, np.nanmax))
-        notes.append(f"The pull of the {unit} follows the grade of the road, {low:.1f} to {high:.1f} %.")
-    if without:
-        missing = missing_for_mass(without[0].signals)
-        cure = enumerated(missing) if missing else "20 s of driving without brakes"
-        notes.append(
-            f"{enumerated([record.name for record in without])}: no signal shows the grade of the road. On hills, the "
-            f"pull of the {unit} then makes all estimates wrong, and no sigma contains it. If the road was not level, "
-            f"log the grade, or {cure}, from which it follows."
-        )
-    return notes
 
 
 def _lone_axles(vehicle: Vehicle) -> list[str]:

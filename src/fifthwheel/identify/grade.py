@@ -5,6 +5,7 @@ On a grade, wheels and couplings transmit what they would transmit on a level ro
 a hilly road it is as large as the side forces by which the tyres of an axle group resist a tight turn.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.errors import SignalError
+from fifthwheel.formatting import enumerated
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP
 from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means
 from fifthwheel.record import Record
@@ -53,6 +55,25 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     time = record.time[0] + STEP * np.arange(slope.size)  # between the means of two steps
     sine = np.clip(np.interp(record.time, time, slope) / STANDARD_GRAVITY, -0.5, 0.5)
     return replace(record, signals=dict(record.signals) | {GRADE.quantity: sine / np.sqrt(1 - sine**2)})
+
+
+def grade_notes(records: Sequence[Record], unit: str) -> list[str]:
+    """Where the grade of the road comes from, on which the parameters of a unit without sensors depend."""
+    grades = [record.signals.get(GRADE.quantity, np.full(1, np.nan)) for record in records]
+    without = [record for record, grade in zip(records, grades, strict=True) if not np.isfinite(grade).any()]
+    notes = []
+    if len(without) < len(records):
+        low, high = (100 * function(np.concatenate(grades)) for function in (np.nanmin, np.nanmax))
+        notes.append(f"The pull of the {unit} follows the grade of the road, {low:.1f} to {high:.1f} %.")
+    if without:
+        missing = missing_for_mass(without[0].signals)
+        cure = enumerated(missing) if missing else "20 s of driving without brakes"
+        notes.append(
+            f"{enumerated([record.name for record in without])}: no signal shows the grade of the road. On hills, the "
+            f"pull of the {unit} then makes all estimates wrong, and no sigma contains it. If the road was not level, "
+            f"log the grade, or {cure}, from which it follows."
+        )
+    return notes
 
 
 def _cornering(record: Record, vehicle: Vehicle, speed: Array) -> Array | float:
