@@ -81,7 +81,7 @@ def identify(
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = vehicle_file(vehicle)
-    results = [path for path in (result, chosen.earlier_result and knowledge_file(chosen.earlier_result)) if path]
+    results = [path for path in (result, chosen.knowledge and knowledge_file(chosen.knowledge)) if path]
     before = [signals] if signals else []
     # what a result keeps may grow in place
     read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]
