@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
 from fifthwheel.cheng_cebon_2011 import figures, table
 from fifthwheel.cheng_cebon_2011.comparison import Row, compare, compare_variants
 from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
@@ -94,8 +94,7 @@ def reproduce(
         "reproduction.csv": table.as_csv(rows),
     }
     for name, text in texts.items():
-        with atomic_write(out / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
     tables = {"parameters.parquet": parameter_table, "histories.parquet": history_table}
     for name, made in tables.items():
         write_table(made(experiments | changed, outcomes), out / name)
