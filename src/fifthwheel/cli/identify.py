@@ -61,7 +61,6 @@ def identify(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.pages.page import checked_format
     from fifthwheel.report import provenance_of_run
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
@@ -76,8 +75,7 @@ def identify(
         write_loads,
     )
 
-    if figures:
-        checked_format(figures)
+    options.require_figures(figures, out)
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = vehicle_file(vehicle)
