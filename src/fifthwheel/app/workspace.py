@@ -269,8 +269,7 @@ class Workspace:
             return str(change["label"])
 
     def _apply(self, state: dict[str, Any], documents: Mapping[str, str | None]) -> None:
-        """Write the state with the documents, then the documents themselves: if the process is killed in between, the
-        next one completes the change."""
+        """Write the state, with which the next process completes a change that is killed, then the documents."""
         state |= {"version": state["version"] + 1, "pending": dict(documents)}
         write_text(self._state_file, json.dumps(state))
         self._finish(state)

@@ -100,10 +100,7 @@ def propose_signals(
 
 
 def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:
-    """The proposed map with the delays that the samples show, and the findings of `check_signals`.
-
-    Without a vehicle any usual tractor and semitrailer predicts the signals, so that only large delays are found.
-    """
+    """The proposed map with the delays that the samples show, and the findings of `check_signals`."""
     try:
         record = assemble(log, proposal.signals, name=log.name)
     except SignalError:

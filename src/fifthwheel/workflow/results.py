@@ -165,8 +165,7 @@ def write_results(
 
 
 def _with_assumed(identification: Identification) -> Vehicle:
-    """The identified vehicle, in which a number that was assumed remains assumed, with the standard deviation of its
-    class, unless it is an estimated parameter."""
+    """The identified vehicle, in which an assumed number that is no estimate remains assumed, with its sigma."""
     before, vehicle = identification.initial_vehicle, identification.vehicle
     kept = before.assumed.keys() & vehicle.parameters().keys() - {e.name for e in identification.parameters}
     stated = {path: before.stated[path] for path in kept & before.stated.keys() - vehicle.stated.keys()}

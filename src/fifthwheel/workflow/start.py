@@ -96,11 +96,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
 
 
 def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
-    """The load of each log; empty if none is given.
-
-    Raises:
-        SignalError: a load of no log, or several for all.
-    """
+    """The load of each log, empty if none is given; a SignalError for a load of no log, or several for all."""
     names = {str(path): path for path in logs} | {path.name: path for path in logs} | {path.stem: path for path in logs}
     own = dict[Path, str]()
     for text in texts:

@@ -164,11 +164,7 @@ def roll_test(
 
 
 def _measured(option: str, text: str, si: str) -> "Measured":
-    """A reading with its standard deviation.
-
-    Raises:
-        FifthwheelError: the text is no quantity with a standard deviation.
-    """
+    """A reading with its standard deviation; a FifthwheelError if the text is none."""
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.units import uncertain_quantity
     from fifthwheel.vehicle import Measured
