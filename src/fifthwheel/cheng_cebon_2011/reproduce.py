@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from fifthwheel._atomic import write_text
+from fifthwheel._extras import require
 from fifthwheel.cheng_cebon_2011 import figures, table
 from fifthwheel.cheng_cebon_2011.comparison import Row, compare, compare_variants
 from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
@@ -64,12 +65,7 @@ def reproduce(
         VehicleError: the vehicle does not have the parameters of the article's truck.
     """
     for module in ("mujoco", "matplotlib"):
-        try:
-            __import__(module)
-        except ImportError:
-            raise FifthwheelError(
-                f"the reproduction needs {module}, which is not installed; pip install 'fifthwheel[studies]'"
-            ) from None
+        require(module, "studies")
     if unknown := [arm for arm in arms if arm not in ARMS]:
         raise FifthwheelError(f"arms: no arm {unknown[0]!r}; choose from {', '.join(map(repr, ARMS))}")
     if seeds is not None and seeds < 1:

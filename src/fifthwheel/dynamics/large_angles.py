@@ -208,6 +208,7 @@ def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[
     parts = [ca.SX(2, 1)]
     for i in range(len(vehicle.couplings)):
         arms = chain.coupling_arms(p, vehicle, i)
+        # the rolled unit in front adds (h_c - h_r) phi r to u of the coupling, the one behind subtracts it
         u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
         angle = motion.heading[i + 1] - motion.heading[i]
         cos, sin, own = ca.cos(angle), ca.sin(angle), arms.above_rear * motion.roll[i + 1] * motion.r[i + 1]
