@@ -13,6 +13,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.evaluate import Evaluation, Validation
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
+from fifthwheel.identify.result.storage import read_contents
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
     Provenance,
@@ -23,14 +24,16 @@ from fifthwheel.report import (
     write_states_report,
 )
 from fifthwheel.report.evaluation import write_evaluation_report
+from fifthwheel.report.evidence import Evidence, write_evidence
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.inputs import identification_file, read_vehicle
+from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.states import StatesRun
 
-ASSESSMENT_FILES = ("assessment.json", "assess.html")
+ASSESSMENT_FILES = ("assessment.json", "assess.html", "evidence.html")
 """Results of an assessment, besides figures."""
 EVALUATION_FILES = ("evaluation.json", "evaluation.html")
 """Results of an evaluation, besides figures."""
@@ -60,11 +63,19 @@ def read_truck(name: str) -> Vehicle | Identification:
 
 
 def write_assessment(
-    assessment: Assessment, folder: Path, *, provenance: Provenance | None = None, figures: str | None = None
+    assessment: Assessment,
+    folder: Path,
+    *,
+    source: Path | None = None,
+    identification: Identification | None = None,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
 ) -> dict[str, Path]:
-    """Write assessment.json and assess.html to an existing folder; returns the path of each by its name.
+    """Write assessment.json, assess.html and evidence.html to an existing folder; returns the path of each by its name.
 
     Args:
+        source: file of the identification that was assessed, whose conclusion and note are part of the evidence.
+        identification: content of this file.
         provenance: command, input files and versions, for the page.
         figures: "svg", "png" or "pdf" to write every figure of the page into the folder figures.
 
@@ -72,9 +83,24 @@ def write_assessment(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    _write_json(folder / ASSESSMENT_FILES[0], assessment.as_dict())
-    drawn = write_assessment_report(folder / ASSESSMENT_FILES[1], assessment, provenance=provenance, figures=figures)
+    contents, page, sheet = (folder / name for name in ASSESSMENT_FILES)
+    evidence = Evidence(
+        assessment=assessment,
+        identification=identification,
+        conclusion=_conclusion(source) if identification and source else (),
+        provenance=provenance or Provenance(),
+    )
+    _write_json(contents, evidence.as_dict())
+    drawn = write_assessment_report(page, assessment, provenance=provenance, figures=figures)
+    write_evidence(sheet, evidence, contents)
     return {name: folder / name for name in (*ASSESSMENT_FILES, *(["figures"] if drawn else []))}
+
+
+def _conclusion(identification: Path) -> list[str]:
+    """What an identification.json concludes, in sentences, and the note of the user."""
+    concluded = read_contents(identification).get("conclusion") or {}
+    note = Note.read(identification)
+    return [*filter(None, [concluded.get("headline"), *concluded.get("cautions", ()), note and f"Note: {note}"])]
 
 
 def write_evaluation(
@@ -87,9 +113,13 @@ def write_evaluation(
     """Write the JSON and HTML file of an evaluation or a validation to an existing folder; arguments and errors as
     `write_assessment`."""
     names = EVALUATION_FILES if isinstance(evaluation, Evaluation) else VALIDATION_FILES
-    _write_json(folder / names[0], evaluation.as_dict())
+    _write_json(folder / names[0], evaluation.as_dict() | _origin(provenance))
     drawn = write_evaluation_report(folder / names[1], evaluation, provenance=provenance, figures=figures)
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
+
+
+def _origin(provenance: Provenance | None) -> dict[str, Any]:
+    return {} if provenance is None else {"provenance": provenance.as_dict()}
 
 
 def _write_json(path: Path, content: dict[str, Any]) -> None:
@@ -145,7 +175,7 @@ def write_results(
         )
     else:
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
-        _write_json(folder / "identification.json", run.as_dict())
+        _write_json(folder / "identification.json", run.as_dict() | _origin(provenance))
         vehicle, covariance = _with_assumed(run.identification), run.identification.covariance
         with atomic_write(folder / "vehicle.toml") as temporary:
             text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
