@@ -56,7 +56,9 @@ def test_the_json_has_every_estimate_with_sigma_and_verdict(evidence):
 
 def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(result):
     assessment = fw.assess(result.identification, cheap=True, changes={HEIGHT: 2.0}, sigmas={HEIGHT: 0.1})
-    rows = {row.name: row for row in Evidence(assessment=assessment, identification=result.identification).parameters()}
+    found = Evidence(assessment=assessment, identification=result.identification).parameters()
+    rows = {row.name: row for row in found}
+    assert found.index(rows[HEIGHT]) < next(k for k, row in enumerate(found) if row.verdict == "assumed")
     assert rows[HEIGHT][1:] == (2.0, 0.1, "m", "stated")
     assert "semitrailer.cog_height" not in rows
     assert rows["semitrailer.cornering_stiffness"].verdict == "converged"
@@ -65,8 +67,8 @@ def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(resul
 def test_a_vehicle_has_no_estimates(tmp_path):
     truck = vehicle.get("cheng_cebon_2011").with_stated({HEIGHT: 0.05})
     rows = Evidence(assessment=fw.assess(truck, cheap=True)).parameters()
-    assert (rows[-1].name, rows[-1].verdict) == (HEIGHT, "stated")
-    assert {row.verdict for row in rows[:-1]} == {"assumed"}
+    assert (rows[0].name, rows[0].sigma, rows[0].verdict) == (HEIGHT, 0.05, "stated")
+    assert {row.verdict for row in rows[1:]} == {"assumed"}
 
 
 def test_the_page_has_measures_thresholds_digests_and_what_it_leaves_out(evidence, tmp_path):

@@ -76,7 +76,7 @@ class Evidence:
             for path in values
             if path in others
         ]
-        return rows + sorted(more, key=lambda p: (p.verdict, -(p.sigma or 0.0) / (abs(p.value) or 1.0)))
+        return rows + sorted(more, key=lambda p: (p.verdict != "stated", -(p.sigma or 0.0) / (abs(p.value) or 1.0)))
 
     def document(self, contents: Path) -> pages.Document:
         """One A4 page; it has the digest of the JSON file with the `contents` of this evidence too."""
@@ -129,7 +129,8 @@ def _verdict(measure: MeasureResult) -> str:
         return ""
     if not measure.meets(threshold):
         return "missed"
-    return "met" if (threshold.probability or 0.0) >= LIKELY else "met, not surely"
+    sure = threshold.probability is None or threshold.probability >= LIKELY
+    return "met" if sure else "met, not surely"
 
 
 def _parameters(parameters: Sequence[AssessedParameter]) -> pages.Block:
