@@ -98,9 +98,10 @@ def write_assessment(
 
 def _conclusion(identification: Path) -> list[str]:
     """What an identification.json concludes, in sentences, and the note of the user."""
-    concluded = read_contents(identification).get("conclusion") or {}
-    note = Note.read(identification)
-    return [*filter(None, [concluded.get("headline"), *concluded.get("cautions", ()), note and f"Note: {note}"])]
+    concluded, note = read_contents(identification).get("conclusion"), Note.read(identification)
+    kept = concluded if isinstance(concluded, dict) else {}  # a file of `Identification.save` has none
+    sentences = [kept.get("headline", ""), *kept.get("cautions", ()), f"Note: {note}" if note else ""]
+    return [str(sentence) for sentence in sentences if sentence]
 
 
 def write_evaluation(
