@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from fifthwheel._arguments import expect
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.channels import MODELLED, SignalName, si_unit
+from fifthwheel.channels import MODELLED, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import ChainModel, all_parameters, model
-from fifthwheel.dynamics.symbolic import Expressions
+from fifthwheel.dynamics.symbolic import Expressions, Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
@@ -294,7 +294,8 @@ def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Func
     symbols, u, nothing = ca.SX.sym("p", len(names)), ca.SX.sym("u"), ca.SX.sym("nothing", 0)
     p = dict(zip(names, ca.vertsplit(symbols), strict=True))
     x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
-    sensed = sensors.sensor_inputs(p, vehicle, chain.equations(p, vehicle, roll=roll), x, u, d, roll=roll)
+    equations = chain.equations(p, vehicle, roll=roll)
+    sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=Stages())
     slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
     y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
     stacked = ca.vertcat(*y) if y else ca.SX(0, 1)
@@ -319,8 +320,8 @@ def _output(name: str, sensed: sensors.SensorInputs, slip: Expressions) -> ca.SX
         height = sensed.p[f"{sensed.vehicle.units[i].name}.roll_axis_height"]  # where the model has all masses
         motion, force = sensed.motion, sensed.side_force[path]
         return load_transfer_moment(sensed.p, path, motion.roll[i], motion.roll_rate[i], force, height)
-    known = sorted({*[channel.quantity for channel in MODELLED], COG_ACCELERATION, *GROUP_QUANTITIES})
-    if parsed.quantity not in known:
+    known = sorted({*[channel.quantity for channel in MODELLED if channel is not PREDICTED_LOAD_TRANSFER], COG_ACCELERATION, *GROUP_QUANTITIES})
+    if parsed.quantity not in known or is_of(name, PREDICTED_LOAD_TRANSFER):
         raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
     sensors.require_available(sensed.vehicle, name, roll=sensed.roll)
     return sensors.sensor_output(sensed, name)
