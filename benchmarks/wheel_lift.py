@@ -20,6 +20,7 @@ import argparse
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -31,7 +32,7 @@ from fifthwheel.assess.truck import Truck
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.manoeuvres import Course
 from fifthwheel.manoeuvres.courses import OpenLoop
-from fifthwheel.manoeuvres.open_loops import INTERVAL, single_sine, sine_with_dwell, single_track_steer
+from fifthwheel.manoeuvres.open_loops import INTERVAL, sine_with_dwell, single_sine, single_track_steer
 from fifthwheel.manoeuvres.paths import everyday
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, measure
@@ -114,9 +115,7 @@ def user_errors(draw: Draw, truck: Vehicle) -> Vehicle:
             changes[path] = value + 0.04 * normal()
     changes["semitrailer.payload.height"] = numbers["semitrailer.payload.height"] + 0.08 * normal()
     heavier = 1 + 0.015 * normal()
-    return truck.replace(
-        changes | {n: heavier * numbers[n] for n in ("semitrailer.mass", "semitrailer.payload.mass")}
-    )
+    return truck.replace(changes | {n: heavier * numbers[n] for n in ("semitrailer.mass", "semitrailer.payload.mass")})
 
 
 def drawn_sensors(draw: Draw, truck: Vehicle) -> dict[str, Sensor]:
@@ -255,7 +254,7 @@ def lift_table(found: list[Outcome]) -> list[str]:
 def near_table(found: list[Outcome]) -> list[str]:
     """Of manoeuvres without a lift how many are warned of, by the largest load transfer ratio of an axle."""
     edges, rows = (0.0, 0.6, 0.7, 0.8, 0.9, LIFTED), []
-    for low, high in zip(edges, edges[1:], strict=False):
+    for low, high in pairwise(edges):
         warned = [o.warned for o in found if o.lead is None and low <= o.largest < high]
         rows.append([f"{low:g} to {high:g}", len(warned), sum(warned)])
     return table(("largest ratio of an axle", "manoeuvres without a lift", "warnings"), rows)

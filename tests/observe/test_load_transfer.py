@@ -7,7 +7,7 @@ from fifthwheel.channels.others import HORIZON
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.courses import OpenLoop
-from fifthwheel.manoeuvres.open_loops import single_sine, step_input
+from fifthwheel.manoeuvres.open_loops import sine_with_dwell, single_sine, step_input
 from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty, time_to_lift
 from fifthwheel.plant import Plant, article_sensors, measure
 from fifthwheel.record import Record
@@ -184,3 +184,29 @@ def test_none_where_the_static_loads_are_not_determined() -> None:
 def test_none_without_roll() -> None:
     signals = [name for name in LANE_CHANGES.signals if not name.startswith("roll_rate")]
     assert not any("load_transfer" in name for name in Observer(TRUCK, signals).reported)
+
+
+@pytest.mark.slow
+def test_warnings_of_drawn_manoeuvres() -> None:
+    """Trucks and manoeuvres as in benchmarks/wheel_lift.py, whose vehicle file is wrong, with other seeds."""
+    rng, leads, unfounded = np.random.default_rng(8), [], 0
+    for k in range(24):
+        truck = TRUCK.replace({"semitrailer.payload.height": rng.uniform(2.2, 3.4)})
+        given = {"acceleration": rng.uniform(2.5, 5.0), "speed": rng.uniform(18.0, 25.0), "lead": 2.0, "duration": 8.0}
+        record, truth = driven(truck, (single_sine, step_input, sine_with_dwell)[k % 3](truck, **given))
+        wrong = {
+            path: value * rng.normal(1.0, 0.06)
+            for path, value in truck.parameters().items()
+            if path.endswith(("stiffness", "roll_damping", "yaw_inertia", "payload.height"))
+        }
+        settings = ObserverSettings(friction=FRICTION * rng.normal(1.0, 0.08), half_track=rng.normal(1.0, 0.02))
+        warned = Observer(truck.replace(wrong), record.signals, settings).batch(record).lift_warning
+        if truth["lifted"].any():
+            end = int(truth["lifted"].argmax())
+            leads.append(record.time[end] - record.time[warned.argmax()] if warned[: end + 1].any() else -1.0)
+        else:
+            ratios = [np.abs(values).max() for name, values in truth.items() if name != "lifted"]
+            unfounded += bool(warned.any() and max(ratios) < 0.7)
+    assert len(leads) >= 8
+    assert np.mean(np.array(leads) >= 0.5) >= 0.9
+    assert unfounded == 0

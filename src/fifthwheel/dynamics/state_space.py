@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from fifthwheel._arguments import expect
 from fifthwheel._extras import require
 from fifthwheel._types import Array
-from fifthwheel.channels import MODELLED, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
+from fifthwheel.channels import MODELLED, SignalName, si_unit
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import ChainModel, all_parameters, model
@@ -320,8 +320,8 @@ def _output(name: str, sensed: sensors.SensorInputs, slip: Expressions) -> ca.SX
         height = sensed.p[f"{sensed.vehicle.units[i].name}.roll_axis_height"]  # where the model has all masses
         motion, force = sensed.motion, sensed.side_force[path]
         return load_transfer_moment(sensed.p, path, motion.roll[i], motion.roll_rate[i], force, height)
-    known = sorted({*[channel.quantity for channel in MODELLED if channel is not PREDICTED_LOAD_TRANSFER], COG_ACCELERATION, *GROUP_QUANTITIES})
-    if parsed.quantity not in known or is_of(name, PREDICTED_LOAD_TRANSFER):
+    known = sorted({*[channel.quantity for channel in MODELLED], COG_ACCELERATION, *GROUP_QUANTITIES})
+    if parsed.quantity not in known:
         raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
     sensors.require_available(sensed.vehicle, name, roll=sensed.roll)
     return sensors.sensor_output(sensed, name)

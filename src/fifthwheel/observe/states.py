@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
-"""Load transfer ratio of an axle group at which its first axle may lift: half a second before, it is 0.85 to 0.97."""
+"""Load transfer ratio of an axle group half a second before its first axle lifts; it is 0.85 to 0.97."""
 LARGEST_SIGMA = 0.2
-"""Of a predicted ratio, in a warning: an observer that knows less, as after its start, does not warn for that reason."""
+"""Of a predicted ratio, in a warning: an observer that knows less, as after its start, does not warn for that."""
 LIFT_SAMPLES = 3
 """Consecutive samples that must warn: a single wrong steer angle is no manoeuvre."""
 
@@ -46,11 +46,11 @@ SHADES = {
 
 
 def time_to_lift(values: Mapping[str, Any]) -> Any:
-    """Time until a wheel lifts if steer angles and speed stay as they are, s: from 0, where it has lifted, to `HORIZON`,
-    and infinite where none lifts within that time.
+    """Time until a wheel lifts if steer angles and speed stay as they are, s; infinite beyond `HORIZON`.
 
-    It counts as lifted where the magnitude of the load transfer ratio of an axle group and one sigma reach `LIFT_LIMIT`.
-    From the present ratio to the predicted one the magnitude is taken to rise linearly.
+    An axle group has lifted where the magnitude of its load transfer ratio and one sigma of the predicted ratio reach
+    `LIFT_LIMIT`; the time is then 0. From the present ratio to the predicted one the magnitude is taken to rise
+    linearly.
 
     Args:
         values: states by name with "<state>.sigma", such as the answer of `Observer.push`; numbers or arrays (N,).
