@@ -64,11 +64,13 @@ RELATIVE_ERRORS = {
 """Standard deviations of the user's numbers, of each axle group and unit."""
 
 
-def drawn(draw: Draw, number: int, heights: tuple[float, float], lifts: tuple[float, float]) -> Vehicle:
-    """A truck whose first wheel lifts at such a lateral acceleration, g."""
+def drawn(draw: Draw, number: int, lifts: tuple[float, float], heights: tuple[float, float] | None = None) -> Vehicle:
+    """A truck whose first wheel lifts at such a lateral acceleration, g; by default with the payload as `classes.py`
+    draws it."""
     while True:
         truck = drawn_truck(draw, *COMBINATIONS[number % len(COMBINATIONS)])
-        truck = truck.replace({"semitrailer.payload.height": draw.within(heights)})
+        if heights:
+            truck = truck.replace({"semitrailer.payload.height": draw.within(heights)})
         try:
             if lifts[0] < first_lift(truck) < lifts[1]:
                 return truck
@@ -181,7 +183,7 @@ def outcome(seed: int) -> Outcome | None:
     """The manoeuvre of a seed; None where the truck cannot be built, or jackknifes."""
     draw, kind = Draw(seed), KINDS[seed // len(COMBINATIONS) % len(KINDS)]
     try:
-        truck = drawn(draw, seed, (1.4, 3.0), (0.15, 0.5))
+        truck = drawn(draw, seed, (0.15, 0.5), (1.4, 3.0))
         properties = Properties(friction=draw.within((0.85, 1.15)), bank=0.015 * draw.rng.normal())
         run = Plant(truck, properties).drive(drawn_course(draw, truck, kind), until_rollover=True)
     except ValueError:
@@ -224,9 +226,14 @@ def everyday_course(draw: Draw, seed: int) -> Course:
 def everyday_run(seed: int) -> tuple[float, int, int, float]:
     """Distance, km; warnings; false ones; largest load transfer ratio of an axle."""
     draw = Draw(seed)
-    truck = drawn(draw, seed, (0.8, 2.2), (0.3, 1.0))
+    truck = drawn(draw, seed, (0.3, 2.0))
     properties = Properties(friction=draw.within((0.85, 1.15)), bank=0.015 * draw.rng.normal())
     run = Plant(truck, properties).drive(everyday_course(draw, seed), rate=50.0)
+    return warnings_of(draw, run)
+
+
+def warnings_of(draw: Draw, run: PlantRun) -> tuple[float, int, int, float]:
+    """Distance, km; warnings; false ones; largest load transfer ratio of an axle."""
     ratio, warned = largest_ratio(run), estimated(draw, run).lift_warning
     begins = np.flatnonzero(warned & ~np.append(False, warned[:-1]))
     after = round(FOLLOWING * 50)
