@@ -246,6 +246,8 @@ def lift_table(found: list[Outcome]) -> list[str]:
     rows = []
     for kind in (*KINDS, "all"):
         of_kind = [o for o in found if kind in (o.kind, "all") and o.lead is not None and o.exact_lead is not None]
+        if not of_kind:
+            continue
         cells = []
         for leads in (np.array([o.lead for o in of_kind]), np.array([o.exact_lead for o in of_kind])):
             low, middle = np.quantile(leads, (0.05, 0.5), method="lower")
