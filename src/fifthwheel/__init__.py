@@ -65,6 +65,7 @@ if TYPE_CHECKING:
     from fifthwheel.observe import States as States
     from fifthwheel.observe import Status as Status
     from fifthwheel.observe import Uncertainty as Uncertainty
+    from fifthwheel.observe import time_to_lift as time_to_lift
     from fifthwheel.pages.terminal import progress_bar as progress_bar
     from fifthwheel.plots import Plot as Plot
     from fifthwheel.record import Record as Record
@@ -102,7 +103,7 @@ _NAMES = {
     "identify.mass": ("GrossMass", "gross_mass"),
     "identify.online": ("Learner", "LearnerSettings"),
     "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
-    "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty"),
+    "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty", "time_to_lift"),
     "pages.terminal": ("progress_bar",),
     "plots": ("Plot",),
     "record": ("Record", "SensorPrior"),

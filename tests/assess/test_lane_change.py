@@ -9,6 +9,7 @@ from fifthwheel.assess import lane_change
 from fifthwheel.assess.lane_change import ACCELERATION, linear, measure, measure_peak, measures
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.dynamics import linear_system, rearward_amplification
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
 from tests.assess.trucks import CATALOGUE
 
@@ -91,6 +92,12 @@ def test_a_narrow_track_transfers_more_load():
     narrow = Truck(vehicle=TRUCK.vehicle, body=Body(half_track=0.5))
     ratio = measure(narrow)["load_transfer_ratio"] / measure(TRUCK)["load_transfer_ratio"]
     assert ratio == pytest.approx(2.0, rel=1e-9)
+
+
+def test_the_dynamic_threshold_is_the_acceleration_of_a_load_transfer_ratio_of_1():
+    values, run = measure(TRUCK), linear(TRUCK)
+    grown = values["rollover_threshold_dynamic"] * GRAVITY / np.abs(run.acceleration["front"]).max()
+    assert grown * np.abs(run.load_transfer).max() == pytest.approx(1.0)
 
 
 @pytest.mark.slow

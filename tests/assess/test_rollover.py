@@ -21,6 +21,20 @@ def test_a_rigid_truck_rolls_over_at_half_the_track_over_the_height():
     assert result.threshold == pytest.approx(0.9 / height, rel=1e-6)
 
 
+def test_the_stability_factor_is_the_threshold_of_a_truck_without_springs():
+    """Half the track over the CoG height of all masses, and above the threshold with springs."""
+    truck = Truck(vehicle=TRUCK, body=Body(half_track=0.9))
+    tractor, trailer = TRUCK.units
+    load = trailer.payload
+    parts = [(unit.sprung.mass, unit.sprung.cog_height) for unit in TRUCK.units]
+    parts += [(load.mass, load.floor_height + load.height / 2)]
+    parts += [(tractor.mass - tractor.sprung.mass, tractor.roll_axis_height)]
+    parts += [(trailer.mass - trailer.sprung.mass - load.mass, trailer.roll_axis_height)]
+    factor = measure_effective_track(truck)["static_stability_factor"]
+    assert factor == pytest.approx(0.9 * sum(m for m, _ in parts) / sum(m * h for m, h in parts))
+    assert factor > measure(truck)["rollover_threshold"]
+
+
 def test_tyres_that_yield_sideways_reduce_the_track_of_a_rigid_truck():
     """All side force on the outer tyres: N a h / g = N (t - 2 N a / (g k)) with k = C / sigma of each group."""
     fields = rigid().model_dump()
@@ -38,9 +52,8 @@ def test_tyres_that_yield_sideways_reduce_the_track_of_a_rigid_truck():
 def test_without_relaxation_lengths_the_effective_track_is_the_track():
     truck = Truck(vehicle=single_axles())
     assert rollover(truck, effective_track=True)[0].threshold == rollover(truck)[0].threshold
-    assert measure_effective_track(truck) == {
-        "rollover_threshold_effective_track": measure(truck)["rollover_threshold"]
-    }
+    found = measure_effective_track(truck)["rollover_threshold_effective_track"]
+    assert found == measure(truck)["rollover_threshold"]
 
 
 def test_load_transfer_before_the_first_lift_is_that_of_the_linear_model():

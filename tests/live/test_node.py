@@ -258,7 +258,9 @@ class Lifting:
         self.ratio = ratio
 
     def push(self, sample):
-        return {"time": sample["time"], "status": 0, "nis": 1.0, "predicted_load_transfer.semitrailer": self.ratio}
+        ratios = {"load_transfer.semitrailer": 0.0, "predicted_load_transfer.semitrailer": self.ratio}
+        sigma = {"predicted_load_transfer.semitrailer.sigma": 0.01}
+        return {"time": sample["time"], "status": 0, "nis": 1.0, **ratios, **sigma}
 
     def reset(self):
         raise AssertionError

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
+from fifthwheel.channels.others import HORIZON
 from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.courses import OpenLoop
-from fifthwheel.manoeuvres.open_loops import single_sine, step_input
-from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.manoeuvres.open_loops import sine_with_dwell, single_sine, step_input
+from fifthwheel.observe import Observer, ObserverSettings, Status, Uncertainty, time_to_lift
 from fifthwheel.plant import Plant, article_sensors, measure
 from fifthwheel.record import Record
 from fifthwheel.report import conclude_states
@@ -64,7 +65,7 @@ def test_load_transfer_of_the_nonlinear_truck(vehicle: Vehicle, acceleration: fl
     warned = states.lift_warning[100:]
     assert warned.any() == lifted.any()
     if lifted.any():
-        assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.2
+        assert record.time[end] - record.time[100 + int(warned.argmax())] > 0.5
         (line,) = [line for line in conclude_states([states], [record]).results if "lift" in line]
         first = states.time[states.lift_warning.argmax()]
         assert line == f"run: a wheel of semitrailer is about to lift at {first:.1f} s."
@@ -102,8 +103,8 @@ def test_load_transfer_while_braking() -> None:
         assert np.abs(states.values[name] - truth[name])[100:].max() < limit
 
 
-def test_sign_and_rate() -> None:
-    """In a left turn the right wheels carry more, as the body rolls to the right; the prediction is 0.2 s ahead."""
+def test_sign() -> None:
+    """In a left turn the right wheels carry more, as the body rolls to the right."""
     exact = simulate(TRUCK, count=1, sensors={n: 1e-12 for n, s in SENSORS.items() if s.variance})
     states = Observer(TRUCK, exact.signals, ObserverSettings(**EXACT)).batch(exact)
     ratios = {n: v for n, v in states.values.items() if n.startswith("load_transfer.")}
@@ -111,9 +112,35 @@ def test_sign_and_rate() -> None:
     for name, ratio in ratios.items():
         roll = states.values[f"roll.{name.split('.')[1]}"]
         assert np.corrcoef(ratio, roll)[0, 1] > 0.7
-        predicted, ahead = states.values[f"predicted_{name}"], ratio + 0.2 * np.gradient(ratio, states.time)
-        assert np.abs(predicted - ahead)[200:].max() < 0.06 * np.abs(ahead).max()
     assert not states.lift_warning.any()
+
+
+def test_the_prediction_is_the_ratio_at_its_horizon() -> None:
+    """After a step of the steer angle, which then stays as the prediction assumes."""
+    exact = simulate(TRUCK, manoeuvre="step", sensors={n: 1e-12 for n, s in SENSORS.items() if s.variance})
+    states = Observer(TRUCK, exact.signals, ObserverSettings(**EXACT)).batch(exact)
+    later = round(HORIZON / 0.01)
+    for name in (name for name in states.values if name.startswith("load_transfer.")):
+        ahead, predicted = states.values[name][later:], states.values[f"predicted_{name}"][:-later]
+        turned = states.time[:-later] > 1.15
+        assert np.abs(predicted - ahead)[turned].max() < 0.03 * np.abs(ahead).max()
+
+
+@pytest.mark.parametrize(
+    ("now", "later", "sigma", "time"),
+    [
+        (0.5, 0.85, 0.05, 0.6),  # s; the limit is 0.9 less sigma
+        (-0.5, -0.85, 0.04, np.inf),
+        (-0.5, -0.9, 0.25, 0.3),  # sigma counts up to 0.2
+        (0.91, 0.7, 0.0, 0.0),
+        (0.1, 0.2, 9.0, np.inf),
+        (np.nan, np.nan, np.nan, np.inf),
+    ],
+)
+def test_time_to_lift(now: float, later: float, sigma: float, time: float) -> None:
+    answer = {"load_transfer.x": now, "predicted_load_transfer.x": later, "predicted_load_transfer.x.sigma": sigma}
+    answer |= {"load_transfer.y": 0.1, "predicted_load_transfer.y": -0.1, "predicted_load_transfer.y.sigma": 0.1}
+    assert time_to_lift(answer) == pytest.approx(time)
 
 
 def test_half_track() -> None:
@@ -157,3 +184,29 @@ def test_none_where_the_static_loads_are_not_determined() -> None:
 def test_none_without_roll() -> None:
     signals = [name for name in LANE_CHANGES.signals if not name.startswith("roll_rate")]
     assert not any("load_transfer" in name for name in Observer(TRUCK, signals).reported)
+
+
+@pytest.mark.slow
+def test_warnings_of_drawn_manoeuvres() -> None:
+    """Trucks and manoeuvres as in benchmarks/wheel_lift.py, whose vehicle file is wrong, with other seeds."""
+    rng, leads, unfounded = np.random.default_rng(8), [], 0
+    for k in range(24):
+        truck = TRUCK.replace({"semitrailer.payload.height": rng.uniform(2.2, 3.4)})
+        given = {"acceleration": rng.uniform(2.5, 5.0), "speed": rng.uniform(18.0, 25.0), "lead": 2.0, "duration": 8.0}
+        record, truth = driven(truck, (single_sine, step_input, sine_with_dwell)[k % 3](truck, **given))
+        wrong = {
+            path: value * rng.normal(1.0, 0.06)
+            for path, value in truck.parameters().items()
+            if path.endswith(("stiffness", "roll_damping", "yaw_inertia", "payload.height"))
+        }
+        settings = ObserverSettings(friction=FRICTION * rng.normal(1.0, 0.08), half_track=rng.normal(1.0, 0.02))
+        warned = Observer(truck.replace(wrong), record.signals, settings).batch(record).lift_warning
+        if truth["lifted"].any():
+            end = int(truth["lifted"].argmax())
+            leads.append(record.time[end] - record.time[warned.argmax()] if warned[: end + 1].any() else -1.0)
+        else:
+            ratios = [np.abs(values).max() for name, values in truth.items() if name != "lifted"]
+            unfounded += bool(warned.any() and max(ratios) < 0.7)
+    assert len(leads) >= 8
+    assert np.mean(np.array(leads) >= 0.5) >= 0.9
+    assert unfounded == 0

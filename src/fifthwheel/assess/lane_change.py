@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.assess.measures import REAR
+from fifthwheel.assess.measures import DYNAMIC, REAR
 from fifthwheel.assess.rollover import roll_coupled, rollover
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.dynamics import linear_system
@@ -77,12 +77,18 @@ def measure_peak(truck: Truck) -> Values:
 
 
 def measures(run: LaneChangeRun) -> Values:
-    """Rearward amplification, transient off-tracking, m, and load transfer ratio of a lane change.
+    """Rearward amplification, transient off-tracking, m, load transfer ratio and rollover threshold of a lane change.
 
-    The off-tracking is the overshoot of the last axle: its largest y less the largest y of the front axle.
+    The threshold is the largest lateral acceleration of the front axle over the load transfer ratio: at that
+    acceleration all inner wheels behind the first axle group would lift, if the motion grew in proportion. The
+    off-tracking is the overshoot of the last axle: its largest y less the largest y of the front axle.
     """
     *others, last = run.roll
-    values = {"load_transfer_ratio": float(np.max(np.abs(run.load_transfer)))}
+    ratio = float(np.max(np.abs(run.load_transfer)))
+    values = {
+        "load_transfer_ratio": ratio,
+        DYNAMIC: float(np.max(np.abs(run.acceleration["front"]))) / GRAVITY / ratio,
+    }
     if others:
         peak = {name: float(np.max(np.abs(run.acceleration[name]))) for name in ("front", last)}
         values["rearward_amplification"] = peak[last] / peak["front"]

@@ -75,6 +75,10 @@ REAR = "rollover_threshold_rear"
 """Rollover threshold of the rearmost roll-coupled set of units, which the limit of rearward amplification follows."""
 EFFECTIVE_TRACK = "rollover_threshold_effective_track"
 """Rollover threshold of the truck with tyres that yield sideways."""
+STABILITY_FACTOR = "static_stability_factor"
+"""Rollover threshold of a rigid truck."""
+DYNAMIC = "rollover_threshold_dynamic"
+"""Rollover threshold in a lane change."""
 
 MEASURES: Mapping[str, Measure] = {
     ROLLOVER: Measure(
@@ -84,6 +88,8 @@ MEASURES: Mapping[str, Measure] = {
         limits=_one("at least", 0.35),
     ),
     EFFECTIVE_TRACK: Measure(title="static rollover threshold, effective track", unit="g", source="ISO 22135:2023"),
+    STABILITY_FACTOR: Measure(title="static stability factor", unit="g", source="Winkler (2000)"),
+    DYNAMIC: Measure(title="dynamic rollover threshold, lane change", unit="g", source="Ervin and Guy (1986)"),
     "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
     "rearward_amplification_set": Measure(
         title="rearward amplification, rearmost roll-coupled units",

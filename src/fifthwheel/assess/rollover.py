@@ -29,11 +29,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess.measures import EFFECTIVE_TRACK, ROLLOVER
+from fifthwheel.assess.measures import EFFECTIVE_TRACK, ROLLOVER, STABILITY_FACTOR
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle, laden
+from fifthwheel.vehicle.payload import unit_cog_height
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,8 +79,18 @@ def measure(truck: Truck) -> Values:
 
 
 def measure_effective_track(truck: Truck) -> Values:
-    """The threshold of the truck with the effective track."""
-    return {EFFECTIVE_TRACK: min(s.threshold for s in rollover(truck, effective_track=True))}
+    """The threshold of the truck with the effective track, and that of a rigid truck."""
+    return {
+        EFFECTIVE_TRACK: min(s.threshold for s in rollover(truck, effective_track=True)),
+        STABILITY_FACTOR: min(stability_factor(truck, units) for units in roll_coupled(truck.vehicle)),
+    }
+
+
+def stability_factor(truck: Truck, units: list[int]) -> float:
+    """Half the track over the CoG height of a roll-coupled set of units, g: neither springs nor tyres yield."""
+    p, members = truck.vehicle.parameters(), [truck.vehicle.units[i] for i in units]
+    height = sum(unit.mass * unit_cog_height(p, unit) for unit in members) / sum(unit.mass for unit in members)
+    return float(truck.body.half_track / height)
 
 
 def set_name(rollover: Rollover) -> str:

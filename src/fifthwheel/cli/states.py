@@ -51,9 +51,9 @@ def states(
     the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements
     contradict the vehicle, the speed or the steer angle.
 
-    load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum. Where
-    predicted_load_transfer.<axle group>, its value in 0.2 s at its present rate, is 0.9 or more in magnitude, a wheel
-    is about to lift.
+    load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum.
+    predicted_load_transfer.<axle group> is its value in 0.6 s if steer angles and speed stay as they are. Where the
+    magnitude of one of them and one sigma reach 0.9, a wheel is about to lift.
 
     A result folder of `identify` as --vehicle stands for its vehicle.toml and its identification.json. With an
     identification.json every sigma includes the uncertainty of the vehicle's parameters. If a log was not used

@@ -368,11 +368,12 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
     A, B = equations.state_space((s.d[0] + now) / 2)
+    stages = Stages()
     sensed = sensors.sensor_inputs(
-        softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning
+        softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning, stages=stages
     )
     rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
-    return _Motion(A, B, rates, sensed, Stages())
+    return _Motion(A, B, rates, sensed, stages)
 
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
@@ -419,6 +420,7 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         roll=roll,
         own=chain.own_values(vehicle, s.x, roll=roll, bank=bank),
         rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates + last.rates, steering.rate)),
+        ahead=now.stages.ahead(s.x, now.rates + last.rates),
     )
     rates = first + before.rates, end.stages.expanded(end.rates) + after.rates
     return _Motion(A, B, rates, sensed, now.stages)

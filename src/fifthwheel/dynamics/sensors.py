@@ -40,6 +40,7 @@ class SensorInputs(NamedTuple):
     load_change: Mapping[str, ca.SX]  # of axle groups whose load is not the static one, by their path, N
     roll: bool  # whether the model has roll
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
+    ahead: Callable[[ca.SX, float], ca.SX]  # value of an expression after a horizon, s; see `Stages.ahead`
     own: Mapping[str, ca.SX]  # own states of the steering, by name
 
     @property
@@ -108,6 +109,7 @@ def sensor_inputs(
     steer: ca.SX,
     *,
     roll: bool,
+    stages: Stages,
     bank: bool = False,
     turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
 ) -> SensorInputs:
@@ -134,7 +136,8 @@ def sensor_inputs(
         load_change={},
         roll=roll,
         own=chain.own_values(vehicle, x, roll=roll, bank=bank),
-        rate_of=Stages().rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
+        rate_of=stages.rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
+        ahead=stages.ahead(x, rate),
     )
 
 

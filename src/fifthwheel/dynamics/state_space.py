@@ -20,7 +20,7 @@ from fifthwheel.channels import MODELLED, SignalName, si_unit
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import matrices
 from fifthwheel.dynamics.model import ChainModel, all_parameters, model
-from fifthwheel.dynamics.symbolic import Expressions
+from fifthwheel.dynamics.symbolic import Expressions, Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.native import Scan, compiled
@@ -294,7 +294,8 @@ def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Func
     symbols, u, nothing = ca.SX.sym("p", len(names)), ca.SX.sym("u"), ca.SX.sym("nothing", 0)
     p = dict(zip(names, ca.vertsplit(symbols), strict=True))
     x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
-    sensed = sensors.sensor_inputs(p, vehicle, chain.equations(p, vehicle, roll=roll), x, u, d, roll=roll)
+    equations = chain.equations(p, vehicle, roll=roll)
+    sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=Stages())
     slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
     y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
     stacked = ca.vertcat(*y) if y else ca.SX(0, 1)

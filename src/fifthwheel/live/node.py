@@ -11,7 +11,7 @@ from fifthwheel.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.logs import LiveMap
 from fifthwheel.logs.can.decoder import Frame, FrameDecoder
 from fifthwheel.observe import Status
-from fifthwheel.observe.states import LIFT_SAMPLES, wheel_lifts
+from fifthwheel.observe.states import LIFT_SAMPLES, time_to_lift
 from fifthwheel.stream import VALID
 
 RATE = 100.0
@@ -148,7 +148,7 @@ class Node:
             faults |= LiveFault.TIME_JUMP
         if cycle.time - self._delayed < SHOWN:
             faults |= LiveFault.OVERLOAD
-        self._lifting = self._lifting + 1 if wheel_lifts(answer) else 0
+        self._lifting = self._lifting + 1 if math.isfinite(time_to_lift(answer)) else 0
         if self._lifting >= LIFT_SAMPLES:
             faults |= LiveFault.WHEEL_LIFT
         status = NodeStatus(int(answer["status"]))

@@ -2,8 +2,8 @@
 
 from fifthwheel.observe.observer import Observer
 from fifthwheel.observe.settings import ObserverSettings
-from fifthwheel.observe.states import States, write_states
+from fifthwheel.observe.states import States, time_to_lift, write_states
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import Status
 
-__all__ = ["Observer", "ObserverSettings", "States", "Status", "Uncertainty", "write_states"]
+__all__ = ["Observer", "ObserverSettings", "States", "Status", "Uncertainty", "time_to_lift", "write_states"]

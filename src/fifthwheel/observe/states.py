@@ -1,7 +1,5 @@
 """States of a record with their sigmas and status."""
 
-import functools
-import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +13,7 @@ from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
+from fifthwheel.channels.others import HORIZON
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
@@ -29,7 +28,9 @@ if TYPE_CHECKING:
 
 PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
-"""The first axle of a group lifts when the load transfer ratio of the group is about 0.95; errors are about 0.05."""
+"""Load transfer ratio of an axle group half a second before its first axle lifts; it is 0.85 to 0.97."""
+LARGEST_SIGMA = 0.2
+"""Of a predicted ratio, in a warning: an observer that knows less, as after its start, does not warn for that."""
 LIFT_SAMPLES = 3
 """Consecutive samples that must warn: a single wrong steer angle is no manoeuvre."""
 
@@ -44,14 +45,29 @@ SHADES = {
 """Colour and opacity of intervals by their status."""
 
 
-def wheel_lifts(values: Mapping[str, Any]) -> Any:
-    """Whether a wheel is about to lift: the magnitude of a predicted load transfer ratio is `LIFT_LIMIT` or more.
+def time_to_lift(values: Mapping[str, Any]) -> Any:
+    """Time until a wheel lifts if steer angles and speed stay as they are, s; infinite beyond `HORIZON`.
+
+    An axle group has lifted where the magnitude of its load transfer ratio and one sigma of the predicted ratio reach
+    `LIFT_LIMIT`; the time is then 0. From the present ratio to the predicted one the magnitude is taken to rise
+    linearly.
 
     Args:
-        values: states by name, numbers or arrays.
+        values: states by name with "<state>.sigma", such as the answer of `Observer.push`; numbers or arrays (N,).
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> ratios = {"load_transfer.semitrailer": 0.5, "predicted_load_transfer.semitrailer": 0.93}
+        >>> round(float(fw.time_to_lift({**ratios, "predicted_load_transfer.semitrailer.sigma": 0.06})), 3)
+        0.474
     """
-    names = [n for n in values if n.startswith(PREDICTED) and not n.endswith(".sigma")]
-    return functools.reduce(operator.or_, [abs(values[name]) >= LIFT_LIMIT for name in names], False)
+    first: Any = np.inf
+    for name in (name for name in values if name.startswith(PREDICTED) and not name.endswith(".sigma")):
+        now, later = np.abs(values[f"{LOAD_TRANSFER.quantity}.{name.removeprefix(PREDICTED)}"]), np.abs(values[name])
+        limit = LIFT_LIMIT - np.minimum(values[f"{name}.sigma"], LARGEST_SIGMA)
+        time = HORIZON * np.clip((limit - now) / np.maximum(later - now, 1e-9), 0.0, 1.0)
+        first = np.minimum(first, np.where(np.maximum(now, later) >= limit, time, np.inf))
+    return first
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -80,9 +96,15 @@ class States(ComparedByContents):
     accepted: Mapping[str, NDArray[np.bool_]]  # (N,) each, False where missing or outside the gate
 
     @property
+    def time_to_lift(self) -> Array:
+        """(N,) s; see the function `time_to_lift`."""
+        sigmas = {f"{name}.sigma": self.sigma[name] for name in self.values if name.startswith(PREDICTED)}
+        return np.broadcast_to(time_to_lift({**self.values, **sigmas}), self.time.shape)
+
+    @property
     def lift_warning(self) -> NDArray[np.bool_]:
-        """Samples (N,) at which `wheel_lifts` warns, and has warned at the `LIFT_SAMPLES` - 1 samples before."""
-        warns = np.asarray(wheel_lifts(self.values) | np.zeros(len(self.time), dtype=bool))
+        """Samples (N,) at which a wheel lifts within `HORIZON`, as at the `LIFT_SAMPLES` - 1 samples before."""
+        warns = np.isfinite(self.time_to_lift)
         before = np.concatenate([np.zeros(LIFT_SAMPLES - 1, dtype=bool), warns])
         return np.asarray(np.lib.stride_tricks.sliding_window_view(before, LIFT_SAMPLES).all(axis=1))
 
