@@ -395,6 +395,19 @@ def test_speed_is_controlled_by_brakes_and_drive():
     assert (brakes < 0).all()
 
 
+def test_locked_wheels_stand():
+    """On a slippery road with hard brakes every wheel slides: its force is that of the Magic Formula at the slip -1."""
+    properties = Properties(friction=0.35)
+    truth = Plant(TRUCK, properties).drive(braked(straight(duration=4.0), 5.0)).truth
+    sliding = slice(300, 400)
+    wheels = [values[sliding] for name, values in truth.items() if name.startswith("wheel_speed.")]
+    assert all(values.min() >= 0 and values.max() < 0.5 for values in wheels)
+    for axle, tyres in (("tractor.front", 2), ("tractor.drive", 4), ("semitrailer.middle", 2)):
+        load = truth[f"vertical_force.{axle}"][sliding].mean() / tyres
+        expected = tyres * float(properties.tyre.longitudinal_force(-1.0, load, friction=0.35))
+        assert truth[f"longitudinal_force.{axle}"][sliding].mean() == pytest.approx(expected, rel=0.01), axle
+
+
 def test_brakes_of_one_group():
     """A retarder: the drive axle has the whole force, and the drag of the others stays."""
     course = braked(straight(duration=5.0), 1.0)

@@ -8,9 +8,8 @@ K is the understeer gradient, L the equivalent wheelbase (`dynamics.steady_steer
 changes slowly. One least-squares fit of steer - L k on a holds for all three methods: constant radius (k is constant),
 constant speed (k = a / u^2) and constant steer angle. Sideslip and roll angle are fitted on a in the same way.
 
-Data are means over `BLOCK`, while the lateral acceleration changes slowly. Sigma is that of a jackknife over ten
-segments of consecutive blocks, which are affected by road and wind together; that of K contains the uncertainty of the
-wheelbase in the vehicle file. A scale error of the steer angle or the speed is not in it.
+Data are means over `BLOCK`, while the lateral acceleration changes slowly. Sigma is that of a jackknife; that of K
+contains the uncertainty of the wheelbase in the vehicle file. It is without a scale error of the steer angle or speed.
 """
 
 from collections.abc import Iterator
@@ -26,7 +25,9 @@ from fifthwheel.assess.uncertainty import of_vehicle
 from fifthwheel.channels import ROLL, SIDESLIP
 from fifthwheel.dynamics import steady_steer
 from fifthwheel.errors import SignalError
+from fifthwheel.evaluate.directions import GRADIENT, directions, gradient_measure, gradients, offset_notes
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
+from fifthwheel.evaluate.jackknife import SEGMENTS, SPAN, jackknife, span, suffices
 from fifthwheel.evaluate.motion import MeasuredMotion
 from fifthwheel.formatting import approximate, percent
 from fifthwheel.spoken_names import named_unit
@@ -42,13 +43,8 @@ RECOMMENDED = 0.2
 """Rate of the lateral acceleration above which a note says that the turn is not steady, m/s^3."""
 LINEAR = 2.0
 """Lateral acceleration up to which the gradients are fitted, m/s^2."""
-SPAN = 0.8
-"""Least range of the lateral acceleration without any one of the segments, m/s^2."""
-SEGMENTS = 10
-"""Of the jackknife."""
 CONSTANT = 0.05
 """Relative standard deviation of a quantity that counts as constant."""
-GRADIENT = "rad s^2/m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,8 +78,12 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
     measures = [_gradient(blocks, name, values) for name, values in blocks.outputs.items()]
     notes = list(_notes(blocks, kind))
     if motion.vehicle is not None:
-        measures.insert(0, _understeer(blocks, motion.vehicle, f"yaw_rate.{motion.units[0]}"))
-        notes.append(_scale_error(blocks))
+        wheelbase = equivalent_wheelbase(motion.vehicle)
+        yaw_rate = f"yaw_rate.{motion.units[0]}"
+        X, curvature, rows = blocks.regressors(), blocks.curvature, blocks.linear
+        apart = directions(X[rows], (blocks.steer - wheelbase[0] * curvature)[rows], curvature[rows])
+        measures = [_understeer(blocks, wheelbase, yaw_rate), *gradients(apart, wheelbase[1], yaw_rate), *measures]
+        notes += [_scale_error(blocks), *offset_notes(apart)]
     elif measures:
         notes.append("Without a vehicle, whose wheelbase it needs, there is no understeer gradient.")
     else:
@@ -104,9 +104,7 @@ def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
     quantity, _, unit = name.partition(".")
     value, sigma = _slope(blocks, values)
     title = f"{quantity} gradient, {named_unit(unit)}"
-    return EvaluatedMeasure(
-        name=f"{quantity}_gradient.{unit}", title=title, unit=GRADIENT, value=value, sigma=sigma, signals=(name,)
-    )
+    return gradient_measure(f"{quantity}_gradient.{unit}", title, value, sigma, name)
 
 
 def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
@@ -169,28 +167,14 @@ def _blocks(motion: MeasuredMotion, yaw_rate: Array) -> Blocks:
         linear=np.abs(acceleration[kept]) <= LINEAR,
     )
     within = blocks.acceleration[blocks.linear]
-    span = _span(within)
-    if within.size < SEGMENTS + 2 or span < SPAN:
+    if not suffices(within):
         raise SignalError(
             f"{motion.name}: {within.size} s of quasi-steady motion with a range of lateral acceleration of "
-            f"{span:.3g} m/s^2 up to {LINEAR:g} m/s^2 without any tenth of it, expected {SEGMENTS + 2} s and {SPAN:g} "
-            "m/s^2; drive circles at several accelerations, or steer slowly, such as the manoeuvre "
+            f"{span(within):.3g} m/s^2 up to {LINEAR:g} m/s^2 without any tenth of it, expected {SEGMENTS + 2} s and "
+            f"{SPAN:g} m/s^2; drive circles at several accelerations, or steer slowly, such as the manoeuvre "
             "slowly_increasing_steer"
         )
     return blocks
-
-
-def _span(acceleration: Array) -> float:
-    """Range of the lateral acceleration that remains without any one segment: one turn has one acceleration only."""
-    if acceleration.size < SEGMENTS:
-        return 0.0
-    segment = _segments(acceleration.size)
-    return float(min(np.ptp(acceleration[segment != k]) for k in range(SEGMENTS)))
-
-
-def _segments(size: int) -> NDArray[np.int_]:
-    """The segment of each block, (n,)."""
-    return np.arange(size) * SEGMENTS // size
 
 
 def _kind(blocks: Blocks) -> str:
@@ -202,22 +186,13 @@ def _kind(blocks: Blocks) -> str:
     return name if spreads[name] < CONSTANT else "mixed driving"
 
 
-def _understeer(blocks: Blocks, vehicle: Vehicle, yaw_rate: str) -> EvaluatedMeasure:
+def _understeer(blocks: Blocks, wheelbase: tuple[float, float], yaw_rate: str) -> EvaluatedMeasure:
     """The understeer gradient, with the uncertainty of the wheelbase in its sigma."""
-    wheelbase, wheelbase_sigma = equivalent_wheelbase(vehicle)
-    value, sigma = _slope(blocks, blocks.steer - wheelbase * blocks.curvature)
-    by_wheelbase = abs(_slope(blocks, blocks.curvature)[0]) * wheelbase_sigma
+    value, sigma = _slope(blocks, blocks.steer - wheelbase[0] * blocks.curvature)
+    by_wheelbase = abs(_slope(blocks, blocks.curvature)[0]) * wheelbase[1]
     total = float(np.hypot(sigma, by_wheelbase))
     remark = f"{percent(by_wheelbase**2 / total**2)} of its variance by the wheelbase" if by_wheelbase > sigma else ""
-    return EvaluatedMeasure(
-        name="understeer_gradient",
-        title="understeer gradient",
-        unit=GRADIENT,
-        value=value,
-        sigma=total,
-        signals=(yaw_rate,),
-        reason=remark,
-    )
+    return gradient_measure("understeer_gradient", "understeer gradient", value, total, yaw_rate, remark)
 
 
 def equivalent_wheelbase(vehicle: Vehicle) -> tuple[float, float]:
@@ -230,25 +205,3 @@ def equivalent_wheelbase(vehicle: Vehicle) -> tuple[float, float]:
 def _slope(blocks: Blocks, values: Array) -> tuple[float, float]:
     """Slope over the lateral acceleration in the linear range, and its sigma."""
     return jackknife(blocks.regressors()[blocks.linear], values[blocks.linear])
-
-
-def jackknife(X: Array, y: Array) -> tuple[float, float]:
-    """First coefficient of the least squares of y (n,) by X (n, k), and its sigma by leaving out each segment.
-
-    Example:
-        >>> import numpy as np
-        >>> x = np.arange(40.0)
-        >>> value, sigma = jackknife(np.column_stack([x, np.ones(40)]), 2 * x + 1)
-        >>> round(value, 9), sigma < 1e-9
-        (2.0, True)
-    """
-    scale = np.linalg.norm(X, axis=0)
-    scaled = X / np.where(scale > 0, scale, 1.0)
-
-    def first(rows: NDArray[np.bool_]) -> float:
-        return float(np.linalg.lstsq(scaled[rows], y[rows], rcond=1e-6)[0][0]) / float(scale[0])
-
-    segment = _segments(len(y))
-    left_out = np.array([first(segment != k) for k in range(SEGMENTS)])
-    sigma = np.sqrt((SEGMENTS - 1) / SEGMENTS * np.sum((left_out - left_out.mean()) ** 2))
-    return first(np.ones(len(y), dtype=bool)), float(sigma)

@@ -19,6 +19,8 @@ TIME_STEP = 1e-3
 """Time step of the integration, s."""
 STEPS_PER_COMMAND = 10
 """Time steps from one command of the driver to the next; together `STEP`."""
+LOCKING_SPEED = 0.5
+"""Speed of the rim below which the torque of a brake falls, m/s: a locked wheel creeps more slowly than this."""
 LONGITUDINAL = (
     "engine_speed",
     "engine_torque",
@@ -126,6 +128,16 @@ class PoweredWheels:
         )
         torques: Array = truck.radius * (force.drive * self._drive - force.brake * self._brake)
         return torques
+
+
+def brake_limited(torques: Array, rim_speed: Array) -> Array:
+    """Torques of wheels, N m, (wheels,): a brake opposes the rotation, so a locked wheel stands and does not turn back.
+
+    Args:
+        torques: by the commands, negative of a brake.
+        rim_speed: of the wheels, m/s.
+    """
+    return np.where(torques < 0, torques * np.clip(rim_speed / LOCKING_SPEED, -1, 1), torques)
 
 
 def gravity(grade: float, bank: float, heading: float) -> tuple[float, float, float]:

@@ -23,6 +23,7 @@ from fifthwheel.plant.powered import (
     TIME_STEP,
     PoweredWheels,
     SpeedController,
+    brake_limited,
     gravity,
     matched,
 )
@@ -232,6 +233,8 @@ class Simulation:
         self._steer_increment = np.zeros(len(layout.steered))  # per time step, rad
         self._bodies = list(layout.bodies)
         self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
+        self._torques = np.zeros(len(self._spin))  # of the wheels, N m
+        self._is_braking = False
         self._start_speed = float(course.speed[0])
         vehicle, properties = plant.vehicle, plant.properties
         self.speed_controller = SpeedController(vehicle, properties, multibody.axles, self._start_speed)
@@ -258,12 +261,14 @@ class Simulation:
         steer, speed = (0.0, self._start_speed) if settling else self.driver(time, pose)
         self._steer_increment[0] = (steer - self._steer[0]) / STEPS_PER_COMMAND
         if self.powered is None:
-            self.data.qfrc_applied[self._spin] = self.speed_controller(speed - pose.speed)
+            self._torques = self.speed_controller(speed - pose.speed)
         else:
-            self.data.qfrc_applied[self._spin] = self.powered(speed, pose.speed, self.data.qvel[self._spin])
+            self._torques = self.powered(speed, pose.speed, self.data.qvel[self._spin])
             self.data.qfrc_applied[0] = self.powered.wind_force * math.cos(pose.heading)
             self.data.qfrc_applied[1] = self.powered.wind_force * math.sin(pose.heading)
             self.model.dof_armature[self._spin] = self.powered.armature
+        self.data.qfrc_applied[self._spin] = self._torques
+        self._is_braking = bool(self._torques.min() < 0)
         if self.powered or self.plant.properties.bank:
             grade = self.powered.grade if self.powered else 0.0
             self.model.opt.gravity[:] = gravity(grade, self.plant.properties.bank, pose.heading)
@@ -291,6 +296,9 @@ class Simulation:
 
     def step(self) -> None:
         """Integrate one time step."""
+        if self._is_braking:
+            rim_speed = self.plant.properties.wheel_radius * self.data.qvel[self._spin]
+            self.data.qfrc_applied[self._spin] = brake_limited(self._torques, rim_speed)
         self.data.xfrc_applied[:] = self._wrench
         self._step2(self.model, self.data)
         self._steer += self._steer_increment

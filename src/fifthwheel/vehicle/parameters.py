@@ -31,8 +31,8 @@ TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
     FRICTION: TyreParameter("1", 0.75),  # of truck tyres on a dry road
     SHAPE: TyreParameter("1", 1.1),
     HALF_TRACK: TyreParameter("m", ObserverOptions.half_track),  # half the distance of the tyres of both sides
-    STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of four truck and bus tyres: 0.1 to 0.3
-    FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.08 to 0.11
+    STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of six truck and bus tyres: 0.1 to 0.37
+    FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.07 to 0.19
     COMBINED_SLIP: TyreParameter("1", 1.0),
     DRAG_AREA: TyreParameter("m^2", 6.0),  # drag coefficient times frontal area: 0.5 to 0.8 times 8 to 10 m^2
     ROLLING_RESISTANCE: TyreParameter("1", 0.006),  # force over load: 0.004 to 0.008 for truck tyres (ISO 28580)
@@ -47,7 +47,7 @@ class RoadFriction(NamedTuple):
 
 
 ROADS: Mapping[str, RoadFriction] = {
-    # dry: four truck and bus tyres in PAC2002 have 0.74 to 0.76 at their nominal load. The others: J. Y. Wong, Theory
+    # dry: five truck and bus tyres have 0.74 to 0.78 at their nominal load. The others: J. Y. Wong, Theory
     # of Ground Vehicles, coefficients of road adhesion: wet asphalt 0.5 to 0.7, hard-packed snow 0.2, ice 0.1; of wet
     # asphalt the lower end, because truck tyres have less than those of cars. sigma: the spread within such a kind.
     "dry": RoadFriction(0.75, 0.15),
