@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.input_files import read_json
 
@@ -29,8 +29,7 @@ class FileKind:
         """Write the content to a file."""
         document = {"format": f"{self.kind} {self.version}", "digest": _digest(content), "content": content}
         text = json.dumps(document, allow_nan=False)
-        with atomic_write(path) as part:
-            part.write_text(text + "\n", encoding="utf-8")
+        write_text(path, text + "\n")
 
     def wrote(self, path: str | Path) -> bool:
         """Whether a file says that it is of this kind."""

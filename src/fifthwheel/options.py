@@ -123,13 +123,6 @@ class IdentifyOptions(Settings):
             help="Name of the road of the logs, whose friction all logs on it share; by default each log has its own."
         ),
     ] = None
-    suspension_from: Annotated[
-        Path | None,
-        Option(
-            help="Old form of --knowledge RESULT with another --load than that of the result.",
-            replaced_by="--knowledge",
-        ),
-    ] = None
     form: Annotated[
         Literal["output-error", "prediction-error"],
         Option(
@@ -153,9 +146,6 @@ class IdentifyOptions(Settings):
             },
         ),
     ] = "auto"
-    friction: Annotated[Friction | None, Option(help="Old form of --set road.friction=VALUE.", replaced_by="--set")] = (
-        None
-    )
     passes: Annotated[
         Count | None, Option(help="Maximum number of passes through the logs in each stage; two stages only.")
     ] = None
@@ -173,11 +163,6 @@ class IdentifyOptions(Settings):
         Option(help="Description of the test, kept with the result.", label="Note on the test"),
     ] = None
     author: Annotated[str | None, Option(help="Who identifies, kept with the result.", label="Author")] = None
-
-    @property
-    def earlier_result(self) -> Path | None:
-        """With the information of earlier logs; None if there is none."""
-        return self.knowledge or self.suspension_from
 
 
 @dataclass(frozen=True, kw_only=True)

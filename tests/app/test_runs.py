@@ -190,14 +190,6 @@ def test_the_command_line_of_a_run(workspace):
     ]  # fmt: skip
 
 
-def test_the_command_line_names_the_result_of_an_old_choice(workspace):
-    choices = Choices(identify={"suspension_from": "a", "passes": 3, "method": "two-stage"})
-    (workspace.folder / "runs" / "a").mkdir(parents=True)
-    assert runs.command(workspace, choices, "b")[-3:] == [
-        "--method=two-stage", "--suspension-from=runs/a", "--passes=3",
-    ]  # fmt: skip
-
-
 @pytest.fixture
 def known(workspace) -> str:
     """A result of another log in the workspace."""

@@ -21,7 +21,7 @@ program = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
 @pytest.mark.parametrize("module", ["mujoco", "matplotlib"])
 def test_missing_packages_are_named(module: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(FifthwheelError, match=rf"needs {module}, .*pip install 'fifthwheel\[studies\]'"):
+    with pytest.raises(FifthwheelError, match=rf"{module} is needed .*pip install 'fifthwheel\[studies\]'"):
         reproduce(tmp_path)
     assert not list(tmp_path.iterdir())
 

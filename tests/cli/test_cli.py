@@ -218,31 +218,25 @@ def test_fixed_parameters_keep_their_values(folder, run):
     assert outcome.json()["settings"]["fixed"] == fixed
 
 
-def test_a_log_with_a_known_payload_and_the_old_form_of_its_option(folder, run):
-    height, known = "semitrailer.payload.height", Path("known/identification.json")
+def test_a_log_with_a_known_payload(folder, run):
+    height, known = "semitrailer.payload.height", ("--knowledge", "known", "--load", "timber")
     outcome = run("identify", folder / "first.csv", "-v", TRUCK, *LINEAR, f"--set={height}=exact", "-o", "known")
     assert outcome.code == 0, outcome.err
     sigmas = []
-    for options in ((), ("--knowledge", "known", "--load", "timber"), ("--suspension-from", known)):
+    for options in ((), known):
         outcome = run("check", folder / "second.parquet", "-v", TRUCK, *options, "--json")
         assert outcome.code == 0, outcome.err
         sigmas += [p["sigma"] for p in outcome.json()["parameters"] if p["name"] == height]
     assert sigmas[1] < 0.8 * sigmas[0]
-    assert sigmas[2] == pytest.approx(sigmas[1], rel=1e-6)
-    outcome = run("identify", folder / "second.parquet", "-v", TRUCK, "--suspension-from", known, "--json")
+    outcome = run("identify", folder / "second.parquet", "-v", TRUCK, *known, "--json")
     assert outcome.code == 0, outcome.err
-    assert "--suspension-from: replaced, give --knowledge known/identification.json" in outcome.err
     (found,) = (p for p in outcome.json()["parameters"] if p["name"] == height)
     assert found["sigma"] < 1.2 * sigmas[1]
     page = Path("fifthwheel-out/report.html").read_text(encoding="utf-8").replace("<wbr/>", "")
     assert "known/knowledge.json" in page
     refused(
-        run("identify", folder / "first.csv", "-v", TRUCK, "--knowledge", "known", "--suspension-from", known),
-        "--suspension-from: is --knowledge with another load; give only --knowledge, with --load",
-    )
-    refused(
-        run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", "--suspension-from", known),
-        "--suspension-from: needs --method one-stage",
+        run("identify", folder / "first.csv", "-v", TRUCK, "--method", "article", *known),
+        "--knowledge: needs --method one-stage",
     )
 
 

@@ -64,4 +64,6 @@ class Synthetic:
             "vector": (H @ self.z + noise).tolist(),
             "information": H.ravel().tolist(),
             "score_covariance": H.ravel().tolist(),
+            "factors": [1.0] * len(H),
+            "origins": [],
         }

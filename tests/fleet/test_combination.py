@@ -6,7 +6,6 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import FleetSettings, storage
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
@@ -78,13 +77,6 @@ def test_only_estimated_parameters_are_reported() -> None:
     result = combined(history(np.random.default_rng(11), trips=2)[1])
     assert {u.name for u in result.parameters(1)} == set(PARAMETERS)
     assert "tractor.mass" in {u.name for u in result.layout.unknowns}
-
-
-def test_trips_of_a_version_without_estimated_masses_are_refused() -> None:
-    _, rows = history(np.random.default_rng(12), trips=3)
-    old = rows[1] | {"considered": ["tractor.mass"], "coupling": [0.0] * len(NAMES)}
-    with pytest.raises(FifthwheelError, match=r"3: .* list it in the manifest and run again"):
-        combined([rows[0], old, rows[2]])
 
 
 def test_intervals_cover() -> None:

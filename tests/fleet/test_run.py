@@ -350,7 +350,6 @@ def test_the_page_escapes_names_and_lists_what_needs_attention(tmp_path) -> None
         ({"excited_trips": 2}, "Excitation: 2 of 9 trips determine it."),
         ({"excited_trips": 3, "limited_fraction": 0.4}, "More trips narrow it."),
         ({"excited_trips": 2, "trips": 2, "limited_fraction": 0.4}, "More trips narrow it."),
-        ({"excited_trips": 1, "limited_by": None}, ""),
         ({"sigma": 1e3}, ""),
         ({"limited_fraction": 0.4}, "More trips narrow it."),
         (

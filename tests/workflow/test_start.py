@@ -62,24 +62,12 @@ def test_a_result_without_knowledge_is_refused(result):
         only(replace(result, knowledge=None), IdentifyOptions())
 
 
-def test_the_suspension_is_that_of_another_load(result, tmp_path):
-    """Of a load that no log has, also if the result has begun so, or has a log of this name."""
-    logs = (*result.knowledge.logs, replace(result.knowledge.logs[0], digest="", load="another load 1"))
-    fw.Knowledge(logs=logs).save(tmp_path / "knowledge.json")
-    for path in (tmp_path, tmp_path / "identification.json", tmp_path / "knowledge.json"):
-        start = only(TRUCK, IdentifyOptions(suspension_from=path))
-        assert (start.occasion.trailer, start.occasion.load) == ("T 17", "another load 2")
-        assert len(start.knowledge.logs) == 2
-    assert only(TRUCK, IdentifyOptions(suspension_from=tmp_path, load=("timber",))).occasion.load == "timber"
-
-
-@pytest.mark.parametrize("option", ["knowledge", "suspension_from"])
-def test_knowledge_without_a_log_that_is_used_is_refused(result, tmp_path, option):
+def test_knowledge_without_a_log_that_is_used_is_refused(result, tmp_path):
     logs = tuple(replace(log, set_aside="did not converge") for log in result.knowledge.logs)
     for of, reason in ((logs, r" \(run 1 did not converge\)"), ((), "")):
         fw.Knowledge(logs=of).save(tmp_path / "merged.json")
         with pytest.raises(fw.SignalError, match=f"knowledge: no log that is used{reason}; identify one"):
-            only(TRUCK, IdentifyOptions(**{option: tmp_path / "merged.json"}))
+            only(TRUCK, IdentifyOptions(knowledge=tmp_path / "merged.json"))
 
 
 def test_the_date_is_that_of_the_file(tmp_path):

@@ -365,12 +365,11 @@ def test_the_options_that_it_replaces() -> None:
     chosen = IdentifyOptions(
         fix=(HEIGHT,), free=("tractor.yaw_inertia",), prior=("relaxation_length=20%", "roll_damping=0"),
         consider=("roll_stiffness=5%", "gyro_delay=0.002", "vehicle_file=2"), sensor=("steer_delay=5ms",),
-        friction=0.3, tyres="saturating",
+        tyres="saturating",
     )  # fmt: skip
     texts = [
         f"{HEIGHT}=exact", "tractor.yaw_inertia=free", "relaxation_length=+- 20 %", "roll_damping=exact",
         "roll_stiffness=+- 5 %", "gyro_delay=+- 0.002 s", "vehicle_file=+- 200 %", "steer_delay=+- 0.005 s",
-        "road.friction=0.3",
     ]  # fmt: skip
     assert list(map(str, replaced_statements(chosen))) == texts
     same = IdentifyOptions(statements=tuple(texts), tyres="saturating")

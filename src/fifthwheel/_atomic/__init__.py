@@ -1,6 +1,6 @@
 """Files that appear complete or not at all, and folders of results that are replaced as a whole."""
 
-from fifthwheel._atomic.files import atomic_write, reserved
+from fifthwheel._atomic.files import atomic_write, reserved, write_json, write_text
 from fifthwheel._atomic.locks import clean_up
 from fifthwheel._atomic.results import MANIFEST, one_run, recover, replaced_result, require_unused, result_folder
 
@@ -14,4 +14,6 @@ __all__ = [
     "require_unused",
     "reserved",
     "result_folder",
+    "write_json",
+    "write_text",
 ]

@@ -1,11 +1,13 @@
 """One file that appears complete or not at all."""
 
+import json
 import os
 import secrets
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 from fifthwheel._atomic.locks import cleaned_up, held, try_lock
 from fifthwheel.errors import FifthwheelError
@@ -42,6 +44,17 @@ def atomic_write(path: str | Path) -> Iterator[Path]:
         if error.errno is None or error.filename not in (None, str(temporary), str(path.parent)):
             raise
         raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text in UTF-8 to a file that appears complete or not at all; errors as of `atomic_write`."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str | Path, content: Mapping[str, Any]) -> None:
+    """The same with an object as JSON."""
+    write_text(path, json.dumps(content, indent=2) + "\n")
 
 
 @contextmanager

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel._atomic.files import atomic_write
+from fifthwheel._atomic.files import write_json
 from fifthwheel._atomic.locks import cleaned_up, held
 from fifthwheel.errors import FifthwheelError
 
@@ -88,10 +88,10 @@ def replaced_result(path: Path) -> Iterator[Path]:
             (folder / _NEW).mkdir(parents=True)
             yield folder / _NEW / path.name
             files = {**run["files"], path.name: _digest(folder / _NEW / path.name)}
-            _write_json(folder / _NEW / MANIFEST, {**run, "files": files})
+            write_json(folder / _NEW / MANIFEST, {**run, "files": files})
             _sync_folder(folder / _NEW)
             replaces = {path.name: run["files"].get(path.name)}
-            _write_json(folder / _JOURNAL, {"replaces": replaces, "removes": {}})
+            write_json(folder / _JOURNAL, {"replaces": replaces, "removes": {}})
             _sync_folder(folder / _WORK)
 
 
@@ -144,12 +144,12 @@ def _commit(folder: Path, command: str, inputs: Collection[Path], *, force: bool
         "replaces": {name: _digest(folder / name) for name in files},
         "removes": {name: digest for name, digest in unused.items() if not _is_one_of(folder / name, inputs)},
     }
-    _write_json(folder / _NEW / MANIFEST, {"command": command, "version": __version__, "files": files})
+    write_json(folder / _NEW / MANIFEST, {"command": command, "version": __version__, "files": files})
     for path in (folder / _NEW).rglob("*"):
         if path.is_dir():
             _sync_folder(path)
     _sync_folder(folder / _NEW)
-    _write_json(folder / _JOURNAL, journal)
+    write_json(folder / _JOURNAL, journal)
     _sync_folder(folder / _WORK)
 
 
@@ -271,11 +271,6 @@ def _digest(path: Path) -> str | None:
 
 def _is_one_of(path: Path, inputs: Iterable[Path]) -> bool:
     return any(path.exists() and path.samefile(file) for file in inputs)
-
-
-def _write_json(path: Path, content: Mapping[str, Any]) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 def _remove_empty(folder: Path) -> None:

@@ -149,8 +149,17 @@ def query(**values: str | Sequence[str]) -> str:
     return urlencode(values, doseq=True)
 
 
-async def fill(place: ui.column, computed: Awaitable[T], build: Callable[[T], object]) -> None:
-    """Build what is computed in place of the spinner, or say why it cannot be."""
+def later(doing: str, compute: Callable[[], Awaitable[T]], build: Callable[[T], object]) -> None:
+    """Build what is computed once the page is shown; see `fill`."""
+    place = ui.column().classes("w-full")
+    ui.timer(0, lambda: fill(place, doing, compute(), build), once=True)
+
+
+async def fill(place: ui.column, doing: str, computed: Awaitable[T], build: Callable[[T], object]) -> None:
+    """Show a spinner, then build what is computed, or say why it cannot be; `doing` is for screen readers."""
+    place.clear()
+    with place:
+        ui.spinner(size="2em").props(f'role=status aria-label="{doing}"')
     try:
         found = await computed
     except FifthwheelError as error:

@@ -40,8 +40,8 @@ from fifthwheel.workflow.note import Note
 
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""
-KNOWN = ("knowledge", "suspension_from")
-"""Options whose value is an earlier result."""
+KNOWLEDGE = "knowledge"
+"""The option whose value is an earlier result."""
 
 
 class MissingError(FifthwheelError):
@@ -89,9 +89,8 @@ def options(workspace: Workspace, choices: Choices) -> IdentifyOptions:
     """The choices for the identification; unknown ones, of another version, are left out."""
     known = options_of(IdentifyOptions)
     given: dict[str, Any] = {key: value for key, value in choices.identify.items() if key in known}
-    for key in KNOWN:
-        if given.get(key):
-            given[key] = workspace.run(str(given[key]))
+    if given.get(KNOWLEDGE):
+        given[KNOWLEDGE] = workspace.run(str(given[KNOWLEDGE]))
     return IdentifyOptions(**given)
 
 
@@ -154,7 +153,7 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
         used = dict(zip(paths, records, strict=True))
         runs = run_loads(starts, used, validate=records[len(chosen) :], progress=progress)
         progress("writing the report", 0, 0)
-        kept = None if stated.earlier_result is None else knowledge_file(stated.earlier_result)
+        kept = None if stated.knowledge is None else knowledge_file(stated.knowledge)
         provenance = provenance_of_run(
             paths,
             str(workspace.folder / VEHICLE),
@@ -176,9 +175,8 @@ def command(workspace: Workspace, choices: Choices, name: str) -> list[str]:
     for log in (*chosen, *validate):
         words += [f"--exclude={Path(log).stem}={first:g}..{last:g}" for first, last in choices.of(log).exclude]
     stated = options(workspace, choices)
-    for key in KNOWN:
-        if path := getattr(stated, key):
-            stated = replace(stated, **{key: path.relative_to(workspace.folder)})
+    if stated.knowledge:
+        stated = replace(stated, knowledge=stated.knowledge.relative_to(workspace.folder))
     return words + arguments(stated)
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fifthwheel._atomic import atomic_write, require_unused
+from fifthwheel._atomic import require_unused, write_text
 from fifthwheel._atomic.locks import held
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.input_files import parse_toml, read_json, read_toml
@@ -269,10 +269,9 @@ class Workspace:
             return str(change["label"])
 
     def _apply(self, state: dict[str, Any], documents: Mapping[str, str | None]) -> None:
-        """Write the state with the documents, then the documents themselves: if the process is killed in between, the
-        next one completes the change."""
+        """Write the state, with which the next process completes a change that is killed, then the documents."""
         state |= {"version": state["version"] + 1, "pending": dict(documents)}
-        _write(self._state_file, json.dumps(state))
+        write_text(self._state_file, json.dumps(state))
         self._finish(state)
         self.seen = self._stamp()
 
@@ -282,9 +281,9 @@ class Workspace:
             if text is None:
                 (self.folder / name).unlink(missing_ok=True)
             else:
-                _write(self.folder / name, text)
+                write_text(self.folder / name, text)
         state["pending"] = {}
-        _write(self._state_file, json.dumps(state))
+        write_text(self._state_file, json.dumps(state))
 
     def _complete(self) -> None:
         """Complete a change of a process that was killed within it; one that is running does so itself."""
@@ -308,7 +307,7 @@ class Workspace:
     def _state(self) -> dict[str, Any]:
         empty: dict[str, Any] = {"version": 0, "position": 0, "changes": [], "pending": {}}
         try:
-            state = {"pending": {}} | read_json(self._state_file) if self._state_file.exists() else empty
+            state = read_json(self._state_file) if self._state_file.exists() else empty
             pending = {name: state["pending"][name] for name in DOCUMENTS if name in state["pending"]}  # no other file
             if not all(isinstance(text, str | None) for text in pending.values()):
                 return empty
@@ -323,11 +322,6 @@ class Workspace:
             content = path.read_bytes() if path.exists() else b""
             digest.update(b"%d " % len(content) + content)
         return digest.hexdigest()
-
-
-def _write(path: Path, text: str) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
 
 
 def _files(folder: Path) -> list[Path]:

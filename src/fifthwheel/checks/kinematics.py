@@ -129,16 +129,13 @@ def kinematic_findings(record: Record, *, wheelbase: float, min_speed: float) ->
 
 
 def _leading_faults(turning: Sequence[Relation], rolling: Sequence[Relation]) -> list[Fault]:
-    """Faults of the leading yaw rate, by the smallest number of faults that explains all: one of it, or one of each
-    signal.
-
-    A roll rate that agrees with a yaw rate is inverted with it, so it counts against the inversion of the leading one.
-    Who exchanges the wheel speeds of one axle may do so of all, so wheel speed differences count as one signal.
-    """
+    """The smallest number of faults that explains all: those of the leading yaw rate, else one of each signal."""
+    # who exchanges the wheel speeds of one axle may do so of all: the differences count as one signal
     wheels = sorted((r for r in turning if r.turn.sign_only), key=lambda relation: relation.fault is not None)
     witnesses = [*(r for r in turning if not r.turn.sign_only), *wheels[:1]]
     counts = Counter(relation.fault for relation in witnesses)
     opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
+    # a roll rate that agrees with a yaw rate is inverted with it
     following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
     agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}
     return [fault for fault, others in agreeing.items() if counts[fault] > 1 + len(witnesses) - counts[fault] + others]

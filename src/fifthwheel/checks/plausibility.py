@@ -184,8 +184,7 @@ def _range(record: Record, name: str) -> Iterator[Finding]:
 
 
 def _unused(record: Record) -> Iterator[Finding]:
-    """One finding on all signals of quantities that nothing uses, and one on those of driving without the others that
-    the mass needs."""
+    """A finding on all signals that nothing uses, and one on those of driving that do not suffice for the mass."""
     channels = {name: channel for name in record.signals if (channel := channel_of(name))}
     if unused := [name for name, channel in channels.items() if channel.proposed != "signal"]:
         first, *others = unused

@@ -164,8 +164,7 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
 
 
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
-    """Whether the vehicle moves from start to stop (s) and a signal other than `name` changes as in a turn; a longer
-    time is divided into parts of `_MANOEUVRE`."""
+    """Whether the vehicle moves from start to stop, s, and a signal other than `name` changes as in a turn."""
     parts = min(math.ceil((stop - start) / _MANOEUVRE), _MAX_PARTS)
     times = np.linspace(start, stop, parts + 1).tolist()
     return any(_turns_within(record, name, start, span, min_speed) for span in pairwise(times))

@@ -219,11 +219,7 @@ class _TwoStages:
 
 
 def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
-    """Unknowns and models of both stages.
-
-    Raises:
-        VehicleError: nothing is left to estimate, or a parameter cannot be fixed.
-    """
+    """Unknowns and models of both stages; a VehicleError if nothing is left to estimate or cannot be fixed."""
     vehicle = dataset.vehicle
     notes = [*dataset.notes, EXACT_FILE_NOTE, *([ARTICLE_NOTE] if settings.average else [])]
     if dataset.others:
@@ -321,10 +317,7 @@ def _estimates(estimator: _TwoStages, state: _State, sigma_z: Mapping[str, float
 
 
 def _settling_time(history: ParameterHistory, name: str, settings: TwoStage) -> float | None:
-    """Time until a parameter stays within the tolerance, s; None if it does not.
-
-    Passes that restart are separate estimations, so the last one counts. Passes that carry on are one run.
-    """
+    """Time until a parameter stays within the tolerance, s, in the last of separate passes; None if it does not."""
     first = history.starts[-1] if settings.restart else 0
     row = history.settled_row(name, settings.tolerance, first=first)
     return None if row is None else float(history.time[first + row] - history.time[first])

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
+from fifthwheel._extras import require
 from fifthwheel.cheng_cebon_2011 import figures, table
 from fifthwheel.cheng_cebon_2011.comparison import Row, compare, compare_variants
 from fifthwheel.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
@@ -64,12 +65,7 @@ def reproduce(
         VehicleError: the vehicle does not have the parameters of the article's truck.
     """
     for module in ("mujoco", "matplotlib"):
-        try:
-            __import__(module)
-        except ImportError:
-            raise FifthwheelError(
-                f"the reproduction needs {module}, which is not installed; pip install 'fifthwheel[studies]'"
-            ) from None
+        require(module, "studies")
     if unknown := [arm for arm in arms if arm not in ARMS]:
         raise FifthwheelError(f"arms: no arm {unknown[0]!r}; choose from {', '.join(map(repr, ARMS))}")
     if seeds is not None and seeds < 1:
@@ -94,8 +90,7 @@ def reproduce(
         "reproduction.csv": table.as_csv(rows),
     }
     for name, text in texts.items():
-        with atomic_write(out / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(out / name, text)
     tables = {"parameters.parquet": parameter_table, "histories.parquet": history_table}
     for name, made in tables.items():
         write_table(made(experiments | changed, outcomes), out / name)

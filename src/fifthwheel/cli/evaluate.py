@@ -65,7 +65,7 @@ def evaluate(
     from fifthwheel.report.evaluation import evaluation_document
     from fifthwheel.workflow import EVALUATION_FILES, read_vehicle
 
-    _require_folder(figures, out)
+    options.require_figures(figures, out)
     truck = read_vehicle(vehicle) if vehicle else None
     (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
     evaluation = run_evaluation(record, test, vehicle=truck, check=check)
@@ -116,9 +116,10 @@ def validate(
     from fifthwheel.evaluate import validate as run_validation
     from fifthwheel.report.evaluation import validation_document
     from fifthwheel.workflow import VALIDATION_FILES, read_vehicle
+    from fifthwheel.workflow.settings import named_texts
 
-    _require_folder(figures, out)
-    stated = options.named_texts("--tolerance", tolerance, "NAME=VALUE", "yaw_rate=5%")
+    options.require_figures(figures, out)
+    stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")
     truck = read_vehicle(vehicle) if vehicle else None
     (simulated,) = terminal.load_records([results], results_signals, allow_outside=allow_outside)
     (measured,) = terminal.load_records([log], signals, allow_outside=allow_outside)
@@ -128,16 +129,6 @@ def validate(
         "validate", validation, out, VALIDATION_FILES, [results, log], vehicle, maps, figures=figures, force=force
     )
     terminal.print_result(validation.as_dict(), partial(validation_document, validation), written, as_json=as_json)
-
-
-def _require_folder(figures: str | None, out: Path | None) -> None:
-    from fifthwheel.errors import FifthwheelError
-    from fifthwheel.pages.page import checked_format
-
-    if figures:
-        checked_format(figures)
-        if out is None:
-            raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
 
 
 def _written(

@@ -46,7 +46,7 @@ def run(
     ] = False,
     *,
     chosen: FleetSettings,
-    identification: Annotated[IdentifyOptions, Only(("statements", "tyres", "fix", "consider", "sensor", "check"))],
+    identification: Annotated[IdentifyOptions, Only(("statements", "tyres", "check"))],
     as_json: options.JsonOption = False,
 ) -> None:
     """Identify every trip of a fleet that the data set does not have yet, and combine all trips of each truck.
@@ -60,14 +60,12 @@ def run(
     from fifthwheel.identify import OneStage
     from fifthwheel.workflow.settings import chosen_statements
 
-    terminal.warn_of_replaced_options(identification)
-    statements = chosen_statements(identification)
     with terminal.progress_bar(quiet=as_json) as progress:
         result = run_fleet(
             manifest,
             out,
             settings=OneStage(check=identification.check, tyres=identification.tyres),
-            statements=statements,
+            statements=chosen_statements(identification),
             fleet=chosen,
             scheduler=scheduler,
             jobs=jobs,

@@ -61,7 +61,6 @@ def identify(
     from fifthwheel.logs import start_reader
 
     start_reader()
-    from fifthwheel.pages.page import checked_format
     from fifthwheel.report import provenance_of_run
     from fifthwheel.report.identification import identification_document
     from fifthwheel.workflow import (
@@ -76,12 +75,11 @@ def identify(
         write_loads,
     )
 
-    if figures:
-        checked_format(figures)
+    options.require_figures(figures, out)
     inputs = [*logs, *(validate or [])]
     result = identification_file(vehicle)
     file = vehicle_file(vehicle)
-    results = [path for path in (result, chosen.earlier_result and knowledge_file(chosen.earlier_result)) if path]
+    results = [path for path in (result, chosen.knowledge and knowledge_file(chosen.knowledge)) if path]
     before = [signals] if signals else []
     # what a result keeps may grow in place
     read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]

@@ -2,7 +2,7 @@
 
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -11,7 +11,10 @@ from fifthwheel.cli import options, terminal
 from fifthwheel.cli.app import command, knowledge_app
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from fifthwheel.identify.knowledge.knowledge import Knowledge
+    from fifthwheel.pages import Document
 
 Result = Annotated[
     Path,
@@ -39,14 +42,7 @@ def show(
     These are what the next identification begins with. A unit "prior sigma" stands for standard deviations of the
     prior, of an unknown that moves several numbers of the vehicle file.
     """
-    from fifthwheel.identify.knowledge.history import shared_estimates
-    from fifthwheel.report.knowledge import knowledge_document
-
-    knowledge = _read(result)
-    estimates = shared_estimates(knowledge)
-    shown = [estimate for estimate in estimates if everything or estimate.estimated]
-    contents = {"logs": [log.name for log in knowledge.used], "estimates": [e.as_dict() for e in shown]}
-    document = partial(knowledge_document, estimates, len(knowledge.used), everything=everything)
+    contents, document = _estimates(_read(result), everything=everything)
     terminal.print_result(contents, document, {}, as_json=as_json)
 
 
@@ -88,8 +84,6 @@ def forget(
     knowledge.json changes; the other files are those of the last `fifthwheel identify` until it runs again.
     """
     from fifthwheel.errors import printable
-    from fifthwheel.identify.knowledge.history import shared_estimates
-    from fifthwheel.report.knowledge import knowledge_document
     from fifthwheel.workflow import knowledge_file
 
     source = knowledge_file(result)
@@ -105,14 +99,8 @@ def forget(
         _write(left, target, force=force)
     aside = {other.digest for other in knowledge.logs if other.set_aside}
     again = [other.name for other in left.used if other.digest in aside]
-    estimates = shared_estimates(left)
-    contents = {
-        "logs": [other.name for other in left.used],
-        "used_again": again,
-        "estimates": [e.as_dict() for e in estimates if e.estimated],
-    }
-    document = partial(knowledge_document, estimates, len(left.used))
-    terminal.print_result(contents, document, {target.name: target}, as_json=as_json)
+    contents, document = _estimates(left)
+    terminal.print_result({**contents, "used_again": again}, document, {target.name: target}, as_json=as_json)
     if again and not as_json:
         typer.echo(f"Used again: {printable(', '.join(again))}")
     if target.with_name("identification.json").exists() and not as_json:
@@ -147,18 +135,15 @@ def merge(
 
     Begin with it by `fifthwheel identify run.csv --vehicle truck.toml --knowledge merged.json`.
     """
-    from fifthwheel.identify.knowledge.history import shared_estimates
     from fifthwheel.identify.knowledge.knowledge import Knowledge
-    from fifthwheel.report.knowledge import knowledge_document
 
     merged = Knowledge()
     for result in results:
         merged = merged.merged(_read(result))
-    estimates = shared_estimates(merged)
+    contents, document = _estimates(merged)
     target = _target(out)
     _write(merged, target, force=force)
-    contents = {"logs": [log.name for log in merged.logs], "estimates": [e.as_dict() for e in estimates if e.estimated]}
-    document = partial(knowledge_document, estimates, len(merged.used))
+    contents["logs"] = [log.name for log in merged.logs]
     terminal.print_result(contents, document, {target.name: target}, as_json=as_json)
 
 
@@ -171,6 +156,17 @@ def _read(result: Path) -> "Knowledge":
     if not knowledge.used:
         raise SignalError(f"{result}: has no log that is used; give another result")
     return knowledge
+
+
+def _estimates(knowledge: "Knowledge", *, everything: bool = False) -> "tuple[dict[str, Any], Callable[[], Document]]":
+    """The logs that are used and the estimates from them, and the same for people."""
+    from fifthwheel.identify.knowledge.history import shared_estimates
+    from fifthwheel.report.knowledge import knowledge_document
+
+    estimates = shared_estimates(knowledge)
+    shown = [estimate.as_dict() for estimate in estimates if everything or estimate.estimated]
+    contents = {"logs": [log.name for log in knowledge.used], "estimates": shown}
+    return contents, partial(knowledge_document, estimates, len(knowledge.used), everything=everything)
 
 
 def _target(out: Path) -> Path:

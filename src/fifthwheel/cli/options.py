@@ -78,12 +78,12 @@ def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
     return result
 
 
-def named_texts(option: str, texts: list[str] | None, form: str, example: str) -> dict[str, str]:
-    """ "NAME=VALUE" as name: value; a FifthwheelError without a value."""
+def require_figures(figures: str | None, out: Path | None) -> None:
+    """Refuse --figures before the computation, where they cannot be drawn or there is no folder for them."""
     from fifthwheel.errors import FifthwheelError
+    from fifthwheel.pages.page import checked_format
 
-    values = dict(text.partition("=")[::2] for text in texts or ())
-    for name, value in values.items():
-        if not value:
-            raise FifthwheelError(f"{option} {name}: expected {form}, such as {example}")
-    return values
+    if figures:
+        checked_format(figures)
+        if out is None:
+            raise FifthwheelError("--figures: needs a folder; add -o FOLDER")

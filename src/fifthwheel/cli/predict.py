@@ -19,10 +19,7 @@ from fifthwheel.cli.terminal import (
 from fifthwheel.options import IdentifyOptions
 
 _OF_A_DESIGN = Only(
-    (
-        *("statements", "fix", "free", "prior", "consider", "any_load", "suspension_from"),
-        *("knowledge", "trailer", "load", "road"),
-    )
+    ("statements", "fix", "free", "prior", "consider", "any_load", "knowledge", "trailer", "load", "road")
 )
 _OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
 """Options of an identification for predictions before it."""

@@ -92,29 +92,26 @@ def assess(
     model and the nonlinear truck stand side by side. docs/assess.md defines the measures.
     """
     from fifthwheel.assess import assess as run_assessment
-    from fifthwheel.errors import FifthwheelError
-    from fifthwheel.pages.page import checked_format
     from fifthwheel.report import gather_provenance
     from fifthwheel.report.assessment import assessment_document
     from fifthwheel.vehicle import unit_of
     from fifthwheel.vehicle.toml_format import read_quantity
     from fifthwheel.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
+    from fifthwheel.workflow.settings import named_texts
 
-    if figures:
-        checked_format(figures)
-        if out is None:
-            raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
+    options.require_figures(figures, out)
     source = identification_file(truck) or Path(truck)
     with one_run(source):
         subject = read_truck(truck)
+    example = "semitrailer.payload.height=1.8m"
     changed = {
         path: read_quantity(text, unit_of(path), f"--set {path}")
-        for path, text in options.named_texts("--set", changes, "PATH=VALUE", "semitrailer.payload.height=1.8m").items()
+        for path, text in named_texts("--set", changes or (), f"PATH=VALUE, such as {example}").items()
     }
     assessment = run_assessment(
         subject,
         speed=quantity_option("--speed", speed, "m/s", "km/h"),
-        body=dict(options.named_texts("--body", body, "NAME=VALUE", "half_track=0.93m")),
+        body=dict(named_texts("--body", body or (), "NAME=VALUE, such as half_track=0.93m")),
         changes={path: value for path, (value, _) in changed.items()},
         sigmas={path: sigma for path, (_, sigma) in changed.items() if sigma},
         nonlinear=not linear,

@@ -10,7 +10,7 @@ import typer
 from fifthwheel._atomic import reserved, result_folder
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
-from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption, named_texts
+from fifthwheel.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption
 from fifthwheel.cli.terminal import print_json, progress_bar
 
 if TYPE_CHECKING:
@@ -123,12 +123,13 @@ def simulate(
             from fifthwheel.plant.film import film as draw
             from fifthwheel.plant.properties import with_changes
             from fifthwheel.plant.sensors import read_sensors
+            from fifthwheel.workflow.settings import named_texts
 
             if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
                 raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
             fitted = read_sensors(sensors) if sensors else None
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
-            changed = named_texts("--with", properties, "PROPERTY=VALUE", "'bank=2 deg'")
+            changed = named_texts("--with", properties or (), "PROPERTY=VALUE, such as 'bank=2 deg'")
             plant = Plant(truck, with_changes(Properties(), changed))
             powertrain = _driven(truck, seed) if manoeuvre == "everyday" else None
             with progress_bar(quiet=as_json) as progress:

@@ -64,7 +64,6 @@ def states(
     start_reader()
     from fifthwheel.identify import Identification
     from fifthwheel.observe import ObserverSettings
-    from fifthwheel.pages.page import checked_format
     from fifthwheel.report import provenance_of_run
     from fifthwheel.report.states import states_document
     from fifthwheel.workflow import (
@@ -76,8 +75,7 @@ def states(
     )
     from fifthwheel.workflow.settings import named_values
 
-    if figures:
-        checked_format(figures)
+    options.require_figures(figures, out)
     vehicle, identification = vehicle_and_identification(vehicle, identification)
     with one_run(*([identification, Path(vehicle)] if identification else [])):
         truck = read_vehicle(vehicle)

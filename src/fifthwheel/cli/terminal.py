@@ -53,10 +53,7 @@ def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:
     from fifthwheel.settings import options_of
     from fifthwheel.workflow import replaced_statements
 
-    if chosen.suspension_from:
-        path = shlex.quote(str(chosen.suspension_from))
-        typer.echo(f"warning: --suspension-from: replaced, give --knowledge {path} and a name of the --load", err=True)
-    used = {n: o for n, o in options_of(type(chosen)).items() if o.replaced_by == "--set" and getattr(chosen, n)}
+    used = {n: o for n, o in options_of(type(chosen)).items() if o.replaced_by and getattr(chosen, n)}
     if used:
         old = ", ".join(option.flags_of(name)[0] for name, option in used.items())
         statements = " ".join(f"--set {shlex.quote(str(statement))}" for statement in replaced_statements(chosen))

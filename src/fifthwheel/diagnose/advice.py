@@ -152,10 +152,8 @@ def _friction(identification: Identification) -> Iterator[Advice]:
 
 
 def _predicted_improvements(identification: Identification, outlook: InformationAssessment) -> Iterator[Advice]:
-    """The sigma after another run or with another channel, for parameters that the logs do not determine.
-
-    Converged parameters are left out: the prediction rests on the sensor noise, which is not what limits their sigma.
-    """
+    """The sigma after another run or with another channel, for parameters that the logs do not determine."""
+    # not of converged ones: the prediction rests on the sensor noise, which is not what limits their sigma
     missing = {
         e.name for e in identification.parameters if e.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
     }

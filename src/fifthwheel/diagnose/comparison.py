@@ -289,8 +289,7 @@ def _shared_logs(a: Identification, b: Identification) -> list[str]:
 
 
 def _changed_numbers(a: Vehicle, b: Vehicle) -> list[str]:
-    """What differs in two vehicle files, as "Trailer, mass 33 t instead of 32 t", also in what is stated of a number's
-    standard deviation; the largest change relative to the number first."""
+    """What differs in two vehicle files, as "Trailer, mass 33 t instead of 32 t"; the largest relative change first."""
     before, after = a.parameters(), b.parameters()
     sizes = dict[str, float]()
     for path in before.keys() & after.keys() - (a.assumed.keys() & b.assumed.keys()):

@@ -151,8 +151,7 @@ def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | 
 
 
 def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:
-    """A relative change: "12 % larger" than what is compared, or if it is large "0.40 times the value of the vehicle
-    file"."""
+    """A relative change: "12 % larger" than what is compared; if it is large, "0.40 times" the reference."""
     if abs(change) > LARGE_CHANGE:
         return f"{digits(1 + change, 2)} times {reference}"
     return f"{percent(abs(change))} {'larger' if change > 0 else 'smaller'}{compared}"

@@ -181,8 +181,7 @@ def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
 
 
 def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
-    """Changes of load, by the path of the group, where a shift of 1 moves from the first group of the chain to the last
-    one of its first unit."""
+    """Changes of load by group for a shift of 1 from the first group of the chain to the last of its first unit."""
     unit = vehicle.units[0]
     front, rear = unit.axle_groups[0], unit.axle_groups[-1]
     return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0}
@@ -205,13 +204,11 @@ def _motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: b
 
 
 def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
-    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes.
-
-    At the coupling, the rolled unit in front adds (h_c - h_r) phi r to u, the one behind subtracts it.
-    """
+    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes."""
     parts = [ca.SX(2, 1)]
     for i in range(len(vehicle.couplings)):
         arms = chain.coupling_arms(p, vehicle, i)
+        # the rolled unit in front adds (h_c - h_r) phi r to u of the coupling, the one behind subtracts it
         u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
         angle = motion.heading[i + 1] - motion.heading[i]
         cos, sin, own = ca.cos(angle), ca.sin(angle), arms.above_rear * motion.roll[i + 1] * motion.r[i + 1]
@@ -244,8 +241,7 @@ def _tyre_forces(
     speed_rate: ca.SX,
     law: Law,
 ) -> tuple[ca.SX, dict[str, _Tyres]]:
-    """Longitudinal force, side force (N) and yaw moment (N m) of the tyres of unit i without the shift; the tyres of
-    each group by its path."""
+    """Longitudinal and side force, N, and yaw moment, N m, on unit i without the shift; the tyres by group."""
     total, tyres = ca.SX(3, 1), dict[str, _Tyres]()
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.on_road)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from fifthwheel import __version__
 from fifthwheel._arguments import expect
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
 from fifthwheel.export import learner_model, observer_model
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer
@@ -66,8 +66,7 @@ def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     texts = learner_texts(estimator) if isinstance(estimator, Learner) else observer_texts(estimator)
     for name, text in texts.items():
-        with atomic_write(folder / name) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(folder / name, text)
     return [folder / name for name in texts]
 
 

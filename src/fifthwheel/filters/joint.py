@@ -178,10 +178,7 @@ def correct(
 
 
 def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
-    """(I - K h) P (I - K h)' + K r K' for any gain K, from cross = P h' and the variance of the innovation.
-
-    The products are expanded and only the lower triangle is computed: a third of the operations of Joseph's form.
-    """
+    """(I - K h) P (I - K h)' + K r K' for any gain K, expanded: a third of the operations of Joseph's form."""
     n = covariance.shape[0]
     difference = cross - variance * gain
     corrected = ca.SX(n, n)

@@ -284,10 +284,7 @@ class RelinearisedFilter:
         return number >= self.settings.max_passes or bool((np.abs(z - point) <= limit * sigma).all())
 
     def _continue_from(self, vector: Array, base: Array | None) -> bool:
-        """Set the estimate of the first filter; whether the change is too large for its state.
-
-        The state changes with z to first order, and its covariance increases by the square of that change.
-        """
+        """Set the estimate of the first filter, to first order; whether the change is too large for its state."""
         layout, estimate = self.layout, JointEstimate.of(vector, self.layout, self.correlation)
         V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
         difference = estimate.z - self._z

@@ -76,9 +76,7 @@ class TripDataset:
             listed: digests of the trips of this run by log.
             settings: digest of its settings; trips that are not listed and have others count as failed.
         """
-        # tables of an older version have fewer columns
-        tables = [SCHEMA.empty_table().select(KEYS), *self._tables(KEYS)]
-        every = pa.concat_tables(tables, promote_options="default").sort_by("finished")
+        every = pa.concat_tables([SCHEMA.empty_table().select(KEYS), *self._tables(KEYS)]).sort_by("finished")
         log, error, digest, samples, settings_of = (
             every[name].to_pylist() for name in ("log", "error", "digest", "log_digest", "settings")
         )
@@ -129,7 +127,7 @@ class TripDataset:
         for begin in range(0, len(single), ROWS):
             names = single[begin : begin + ROWS]
             paths = [storage.joined(self.folder, name) for name in names]
-            table = pa.concat_tables([_read(path) for path in paths], promote_options="default").sort_by("truck")
+            table = pa.concat_tables(map(_read, paths)).sort_by("truck")
             key = hashlib.sha256("".join(names).encode() + str(table["finished"].to_pylist()).encode()).hexdigest()
             storage.write_bytes(storage.joined(self.folder, f"part-{key[:40]}.parquet"), parquet(table))
             for path in paths:
@@ -228,4 +226,4 @@ def _opened(path: str, digest: str | None = None) -> Iterator[pq.ParquetFile]:
 
 def _read(path: str, columns: Sequence[str] | None = None, *, digest: str | None = None) -> pa.Table:
     with _opened(path, digest) as file:
-        return file.read(None if columns is None else [name for name in columns if name in file.schema_arrow.names])
+        return file.read(columns)

@@ -101,8 +101,8 @@ def _latest(row: Row) -> tuple[pages.Cell, ...]:
 
 def limit(row: Row) -> str:
     """What would narrow the band of a parameter; empty if its sigma is small."""
-    if row["sigma"] < NOTABLE_SIGMA * abs(row["value"]) or not isinstance(row.get("limited_by"), list):
-        return ""  # tables of an earlier version have no list
+    if row["sigma"] < NOTABLE_SIGMA * abs(row["value"]):
+        return ""
     if row["excited_trips"] < min(row["trips"], ENOUGH_TRIPS):
         trips = f"{row['excited_trips']} of {counted(row['trips'], 'trip')}"
         return f"Excitation: {trips} determine{'s' * (row['excited_trips'] == 1)} it."

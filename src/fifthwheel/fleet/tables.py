@@ -138,8 +138,7 @@ def _tables(
 
 
 def _limit(combined: Combined, unknown: Owned) -> tuple[list[str], float]:
-    """The numbers that limit a parameter after the last trip, and the fraction of its variance that would go if they
-    were exact: the fewest, up to three, to which most of the variance is due."""
+    """Up to three numbers that limit a parameter, and by what fraction its variance would fall if they were exact."""
     P, i = combined.last.P, combined.layout.unknowns[unknown]
     places = {j: u.name for u, j in combined.layout.unknowns.items() if u not in combined.layout.estimated}
 

@@ -265,17 +265,7 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
 
 
 def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
-    """The information of a trip on the truck, from its row.
-
-    Raises:
-        FifthwheelError: a version wrote it that did not estimate the uncertain numbers of the vehicle file, so that its
-            information does not contain them.
-    """
-    if row.get("considered"):
-        raise FifthwheelError(
-            f"{row['log']}: processed by a version that did not estimate the uncertain numbers of the vehicle file; "
-            "list it in the manifest and run again, or write to another data set"
-        )
+    """The information of a trip on the truck, from its row."""
     unknowns, n, names = row["unknowns"], len(row["unknowns"]), [u["name"] for u in row["unknowns"]]
     centre, scale, logarithmic, non_negative = (np.array([u[name] for u in unknowns]) for name in _UNKNOWN.names[1:])
     return LogKnowledge(
@@ -295,8 +285,8 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
             vector=np.array(row["vector"]),
             information=np.array(row["information"]).reshape(n, n),
             score_covariance=np.array(row["score_covariance"]).reshape(n, n),
-            factors=dict(zip(names, row.get("factors") or [1.0] * n, strict=True)),  # rows of 0.2.0 have none
-            origins=tuple(row.get("origins") or ()),
+            factors=dict(zip(names, row["factors"], strict=True)),
+            origins=tuple(row["origins"]),
         ),
     )
 

@@ -321,14 +321,7 @@ def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]
 
 
 def _align(rows: Array | None, channels: dict[_Key, Samples], rate: float) -> tuple[Array, dict[_Key, Array]]:
-    """Time (N,) s and channels on one time base; no measurement is interpolated or extrapolated.
-
-    The time base is the union of the instants of the rows, s, and of all measurements with instants of their own. A
-    measurement keeps its samples at their instants and is NaN elsewhere. An input (speed, steer) with instants of its
-    own is interpolated linearly; outside its samples and in its gaps it is NaN. If asynchronous time bases would give
-    more than 2.5 times `rate` (Hz), the time base is the multiples of 1 / rate, and measurements are moved to the
-    nearest of them by `snap_to_grid`.
-    """
+    """Time (N,) s and channels on one time base: inputs are interpolated there, measurements keep their instants."""
     if rows is not None and not any(samples.own_time for samples in channels.values()):
         return rows, {key: samples.values for key, samples in channels.items()}
     time = _union(rows, channels)

@@ -77,10 +77,7 @@ class _Divider:
         return self.registers[number] if self.varies[number] else self._pass(self.registers[number])
 
     def _pass(self, register: Register) -> Register:
-        """A register of `nominal`, in `directions`.
-
-        It is loaded wherever it is used: a load is cheaper than a register that has to be stored in between.
-        """
+        """A register of `nominal`, in `directions`, loaded wherever it is used: cheaper than to store it in between."""
         name, invariant = register
         array, places = ("fixed", self.fixed) if invariant else ("shared", self.shared)
         return self.directions.broadcast(array, places.setdefault(name, len(places)), invariant)

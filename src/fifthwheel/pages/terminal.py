@@ -112,8 +112,7 @@ class _Printer:
         self._line(text, "bold")
 
     def _table(self, table: pages.Table) -> None:
-        """A table without lines, and without the columns that have HTML; where it is too wide, its cells wrap, if
-        possible between words."""
+        """A table without lines and without columns of HTML; where it is too wide, its cells wrap between words."""
         from rich.table import Table as Grid
 
         shown = [k for k, cell in enumerate(table.rows[0]) if not isinstance(cell, pages.Markup)] if table.rows else []
@@ -151,11 +150,7 @@ class _Printer:
 
 
 def _widths(texts: Sequence[Sequence[str]], total: int) -> list[int]:
-    """Widths of columns by the texts of head and cells, in characters.
-
-    Every column has room for its longest word, or if that is too much for its longest word up to `WORD` characters; the
-    rest goes to the narrowest columns whose cells need it, then to those whose heads do.
-    """
+    """Widths of columns, in characters: of the longest word up to `WORD`, then more for those that need it."""
     words = [max((len(word) for text in column for word in text.split()), default=1) for column in texts]
     widths = words if sum(words) <= total else [min(word, WORD) for word in words]
     cells = [max(map(len, cells), default=0) for _, *cells in texts]

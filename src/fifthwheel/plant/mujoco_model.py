@@ -99,10 +99,7 @@ def _add_axle(parent: Xml.Element, axle: BeamAxle, properties: Properties) -> No
 
 
 def _add_halves(front: Xml.Element, body: SprungBody, torsion: float, height: float) -> Xml.Element:
-    """Split a body into two halves with a torsion spring between them; together they have its mass and inertia.
-
-    The front half goes into `front`; returns the rear half.
-    """
+    """Split a body into two halves with a torsion spring, the front one into `front`; the rear half."""
     xx, yy, zz, product = body.inertia
     distance = 0.5 * (zz / body.mass) ** 0.5  # of each half from the CoG of the body, m
     half = (xx / 2, (yy - body.mass * distance**2) / 2, (zz - body.mass * distance**2) / 2, product / 2)

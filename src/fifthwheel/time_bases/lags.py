@@ -124,10 +124,7 @@ def lag_curve(measured: Array, predicted: Array) -> LagCurve | None:
 
 
 def _correlation(m: Array, p: Array, rows: NDArray[np.int64], steps: int) -> Array:
-    """Correlation (2 steps + 1,) of m (n,), which is measured at `rows`, with p (N,) at row - k, k = -steps ... steps.
-
-    The sums over the rows for all k at once are products of Fourier transforms.
-    """
+    """Correlation (2 steps + 1,) of m (n,), at `rows`, with p (N,) at row - k, |k| <= steps; by Fourier transforms."""
     size = 1 << (p.size + steps).bit_length()
     at_rows = np.zeros((2, p.size))
     at_rows[0, rows], at_rows[1, rows] = m, 1.0

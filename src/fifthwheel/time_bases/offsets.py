@@ -175,11 +175,7 @@ def _channel_offsets(lags: _Lags, prediction: Prediction, record: Record) -> lis
 
 
 def _leading_is_wrong(lags: _Lags, leading: int, time_bases: Mapping[str, str], steer: str) -> bool:
-    """Whether the yaw rate of the first unit and the steer angle disagree, and the steer angle is right.
-
-    If the yaw rate seems late, it is late, perhaps with others. If it seems early, the steer angle is late, unless most
-    other channels agree with the steer angle.
-    """
+    """Whether the yaw rate of the first unit and the steer angle disagree, and the steer angle is right."""
     lag, spread = lags.mean(lags.lag[:, leading])
     others = np.array([lags.mean(lags.lag[:, c])[0] for c in range(len(lags.names)) if c != leading])
     distance = np.abs(others - lag)
@@ -187,7 +183,8 @@ def _leading_is_wrong(lags: _Lags, leading: int, time_bases: Mapping[str, str], 
         with_steer = np.abs(others) < distance / 2
         return bool(others.size) and with_steer.mean() > 0.5 and float(np.median(distance)) > MIN_OFFSET
     if lag > 0 or time_bases.get(lags.names[leading]) != time_bases.get(steer):
-        return True
+        return True  # it is late, perhaps with others
+    # it seems early: the steer angle is late, unless most other channels agree with that
     return bool(np.mean(distance < np.abs(others)) < 0.5) if others.size else False
 
 

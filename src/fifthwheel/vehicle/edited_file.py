@@ -64,8 +64,7 @@ def _comment_behind(array: Any, key: str | int) -> Any:
 
 
 def _replace(table: Any, key: str, text: str, behind: Any = None) -> None:
-    """Give a key another text; the comment says what it was, because it is the source of the former number. An assumed
-    number behind a # becomes a key. An inline table has its comment behind it."""
+    """Give a key another text; its comment, or that `behind` an inline table, keeps the former number as a source."""
     import tomlkit
     from tomlkit.items import Comment, InlineTable
 

@@ -276,8 +276,7 @@ def propagate(
 
 
 def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
-    """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads. Where the kingpin is
-    known, the laden loads have a CoG of the tractor that needs no solo loads, "cog by moments"."""
+    """Masses, CoG positions, kingpin load and error of the front load, kg and m, from the loads."""
     result = _tractor(x, lengths) if "solo.0" in x else {key: x[key] for key in ("tractor.mass", "tractor.cog")}
     tractor, cog = result["tractor.mass"], result["tractor.cog"]
     hitch = x["laden.0"] + x["laden.1"] - tractor

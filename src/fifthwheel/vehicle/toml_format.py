@@ -127,10 +127,7 @@ def _group(file_table: Table, unit: str, stated: dict[str, float], *, only: bool
 
 
 def _fields(table: Table, path: str, kind: type[Component], stated: dict[str, float]) -> Table:
-    """The table of a component with the keys of its fields and its quantities in SI.
-
-    The standard deviations that it states are added to `stated`.
-    """
+    """The keys of a component as its fields, quantities in SI; the standard deviations are added to `stated`."""
     fields = {FILE_KEYS.get(field, field): field for field in kind.model_fields}
     prefix = f"{path}." if path else ""
     for key in table:

@@ -120,10 +120,7 @@ def _mass(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
 
 
 def _scaled_masses(vehicle: Vehicle, unit: Unit, fraction: float) -> dict[str, float]:
-    """Slopes of the masses of a unit whose mass changes by a fraction.
-
-    Sprung body and payload together change by the same fraction. If one of them is stated, the other takes all of it.
-    """
+    """Slopes of the masses of a unit whose mass changes by a fraction: stated ones stay, the others take it all."""
     masses = {f"{unit.name}.sprung.mass": unit.sprung.mass}
     if unit.payload is not None:
         masses[f"{unit.name}.payload.mass"] = unit.payload.mass

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pydantic import Field, model_validator
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import axle_loads
@@ -94,8 +94,7 @@ class Vehicle(Component):
         Raises:
             OSError: the file cannot be written.
         """
-        with atomic_write(path) as temporary:
-            temporary.write_text(self.to_toml(), encoding="utf-8")
+        write_text(path, self.to_toml())
 
     def to_toml(self) -> str:
         """The vehicle as a TOML text with SI units, from which `loads` reads an equal vehicle."""

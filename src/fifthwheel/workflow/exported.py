@@ -83,11 +83,7 @@ def exported_learner(
 def _available_signals(
     vehicle: Vehicle, signals: Sequence[str] | None, identification: Identification | None
 ) -> Sequence[str]:
-    """The signals of a control unit; arguments and default as in `exported_observer`.
-
-    Raises:
-        VehicleError: the identification is of another vehicle.
-    """
+    """The signals of a control unit; a VehicleError if the identification is of another vehicle."""
     if identification is not None and identification.vehicle.parameters().keys() != vehicle.parameters().keys():
         raise VehicleError(
             f"{vehicle.name}: its units or axles are not those of the identification, which is of "

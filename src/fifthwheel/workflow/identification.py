@@ -133,8 +133,7 @@ def run_loads(
 
 
 def _validation(identification: Identification, record: Record, occasion: Occasion) -> Identification | None:
-    """A validation log identified with the knowledge of the others, which it may contradict; None in two stages, where
-    nothing is identified, or where the log does not suffice."""
+    """A validation log identified with the knowledge of the others; None in two stages, or if it does not suffice."""
     known = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
     if not isinstance(identification.settings, OneStage) or identification.knowledge is None or not known:
         return None

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from fifthwheel._atomic import atomic_write
+from fifthwheel._atomic import write_text
 from fifthwheel.checks import Fault
 from fifthwheel.checks.findings import is_gap
 from fifthwheel.errors import SignalError
@@ -77,8 +77,7 @@ def survey_file(
         survey = survey_log(opened, report)
         contents = propose_signals(opened, survey, vehicle, databases=named)
     if map_file is not None:
-        with atomic_write(map_file) as temporary:
-            temporary.write_text(contents.signals_toml, encoding="utf-8")
+        write_text(map_file, contents.signals_toml)
     return contents
 
 
@@ -101,10 +100,7 @@ def propose_signals(
 
 
 def _with_delays(proposal: MapProposal, log: LogSource, vehicle: Vehicle | None = None) -> MapProposal:
-    """The proposed map with the delays that the samples show, and the findings of `check_signals`.
-
-    Without a vehicle any usual tractor and semitrailer predicts the signals, so that only large delays are found.
-    """
+    """The proposed map with the delays that the samples show, and the findings of `check_signals`."""
     try:
         record = assemble(log, proposal.signals, name=log.name)
     except SignalError:

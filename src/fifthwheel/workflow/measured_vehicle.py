@@ -234,8 +234,7 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
 
 
 def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
-    """The numbers that differ from those before with 6 significant digits, unless that changes one by more than 0.01
-    sigma, and their standard deviations with 3."""
+    """The changed numbers with 6 digits, where that is within 0.01 sigma, and their standard deviations with 3."""
     values, old = vehicle.parameters(), before.parameters()
     short = {p: float(f"{v:.6g}") for p, v in values.items() if v != old.get(p)}
     exact = {p for p, v in short.items() if abs(v - values[p]) > 0.01 * vehicle.stated.get(p, math.inf)}

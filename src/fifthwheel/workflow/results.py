@@ -1,12 +1,11 @@
 """The files of a run and of an assessment, what they are read from, and several runs side by side."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fifthwheel._atomic import atomic_write, one_run
+from fifthwheel._atomic import one_run, write_json, write_text
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.errors import VehicleError
@@ -72,7 +71,7 @@ def write_assessment(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    _write_json(folder / ASSESSMENT_FILES[0], assessment.as_dict())
+    write_json(folder / ASSESSMENT_FILES[0], assessment.as_dict())
     drawn = write_assessment_report(folder / ASSESSMENT_FILES[1], assessment, provenance=provenance, figures=figures)
     return {name: folder / name for name in (*ASSESSMENT_FILES, *(["figures"] if drawn else []))}
 
@@ -87,14 +86,9 @@ def write_evaluation(
     """Write the JSON and HTML file of an evaluation or a validation to an existing folder; arguments and errors as
     `write_assessment`."""
     names = EVALUATION_FILES if isinstance(evaluation, Evaluation) else VALIDATION_FILES
-    _write_json(folder / names[0], evaluation.as_dict())
+    write_json(folder / names[0], evaluation.as_dict())
     drawn = write_evaluation_report(folder / names[1], evaluation, provenance=provenance, figures=figures)
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    with atomic_write(path) as temporary:
-        temporary.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
 
 
 STATES_FILES = ("states.parquet", "report.html")
@@ -145,11 +139,10 @@ def write_results(
         )
     else:
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
-        _write_json(folder / "identification.json", run.as_dict())
+        write_json(folder / "identification.json", run.as_dict())
         vehicle, covariance = _with_assumed(run.identification), run.identification.covariance
-        with atomic_write(folder / "vehicle.toml") as temporary:
-            text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
-            temporary.write_text(text, encoding="utf-8")
+        text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
+        write_text(folder / "vehicle.toml", text)
         if run.identification.knowledge is not None:
             run.identification.knowledge.save(folder / KNOWLEDGE)
         drawn = write_report(
@@ -172,8 +165,7 @@ def write_results(
 
 
 def _with_assumed(identification: Identification) -> Vehicle:
-    """The identified vehicle, in which a number that was assumed remains assumed, with the standard deviation of its
-    class, unless it is an estimated parameter."""
+    """The identified vehicle, in which an assumed number that is no estimate remains assumed, with its sigma."""
     before, vehicle = identification.initial_vehicle, identification.vehicle
     kept = before.assumed.keys() & vehicle.parameters().keys() - {e.name for e in identification.parameters}
     stated = {path: before.stated[path] for path in kept & before.stated.keys() - vehicle.stated.keys()}
@@ -223,8 +215,7 @@ def compare_runs(folders: Sequence[Path]) -> Comparison:
 def write_comparison(comparison: Comparison, *, csv: Path | None = None, html: Path | None = None) -> dict[str, Path]:
     """Write the table as CSV and the page, where a path is given; returns the paths by the names of the files."""
     if csv is not None:
-        with atomic_write(csv) as temporary:
-            temporary.write_text(comparison.to_csv(), encoding="utf-8")
+        write_text(csv, comparison.to_csv())
     if html is not None:
         write_comparison_page(html, comparison)
     return {path.name: path for path in (csv, html) if path is not None}

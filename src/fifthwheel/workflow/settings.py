@@ -12,7 +12,6 @@ from fifthwheel.options import IdentifyOptions
 from fifthwheel.settings import options_of
 from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow.statement import Statement, parse
 from fifthwheel.workflow.statements import SENSOR_PRIORS, apply
 
@@ -59,8 +58,7 @@ def chosen_one_stage(
 
 
 _ONE_STAGE = (
-    *("knowledge", "trailer", "load", "road", "free", "prior", "consider", "sensor", "any_load", "suspension_from"),
-    *("form", "tyres", "friction"),
+    *("knowledge", "trailer", "load", "road", "free", "prior", "consider", "sensor", "any_load", "form", "tyres"),
 )
 """Options that belong to one stage."""
 
@@ -81,16 +79,13 @@ def replaced_statements(chosen: IdentifyOptions) -> tuple[Statement, ...]:
         FifthwheelError: a text is not NAME=FRACTION or NAME=SIGMA.
     """
     sensors = named_texts("--sensor", chosen.sensor, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}")
-    statements = [
+    return (
         *[Statement(name=name, kind="exact") for name in chosen.fix],
         *[Statement(name=name, kind="free") for name in chosen.free],
         *[_relative(name, sigma) for name, sigma in fractions("--prior", chosen.prior).items()],
         *[_relative(name, sigma) for name, sigma in _considered(chosen.consider).items()],
         *[_with_sigma(name, text) for name, text in sensors.items()],
-    ]
-    if chosen.friction is not None:
-        statements.append(Statement(name=FRICTION, value=f"{chosen.friction:.12g}"))
-    return tuple(statements)
+    )
 
 
 def _relative(name: str, sigma: float) -> Statement:

@@ -5,7 +5,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import count
 from pathlib import Path
 
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
@@ -71,11 +70,9 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     """
     loads = _loads(chosen.load, logs)
     given, base = (truck, None) if isinstance(truck, Vehicle) else (truck.initial_vehicle, truck.settings)
-    if chosen.knowledge and chosen.suspension_from:
-        raise FifthwheelError("--suspension-from: is --knowledge with another load; give only --knowledge, with --load")
-    knowledge = _knowledge(truck) if isinstance(truck, Identification) and chosen.earlier_result is None else None
-    if chosen.earlier_result is not None:
-        knowledge = read_knowledge(chosen.earlier_result)
+    knowledge = _knowledge(truck) if isinstance(truck, Identification) and chosen.knowledge is None else None
+    if chosen.knowledge is not None:
+        knowledge = read_knowledge(chosen.knowledge)
         knowledge.require_used()
     last, note = knowledge and knowledge.last, Note.of(chosen)
     starts = []
@@ -91,7 +88,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         if knowledge and last:
             knowledge.require_same_truck(vehicle)
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
-            name = load or (_another_load(knowledge) if chosen.suspension_from else last.load)
+            name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, road=chosen.road or "", date=_date(own[0]) if own else None)
         start = Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion, note=note)
         starts.append(start)
@@ -99,11 +96,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
 
 
 def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
-    """The load of each log; empty if none is given.
-
-    Raises:
-        SignalError: a load of no log, or several for all.
-    """
+    """The load of each log, empty if none is given; a SignalError for a load of no log, or several for all."""
     names = {str(path): path for path in logs} | {path.name: path for path in logs} | {path.stem: path for path in logs}
     own = dict[Path, str]()
     for text in texts:
@@ -121,12 +114,6 @@ def _common(texts: Sequence[str]) -> str:
     if len(common) > 1:
         raise SignalError(f"--load {common[1]}: {common[0]} is the load of all logs already; write LOG=LOAD")
     return "".join(common)
-
-
-def _another_load(knowledge: Knowledge) -> str:
-    """A name that is no load of the logs."""
-    known = {log.load for log in knowledge.logs}
-    return next(name for k in count(1) if (name := f"another load {k}") not in known)
 
 
 def _with_load(vehicle: Vehicle, load: str) -> Vehicle:

@@ -75,12 +75,7 @@ def apply(vehicle: Vehicle, settings: S, statements: Iterable[Statement]) -> tup
 
 
 def _of_wheelbase(vehicle: Vehicle, statement: Statement, names: Sequence[str]) -> list[Statement]:
-    """A statement on the wheelbase of a unit as statements on the positions of its axles, which move together, and on
-    its CoG; others as they are.
-
-    A weighbridge gives the CoG as a fraction of the wheelbase: it is uncertain by the same fraction, unless one of the
-    `names` of all statements is the CoG, or the file has an exact one.
-    """
+    """A statement on a wheelbase as statements on the axles of the unit, and on its CoG; others as they are."""
     unit_name, _, quantity = statement.name.rpartition(".")
     if quantity != "wheelbase":
         return [statement]
@@ -102,6 +97,7 @@ def _of_wheelbase(vehicle: Vehicle, statement: Statement, names: Sequence[str]) 
         replace(of_axles, name=path, value=f"{known[path] + shift!r} m" if stated.has_value else "")
         for path in moved[statement.name]
     ]
+    # a weighbridge gives the CoG as a fraction of the wheelbase, so that it is uncertain by the same fraction
     if vehicle.stated.get(cog) != 0 and not any(ends_with(cog, name) for name in names):
         (of_file,) = [change.slopes[cog] for change in changes(vehicle) if change.name == cog]
         front = length + vehicle.unit(unit_name).axle_groups[0].position
@@ -360,10 +356,7 @@ def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list
 
 
 def _paths(vehicle: Vehicle, known: Mapping[str, float], statement: Statement) -> list[str]:
-    """The parameters with the path of a statement or the end of it.
-
-    The end of several paths does not mean those whose value is 0, of which a fraction is 0, unless they are exact.
-    """
+    """The parameters with the path of a statement, or the end of it."""
     name = statement.name
     paths = [path for path in known if ends_with(path, name)]
     if not paths:
@@ -371,7 +364,7 @@ def _paths(vehicle: Vehicle, known: Mapping[str, float], statement: Statement) -
         ends = {path.rpartition(".")[2] for path in known} | {*SENSOR_PRIORS, *MODEL_ERRORS}
         words = known if "." in name else sorted(ends)
         raise VehicleError(f"{name}: no such parameter in {vehicle.name}; {suggestion(name, words)}")
-    used = [path for path in paths if known[path] or statement.kind == "exact"]
+    used = [path for path in paths if known[path] or statement.kind == "exact"]  # a fraction of 0 is 0
     return used if len(paths) > 1 and used else paths
 
 

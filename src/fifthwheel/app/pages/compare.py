@@ -1,6 +1,7 @@
 """Results beside each other: a table with differences in sigmas, and their predictions over one log."""
 
 from dataclasses import replace
+from functools import partial
 
 from nicegui import ui
 
@@ -25,15 +26,8 @@ def build(workspace: Workspace) -> None:
     if len(chosen) < 2:
         ui.label("Choose a second result." if chosen else "Choose two results.").props("role=status")
         return
-    place = ui.column().classes("w-full")
-    with place:
-        ui.spinner(size="2em").props('role=status aria-label="Comparing"')
-
-    async def show() -> None:
-        computed = jobs.compute(runs.comparison, workspace.folder, chosen)
-        await layout.fill(place, computed, lambda found: _comparison(workspace, found, chosen))
-
-    ui.timer(0, show, once=True)
+    compare = partial(jobs.compute, runs.comparison, workspace.folder, chosen)
+    layout.later("Comparing", compare, lambda found: _comparison(workspace, found, chosen))
 
 
 def _choice(results: list[str], chosen: list[str]) -> None:
@@ -103,10 +97,8 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
                 ui.label(layout.NO_SIGNAL).props("role=status")
 
     async def draw() -> None:
-        place.clear()
-        with place:
-            ui.spinner(size="2em").props('role=status aria-label="Predicting"')
-        await layout.fill(place, jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value)), show)
+        computed = jobs.compute(runs.overlay, workspace.folder, chosen, str(choose.value))
+        await layout.fill(place, "Predicting", computed, show)
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)

@@ -1,5 +1,7 @@
 """The truck's history: estimates over the dates of all logs that a result knows, and what each log added."""
 
+from functools import partial
+
 from nicegui import ui
 
 from fifthwheel.app import documents, jobs, layout, runs
@@ -15,12 +17,5 @@ def build(workspace: Workspace) -> None:
     chosen = query if query in results else results[0]
     select = ui.select(results, value=chosen, label="Result").classes("fw-field")
     select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
-    place = ui.column().classes("w-full")
-    with place:
-        ui.spinner(size="2em").props('role=status aria-label="Combining the logs"')
-
-    async def show() -> None:
-        computed = jobs.compute(runs.history, workspace.folder, chosen)
-        await layout.fill(place, computed, lambda found: documents.show(*found.blocks))
-
-    ui.timer(0, show, once=True)
+    combine = partial(jobs.compute, runs.history, workspace.folder, chosen)
+    layout.later("Combining the logs", combine, lambda found: documents.show(*found.blocks))

@@ -103,7 +103,7 @@ class _Settings:
                 continue
             if key == known.STATEMENTS:
                 self._statement(label)
-            elif key in runs.KNOWN:
+            elif key == runs.KNOWLEDGE:
                 results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
                 self._choice(key, label, results, _KNOWLEDGE)
             elif option.choices:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel._atomic import atomic_write, reserved
+from fifthwheel._atomic import reserved, write_text
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command
 from fifthwheel.cli.options import (
@@ -75,8 +75,7 @@ def weigh(
             weighed = weigh_vehicle(record, truck, tolerance=tolerance, text=text)
         elif slip is not None:
             weighed = weigh_by_slip(Slip.load(slip), text, name=slip.name)
-        with atomic_write(out) as temporary:
-            temporary.write_text(weighed.text or weighed.vehicle.to_toml(), encoding="utf-8")
+        write_text(out, weighed.text or weighed.vehicle.to_toml())
     document = partial(weighed_document, weighed.loads, truck, weighed.vehicle, weighed.unused)
     terminal.print_result(weighed.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
@@ -113,8 +112,7 @@ def mass(
         records = terminal.load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_masses(truck)
         driven = drive_vehicle(records, truck, text=text)
-        with atomic_write(out) as temporary:
-            temporary.write_text(driven.text or driven.vehicle.to_toml(), encoding="utf-8")
+        write_text(out, driven.text or driven.vehicle.to_toml())
     document = partial(mass_document, driven.result, driven.before, driven.changed)
     terminal.print_result(driven.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
@@ -166,11 +164,7 @@ def roll_test(
 
 
 def _measured(option: str, text: str, si: str) -> "Measured":
-    """A reading with its standard deviation.
-
-    Raises:
-        FifthwheelError: the text is no quantity with a standard deviation.
-    """
+    """A reading with its standard deviation; a FifthwheelError if the text is none."""
     from fifthwheel.errors import FifthwheelError
     from fifthwheel.units import uncertain_quantity
     from fifthwheel.vehicle import Measured

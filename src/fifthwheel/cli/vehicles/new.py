@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel._atomic import atomic_write, reserved
+from fifthwheel._atomic import reserved, write_text
 from fifthwheel.cli import terminal
 from fifthwheel.cli.app import command, vehicle_app
 from fifthwheel.cli.options import ForceFileOption
@@ -63,8 +63,7 @@ def new(
         raise VehicleError("like: expected alone, got other options too; edit the file that it writes")
     with reserved(out, force=force):
         if like:
-            with atomic_write(out) as temporary:
-                temporary.write_text(template(like), encoding="utf-8")
+            write_text(out, template(like))
             terminal.print_files({"vehicle": out})
             return
         answers = dict(given)
@@ -78,8 +77,7 @@ def new(
             if isinstance(error, typer.Abort):
                 raise typer.Exit(128 + signal.SIGINT) from None
             raise
-        with atomic_write(out) as temporary:
-            temporary.write_text(text, encoding="utf-8")
+        write_text(out, text)
     terminal.warn_of_masses(Vehicle.loads(text))
     terminal.print_files({"vehicle": out})
 

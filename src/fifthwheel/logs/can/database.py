@@ -258,11 +258,7 @@ def _gates(signal: Any, by_name: dict[str, Any]) -> Gates:
 
 
 def _highest(signal: Any, message: Any, *, builtin: bool) -> int | None:
-    """The largest raw value that is a value in J1939: above it are error, not available and reserved codes.
-
-    In a database of the user it holds for 29-bit messages and for fields as J1939 has them, whole bytes or two bits;
-    not where the database gives a range that goes beyond it and does not declare the message as J1939.
-    """
+    """The largest raw value that is a value in J1939: above it are error, not available and reserved codes."""
     if not message.is_extended_frame or signal.is_signed or signal.is_float or signal.length == 1:
         return None
     aligned = signal.start % 8 == (0 if signal.byte_order == "little_endian" else 7)
@@ -277,4 +273,5 @@ def _highest(signal: Any, message: Any, *, builtin: bool) -> int | None:
         return None
     if builtin or message.protocol == "j1939" or signal.maximum is None or not signal.scale:
         return highest
+    # not where the database of the user gives a range that goes beyond it
     return highest if abs(signal.maximum - signal.offset) <= abs(signal.scale) * (highest + 0.5) else None

@@ -91,11 +91,7 @@ def _corrected(
 def _steering_wheel(
     name: str, channel: SignalSource, record: Record, wheelbase: float
 ) -> tuple[SignalSource, str] | None:
-    """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60.
-
-    The understeer gradient is unknown, so a range of ratios is possible; the value in it nearest to a typical ratio is
-    used, with the standard deviation of a uniform distribution over the range.
-    """
+    """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60."""
     every = relations(record, wheelbase=wheelbase, min_speed=MIN_SPEED)
     relation = next((relation for relation in every if relation.signal == name), None)
     if relation is None:
@@ -103,6 +99,7 @@ def _steering_wheel(
     degrees = relation.gain > _MAX_STEERING_GAIN
     ratio = relation.gain * (np.pi / 180 if degrees else 1.0)
     u = float(np.nanmedian(record.signals["speed"]))
+    # the understeer gradient is unknown: a uniform distribution of ratios is possible
     low, high = (ratio * (wheelbase + UNDERSTEER * u**2) / (wheelbase + k * u**2) for k in (2 * UNDERSTEER, 0.0))
     used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
     unit = "deg" if degrees else channel.unit

@@ -177,8 +177,7 @@ def _candidates(
 
 
 def _unit(hint: ColumnHint, content: ColumnContent) -> str | None:
-    """The unit of a column: of the file, else of its name; degrees for a sideslip angle that is too large for rad, rpm
-    for an engine speed in 1/min or one that is too large for rad/s."""
+    """The unit of a column by file or name; deg and rpm where its values are too large for rad and rad/s."""
     unit = content.column.unit or hint.unit
     has_none = unit is None or unit.strip() in NO_UNIT
     if hint.channel is ENGINE_SPEED and (unit == "1/min" or (has_none and content.high > _ENGINE_SPEED)):
@@ -226,10 +225,7 @@ def _assign_speed(
 def _assign_towed_gyro(
     log: LogSource, survey: LogSurvey, candidates: dict[str, list[ColumnHint]], units: Sequence[str]
 ) -> str | None:
-    """Move the gyro that lags the others, and all channels of its device, to the last unit; the reason in words.
-
-    No channel is moved if a name contains the unit, or if no gyro lags.
-    """
+    """Move a gyro that lags the others, and all channels of its device, to the last unit; the reason in words."""
     leading, towed = f"yaw_rate.{units[0]}", f"yaw_rate.{units[-1]}"
     gyros = [hint for hint in candidates.get(leading, []) if hint.trailing is None]
     if towed in candidates or len(gyros) < 2 or len(units) < 2:

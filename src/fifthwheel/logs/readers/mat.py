@@ -139,10 +139,7 @@ def _places_5(file: BinaryIO, size: int) -> Iterator[tuple[int, int]]:
 def _variables(
     path: Path, places: Callable[[BinaryIO, int], Iterator[tuple[int, int]]], header: int, notes: list[str]
 ) -> dict[str, Node]:
-    """Variables of version 4 or 5 by name, read one by one; those that are damaged are left out with a note.
-
-    `header` is the number of bytes before the first variable.
-    """
+    """Variables of version 4 or 5 behind `header` bytes, by name; damaged ones are left out with a note."""
     variables: dict[str, Node] = {}
     broken: list[str] = []
     size, end = path.stat().st_size, header
