@@ -1,6 +1,7 @@
 """Benchmarks as programs: what they print for few cases."""
 
 import ast
+import csv
 import importlib
 import os
 import re
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import fifthwheel as fw
 from fifthwheel._types import Array
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
@@ -108,6 +110,32 @@ def test_identifications_predict_other_logs_of_carla(carla: str) -> None:
     # deg; 0.17 to 0.61, the largest on a run that is INCONSISTENT; true values: sigma of 0.12 to 0.29
     assert (trailer_error < 0.67).all()
     assert (other[:, [7, 10]] >= 80).all()  # 84 to 100 % in 90 % intervals, though the truck is not that of the model
+
+
+@pytest.mark.slow
+def test_every_log_in_a_folder_is_a_row(tmp_path: Path) -> None:
+    """One with a map beside it, one that is empty, and a file that is no log."""
+    (tmp_path / "logs" / "day").mkdir(parents=True)
+    truck = fw.vehicle("cheng_cebon_2011")
+    truck.save(tmp_path / "logs" / "vehicle.toml")
+    table = fw.simulate(truck, count=1).to_pandas().rename(columns={"yaw_rate.tractor": "r"})
+    table.to_csv(tmp_path / "logs" / "day" / "a.csv")
+    map_text = '[signals]\n"yaw_rate.tractor" = { column = "r", unit = "rad/s" }\n'
+    (tmp_path / "logs" / "day" / "a.signals.toml").write_text(map_text)
+    (tmp_path / "logs" / "b.mf4").touch()
+    (tmp_path / "logs" / "notes.md").touch()
+    out = tmp_path / "out"
+    lines = printed("folder.py", str(tmp_path / "logs"), "-o", str(out), "--tyres", "linear")
+    assert lines[-1].startswith("2 logs, 1 with an error")
+    text = (out / "table.md").read_text(encoding="utf-8")
+    assert "| b.mf4 | error: empty, 0 bytes; the log was never written |" in text
+    assert re.search(r"\| day/a.csv \| .* kN/rad, converged \| .*yaw_rate.tractor 0\.\d+ deg/s \(9\d %", text)
+    assert "Not read, by their endings: notes.md." in text
+    bad, good = csv.DictReader((out / "table.csv").read_text(encoding="utf-8").splitlines())
+    stiffness = "semitrailer.cornering_stiffness"
+    error = float(good[stiffness]) - truck.parameters()[stiffness]
+    assert abs(error) < 4 * float(good[f"{stiffness}.sigma"])
+    assert (bad["log"], bad["verdict"], bad[stiffness]) == ("b.mf4", "error", "")
 
 
 @pytest.mark.slow

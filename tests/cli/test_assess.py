@@ -31,6 +31,13 @@ def test_the_table_and_the_files(exact, run, tmp_path):  # noqa: F811
     assert contents["speed"] == pytest.approx(80 / 3.6)
     page = (tmp_path / "out" / "assess.html").read_text()
     assert all(text in page for text in ("steer tyre friction demand", "Lane change", "Low-speed turn of 90°"))
+    (source,) = contents["provenance"]["files"]
+    for text in (source["sha256"], "steer tyre friction demand", "met"):
+        assert text in (tmp_path / "out" / "evidence.html").read_text()
+    assert run("verify", tmp_path / "out").out.startswith(f"{tmp_path / 'out'}: 4 files as recorded.")
+    (tmp_path / "out" / "assess.html").write_text("other")
+    outcome = run("verify", tmp_path / "out", "--json")
+    assert (outcome.code, outcome.json()["intact"], outcome.json()["files"][0]["state"]) == (1, False, "differs")
 
 
 def test_a_file_is_no_folder_for_results(exact, run, tmp_path):  # noqa: F811
@@ -59,6 +66,16 @@ def test_an_identification_in_a_folder(result, run, tmp_path):  # noqa: F811
     assert "joint covariance" in outcome.json()["origin"]
     path = tmp_path / "found" / "identification.json"
     assert run("assess", path, "--linear", "--json").json()["measures"] == outcome.json()["measures"]
+
+
+def test_the_evidence_of_an_identification_has_its_conclusion_its_note_and_its_logs(identified, run, tmp_path):  # noqa: F811
+    folder, printed = identified
+    run("assess", folder, "--linear", "-o", "assessed")
+    contents = json.loads((tmp_path / "assessed" / "assessment.json").read_text())
+    assert contents["identification"][0] == printed["conclusion"]["headline"]
+    assert {row["verdict"] for row in contents["parameters"]} >= {"converged", "assumed"}
+    names = [file["path"].rpartition("/")[2] for file in contents["provenance"]["files"]]
+    assert names == ["identification.json", "first.csv", "second.parquet", "flat.csv"]
 
 
 @pytest.mark.parametrize(

@@ -97,6 +97,8 @@ def test_identification_json(identified, folder):
     assert "NaN" not in text
     assert "Infinity" not in text
     found = json.loads(text)
+    files = [Path(file["path"]).name for file in found.pop("provenance")["files"]]
+    assert files == ["first.csv", "second.parquet", "flat.csv"]
     assert {**found, "files": printed["files"]} == printed
     assert found["version"] == fifthwheel.__version__
     assert (found["method"], found["preset"], found["vehicle"]) == ("one-stage", "default", TRUCK)

@@ -65,6 +65,21 @@ def test_without_a_vehicle_and_a_folder(logs, run):  # noqa: F811
     assert all(c["met"] is not False for c in result["conditions"])
 
 
+def test_the_nonlinear_truck_is_driven_with_the_inputs_of_the_log(logs, run, tmp_path):  # noqa: F811
+    pytest.importorskip("mujoco")
+    truck = logs / "truck.toml"
+    result = run(
+        "validate", "plant", logs / "step.parquet", "--test", "step", "-v", truck, "-o", "out", "--json"
+    ).json()
+    assert result["results"]["log"] == "nonlinear truck"
+    assert {curve["name"]: curve["verdict"] for curve in result["curves"]}["steer.tractor.front"] == "inside"
+    assert run("verify", "out").code == 0
+    outcome = run("validate", "plant", logs / "step.parquet", "--test", "step")
+    assert outcome.err == "error: plant: needs the truck; add --vehicle\n"
+    outcome = run("validate", "truck.fmu", logs / "step.parquet", "--test", "step", "--results-signals", "map.toml")
+    assert outcome.err.startswith("error: --results-signals: a map of a file of results; omit it")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

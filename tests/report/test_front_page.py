@@ -11,6 +11,7 @@ from fifthwheel import pages
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import Verdict
 from fifthwheel.pages import page
+from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration, lateral_acceleration
 from fifthwheel.report import Provenance, front_page, write_report
 from fifthwheel.report.truck_drawing import CHARACTER, WIDTH, truck_drawing
@@ -152,6 +153,11 @@ def test_lateral_acceleration_over_time(result):
     assert np.isnan(largest)
     assert np.isnan(lateral_acceleration(record, "trailer")).all()
     assert np.nanmax(np.abs(mean[~slow])) > 1
+
+
+def test_a_log_shorter_than_the_average_has_a_lateral_acceleration():
+    record = Record(time=[0, 0.01, 0.02], signals={"speed": [20.0] * 3, "yaw_rate.tractor": [0.1, 0.2, 0.3]})
+    assert lateral_acceleration(record, "tractor") == pytest.approx([3.0, 4.0, 5.0])  # over three samples and fewer
 
 
 def test_of_many_logs_three_are_drawn_before_the_appendix(result, tmp_path):

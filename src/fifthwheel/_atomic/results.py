@@ -101,6 +101,19 @@ def require_unused(folder: Path) -> None:
         pass
 
 
+def recorded_digests(folder: Path) -> dict[str, str]:
+    """The digest of every result of a folder by its path there; empty if the folder has no manifest."""
+    recover(folder)
+    run = _manifest(folder)
+    return dict(run["files"]) if run else {}
+
+
+def file_digest(path: Path) -> str:
+    """SHA-256 of a file in hexadecimal."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
 def recover(folder: Path) -> None:
     """Finish putting the results of a killed run in place.
 
@@ -265,8 +278,7 @@ def _digest(path: Path) -> str | None:
     """SHA-256 of a file; None if nothing has this name."""
     if not path.is_file():
         return _OTHER if os.path.lexists(path) else None
-    with path.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
+    return file_digest(path)
 
 
 def _is_one_of(path: Path, inputs: Iterable[Path]) -> bool:

@@ -12,8 +12,8 @@ from fifthwheel.settings import Option, Settings, limits, options_of
 
 COMMANDS = (
     *("vehicle", "weigh", "mass", "roll-test", "signals", "check", "design", "identify", "states", "compare"),
-    *("assess", "evaluate", "validate", "knowledge", "live", "app", "fleet", "export", "simulate", "reproduce"),
-    "selfcheck",
+    *("assess", "evaluate", "validate", "verify", "knowledge", "live", "app", "fleet", "export", "simulate"),
+    *("reproduce", "selfcheck"),
 )
 """In the order of a user's way from a truck and a log to its states."""
 

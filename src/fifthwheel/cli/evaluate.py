@@ -13,6 +13,8 @@ from fifthwheel.cli.app import command
 
 if TYPE_CHECKING:
     from fifthwheel.evaluate import Evaluation, Validation
+    from fifthwheel.record import Record
+    from fifthwheel.vehicle import Vehicle
 
 LogArgument = Annotated[
     Path,
@@ -79,11 +81,17 @@ def evaluate(
     "fifthwheel validate results.csv circle.mf4 -s signals.toml --test steady_state --vehicle truck.toml -o validated",
     "fifthwheel validate results.csv log.csv --test steady_state -v truck.toml --tolerance understeer_gradient=5%",
     "fifthwheel validate results.csv log.csv --test step --tolerance 'yaw_rate=5% + 0.2deg/s' --json",
+    "fifthwheel validate truck.fmu log.csv --test step -v truck.toml",
+    "fifthwheel validate plant log.csv --test step -v truck.toml",
 )
 def validate(
     results: Annotated[
         Path,
-        typer.Argument(help="Results of a simulation, in any format of a log; no FMU.", show_default=False),
+        typer.Argument(
+            help="Results of a simulation, in any format of a log; an FMU, which is run with the speed and steer angle "
+            "of LOG; or `plant`, the nonlinear truck.",
+            show_default=False,
+        ),
     ],
     log: LogArgument,
     test: TestOption,
@@ -113,6 +121,7 @@ def validate(
     Both are evaluated by the same test method. Each measure and each characteristic curve is inside or outside of its
     tolerance, or undecided where sigma is too large. The default tolerances are ours, and those of no standard.
     """
+    from fifthwheel.errors import FifthwheelError
     from fifthwheel.evaluate import validate as run_validation
     from fifthwheel.report.evaluation import validation_document
     from fifthwheel.workflow import VALIDATION_FILES, read_vehicle
@@ -121,14 +130,31 @@ def validate(
     options.require_figures(figures, out)
     stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")
     truck = read_vehicle(vehicle) if vehicle else None
-    (simulated,) = terminal.load_records([results], results_signals, allow_outside=allow_outside)
     (measured,) = terminal.load_records([log], signals, allow_outside=allow_outside)
+    if str(results) == "plant" or results.suffix == ".fmu":
+        if results_signals:
+            raise FifthwheelError("--results-signals: a map of a file of results; omit it for an FMU or plant")
+        simulated = _driven(results, truck, measured)
+    else:
+        (simulated,) = terminal.load_records([results], results_signals, allow_outside=allow_outside)
     validation = run_validation(simulated, measured, test, tolerances=stated, vehicle=truck)
     maps = [signals, results_signals]
     written = _written(
         "validate", validation, out, VALIDATION_FILES, [results, log], vehicle, maps, figures=figures, force=force
     )
     terminal.print_result(validation.as_dict(), partial(validation_document, validation), written, as_json=as_json)
+
+
+def _driven(model: Path, truck: "Vehicle | None", log: "Record") -> "Record":
+    """The results of an FMU or of the nonlinear truck with the inputs of a log."""
+    from fifthwheel.errors import FifthwheelError
+    from fifthwheel.evaluate.driven_model import fmu_results, plant_results
+
+    if model.suffix == ".fmu":
+        return fmu_results(model, log)
+    if truck is None:
+        raise FifthwheelError("plant: needs the truck; add --vehicle")
+    return plant_results(truck, log)
 
 
 def _written(

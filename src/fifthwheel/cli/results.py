@@ -1,4 +1,4 @@
-"""fifthwheel compare and assess"""
+"""fifthwheel compare, assess and verify"""
 
 import sys
 from functools import partial
@@ -79,7 +79,10 @@ def assess(
     ] = "88 km/h",
     linear: Annotated[bool, typer.Option("--linear", help="Do not simulate the nonlinear truck.")] = False,
     out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for assessment.json and assess.html. Default: no files.")
+        Path | None,
+        typer.Option(
+            "--out", "-o", help="Folder for assessment.json, assess.html and evidence.html. Default: no files."
+        ),
     ] = None,
     figures: options.FiguresOption = None,
     force: options.ForceOption = False,
@@ -92,6 +95,7 @@ def assess(
     model and the nonlinear truck stand side by side. docs/assess.md defines the measures.
     """
     from fifthwheel.assess import assess as run_assessment
+    from fifthwheel.identify import Identification
     from fifthwheel.report import gather_provenance
     from fifthwheel.report.assessment import assessment_document
     from fifthwheel.vehicle import unit_of
@@ -120,6 +124,44 @@ def assess(
     if out is not None:
         with result_folder(out, "assess", ASSESSMENT_FILES, inputs=[source], force=force) as folder:
             provenance = gather_provenance([source], {}, sys.argv[1:])
-            written = write_assessment(assessment, folder, provenance=provenance, figures=figures)
+            written = write_assessment(
+                assessment,
+                folder,
+                source=source,
+                identification=subject if isinstance(subject, Identification) else None,
+                provenance=provenance,
+                figures=figures,
+            )
             files = terminal.in_folder(out, written)
     terminal.print_result(assessment.as_dict(), partial(assessment_document, assessment), files, as_json=as_json)
+
+
+@command(
+    "fifthwheel verify assessed",
+    "fifthwheel verify handed-over/assessed --files handed-over/logs --files handed-over",
+    "fifthwheel verify assessed/assessment.json --json",
+)
+def verify(
+    result: Annotated[
+        Path, typer.Argument(help="A result folder, or a JSON file of results in it.", show_default=False)
+    ],
+    files: Annotated[
+        list[Path] | None,
+        typer.Option("--files", help="Folder with files that are not at their recorded path; may be repeated."),
+    ] = None,
+    as_json: options.JsonOption = False,
+) -> None:
+    """Verify that the files of a result, and its logs, map and vehicle file, are those of its run.
+
+    Compares the SHA-256 of each file with the one recorded in run.json and in the JSON files of the result. The exit
+    code is 1 if a file differs or is missing. docs/assess.md shows how to sign a result.
+    """
+    from fifthwheel.report.verification import verify as run_verification
+
+    verification = run_verification(result, files or ())
+    if as_json:
+        terminal.print_json(verification.as_dict())
+    else:
+        terminal.print_result({}, verification.document, {}, as_json=False)
+    if not verification.is_intact:
+        raise typer.Exit(1)

@@ -112,7 +112,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Measu
         )
     if len(record.segments()) > 1:
         raise SignalError(f"{record.name}: has a pause of more than 1 s; cut the record to one run with start and stop")
-    steer_name = _steer(record, vehicle)
+    steer_name = first_steer(record, vehicle)
     grid = first + np.arange(np.floor((last - first) * record.rate + 1e-6) + 1) / record.rate
 
     def on_grid(name: str) -> Array:
@@ -132,7 +132,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Measu
                 signals[name] = on_grid(name)
             except SignalError as error:
                 left_out[name] = str(error)
-    notes = [f"left out: {message}" for message in left_out.values()]
+    notes = [*record.notes, *(f"left out: {message}" for message in left_out.values())]
     references = {name for name in referred if name in signals}
     for name in [name for name in signals if is_of(name, LATERAL_VELOCITY)]:
         angle = f"{SIDESLIP.quantity}.{SignalName.of(name).unit}"
@@ -174,7 +174,7 @@ def _unused(record: Record, used: list[str]) -> Iterator[str]:
         yield f"Times contain the time offset of signals on another time base: {enumerated(names)}."
 
 
-def _steer(record: Record, vehicle: Vehicle | None) -> str:
+def first_steer(record: Record, vehicle: Vehicle | None) -> str:
     """The steer angle of the first axle that has one."""
     if vehicle is not None:
         return vehicle.with_logged_steering(record.signals, record.name).steer_signals()[0]

@@ -224,6 +224,8 @@ class Document:
     """What a page has folded away at its end; a terminal leaves it out."""
     name: str = ""
     """Of the result, which a page shows behind the title."""
+    sheet: bool = False
+    """Whether a page is for one sheet of A4."""
 
     def __str__(self) -> str:
         """Title, tables and lists as text."""

@@ -70,7 +70,7 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
     subtitle = "".join(f'<p class="subtitle">{html.text(line)}</p>\n' for line in document.subtitle.splitlines())
     name = f'<span class="result">, {html.text(document.name)}</span>' if document.name else ""
     full_title = f"{document.title}, {document.name}" if document.name else document.title
-    body = f"""{_head(full_title)}<main><h1>{html.text(document.title)}{name}</h1>
+    body = f"""{_head(full_title)}<main{' class="sheet"' * document.sheet}><h1>{html.text(document.title)}{name}</h1>
 {subtitle}<nav>{links}</nav>
 {html.blocks(document.blocks, place)}</main>
 {_appendix(document.appendix, place)}

@@ -16,7 +16,9 @@ def lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0) -> A
     """
     missing = np.full(len(record), np.nan)
     values = record.signals.get("speed", missing) * (record.signals.get(f"yaw_rate.{unit}", missing) - offset)
-    known, window = np.isfinite(values), np.ones(max(round(record.rate * AVERAGING_TIME), 1))
+    known = np.isfinite(values)
+    width = min(max(round(record.rate * AVERAGING_TIME), 1), len(record))  # "same": the length of the longer one
+    window = np.ones(width)
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.convolve(np.where(known, values, 0.0), window, "same") / np.convolve(known, window, "same")
     return np.where(known, mean, np.nan)

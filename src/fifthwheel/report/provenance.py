@@ -1,26 +1,33 @@
 """The origin of a result: its logs, and what reproduces it, command, files and versions."""
 
-import hashlib
 import platform
 import shlex
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
+from typing import Any, Self
+
+from pydantic import TypeAdapter, ValidationError
 
 import fifthwheel
 from fifthwheel import pages
+from fifthwheel._atomic import file_digest
 from fifthwheel.diagnose.summaries import RunSummary
+from fifthwheel.errors import FifthwheelError
 from fifthwheel.formatting import fixed, kmh, percent, seconds
 from fifthwheel.identify import Identification
+from fifthwheel.input_files import read_json
 from fifthwheel.record import Record
 
 LOGS = (
     *("Log|name", "Use|w", "Span, s>", "Samples>", "Used>", "Speed>", "Lateral acc., m/s²>"),
     "Most rejected||Most rejected: ",
 )
+FILES = ("File|name", "Bytes>", "SHA-256|full hash")
 PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
 """The packages that the numbers depend on."""
 
@@ -32,6 +39,10 @@ class FileUsed:
     path: str  # as given
     size: int  # bytes
     sha256: str
+
+    def row(self) -> tuple[pages.Cell, ...]:
+        """Of a table with the heads `FILES`."""
+        return pages.Code(self.path), fixed(self.size, 0), pages.Code(self.sha256)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,6 +56,23 @@ class Provenance:
     files: tuple[FileUsed, ...] = ()
     texts: Mapping[str, str] = field(default_factory=dict)  # text of the vehicle file and of the signal map, by name
 
+    def as_dict(self) -> dict[str, Any]:
+        """Command, time, versions and files: what a JSON file of results keeps."""
+        return {key: value for key, value in asdict(self).items() if key not in ("note", "texts")}
+
+    @classmethod
+    def read(cls, path: Path) -> Self | None:
+        """The provenance in a JSON file of results; None if it has none, or a FifthwheelError if it is damaged."""
+        contents = read_json(path)
+        kept = contents.get("provenance") if isinstance(contents, Mapping) else None
+        if kept is None:
+            return None
+        try:
+            return TypeAdapter(cls).validate_python(kept)
+        except ValidationError as error:
+            reason = error.errors()[0]["msg"]
+            raise FifthwheelError(f"{path}: provenance: damaged ({reason}); run its command again") from None
+
     def blocks(self) -> Iterator[pages.Block]:
         """How to reproduce the result."""
         yield pages.Heading("Reproduce this result")
@@ -53,10 +81,7 @@ class Provenance:
         when = f"Run at {self.time}, with " if self.time else "With "
         yield pages.Paragraph(f"{when}{', '.join(f'{name} {version}' for name, version in self.versions.items())}.")
         if self.files:
-            yield pages.Table(
-                ("File|name", "Bytes>", "SHA-256|full hash"),
-                [(pages.Code(f.path), fixed(f.size, 0), pages.Code(f.sha256)) for f in self.files],
-            )
+            yield pages.Table(FILES, [file.row() for file in self.files])
         for name, text in self.texts.items():
             yield pages.Folded(name, [pages.Verbatim(text)])
 
@@ -67,7 +92,7 @@ def gather_provenance(
     """The provenance of a result.
 
     Args:
-        files: all files and folders that were read.
+        files: all files and folders that were read; of a result, those from which it was made are added.
         texts: files that are short enough to be shown, by name.
         command: its arguments.
     """
@@ -75,7 +100,7 @@ def gather_provenance(
         command=shlex.join(["fifthwheel", *command]) if command else "",
         time=datetime.now(UTC).strftime("%Y-%m-%d %H:%M:%S UTC"),
         versions=versions(),
-        files=tuple(file for path in files for file in _used_files(Path(path))),
+        files=tuple(dict.fromkeys(file for path in files for file in _used_files(Path(path)))),
         texts=dict(texts or {}),
     )
 
@@ -118,14 +143,17 @@ def versions() -> dict[str, str]:
 
 
 def _used_files(path: Path) -> list[FileUsed]:
-    """A file, or all files of a folder; nothing for a path that does not exist."""
+    """A file, or all files of a folder, and what a result was made from; nothing for a path that does not exist."""
     if path.is_dir():
         return [file for inner in sorted(path.rglob("*")) if inner.is_file() for file in _used_files(inner)]
     if not path.is_file():
         return []
-    with path.open("rb") as stream:
-        digest = hashlib.file_digest(stream, "sha256")
-    return [FileUsed(path=str(path), size=path.stat().st_size, sha256=digest.hexdigest())]
+    earlier = None
+    if path.suffix == ".json":
+        with suppress(FifthwheelError):  # whoever reads the result has refused a damaged one
+            earlier = Provenance.read(path)
+    own = FileUsed(path=str(path), size=path.stat().st_size, sha256=file_digest(path))
+    return [own, *(earlier.files if earlier else ())]
 
 
 def logs_and_origin(

@@ -12,6 +12,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.evaluate import Evaluation, Validation
 from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
+from fifthwheel.identify.result.storage import read_contents
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
     Provenance,
@@ -22,14 +23,16 @@ from fifthwheel.report import (
     write_states_report,
 )
 from fifthwheel.report.evaluation import write_evaluation_report
+from fifthwheel.report.evidence import Evidence, write_evidence
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
 from fifthwheel.workflow.inputs import identification_file, read_vehicle
+from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.states import StatesRun
 
-ASSESSMENT_FILES = ("assessment.json", "assess.html")
+ASSESSMENT_FILES = ("assessment.json", "assess.html", "evidence.html")
 """Results of an assessment, besides figures."""
 EVALUATION_FILES = ("evaluation.json", "evaluation.html")
 """Results of an evaluation, besides figures."""
@@ -59,11 +62,19 @@ def read_truck(name: str) -> Vehicle | Identification:
 
 
 def write_assessment(
-    assessment: Assessment, folder: Path, *, provenance: Provenance | None = None, figures: str | None = None
+    assessment: Assessment,
+    folder: Path,
+    *,
+    source: Path | None = None,
+    identification: Identification | None = None,
+    provenance: Provenance | None = None,
+    figures: str | None = None,
 ) -> dict[str, Path]:
-    """Write assessment.json and assess.html to an existing folder; returns the path of each by its name.
+    """Write assessment.json, assess.html and evidence.html to an existing folder; returns the path of each by its name.
 
     Args:
+        source: file of the identification that was assessed, whose conclusion and note are part of the evidence.
+        identification: content of this file.
         provenance: command, input files and versions, for the page.
         figures: "svg", "png" or "pdf" to write every figure of the page into the folder figures.
 
@@ -71,9 +82,25 @@ def write_assessment(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    write_json(folder / ASSESSMENT_FILES[0], assessment.as_dict())
-    drawn = write_assessment_report(folder / ASSESSMENT_FILES[1], assessment, provenance=provenance, figures=figures)
+    contents, page, sheet = (folder / name for name in ASSESSMENT_FILES)
+    evidence = Evidence(
+        assessment=assessment,
+        identification=identification,
+        conclusion=_conclusion(source) if identification and source else (),
+        provenance=provenance or Provenance(),
+    )
+    write_json(contents, evidence.as_dict())
+    drawn = write_assessment_report(page, assessment, provenance=provenance, figures=figures)
+    write_evidence(sheet, evidence, contents)
     return {name: folder / name for name in (*ASSESSMENT_FILES, *(["figures"] if drawn else []))}
+
+
+def _conclusion(identification: Path) -> list[str]:
+    """What an identification.json concludes, in sentences, and the note of the user."""
+    concluded, note = read_contents(identification).get("conclusion"), Note.read(identification)
+    kept = concluded if isinstance(concluded, dict) else {}  # a file of `Identification.save` has none
+    sentences = [kept.get("headline", ""), *kept.get("cautions", ()), f"Note: {note}" if note else ""]
+    return [str(sentence) for sentence in sentences if sentence]
 
 
 def write_evaluation(
@@ -86,9 +113,13 @@ def write_evaluation(
     """Write the JSON and HTML file of an evaluation or a validation to an existing folder; arguments and errors as
     `write_assessment`."""
     names = EVALUATION_FILES if isinstance(evaluation, Evaluation) else VALIDATION_FILES
-    write_json(folder / names[0], evaluation.as_dict())
+    write_json(folder / names[0], evaluation.as_dict() | _origin(provenance))
     drawn = write_evaluation_report(folder / names[1], evaluation, provenance=provenance, figures=figures)
     return {name: folder / name for name in (*names, *(["figures"] if drawn else []))}
+
+
+def _origin(provenance: Provenance | None) -> dict[str, Any]:
+    return {} if provenance is None else {"provenance": provenance.as_dict()}
 
 
 STATES_FILES = ("states.parquet", "report.html")
@@ -139,7 +170,7 @@ def write_results(
         )
     else:
         noted = provenance and replace(provenance, note="" if run.note is None else str(run.note))
-        write_json(folder / "identification.json", run.as_dict())
+        write_json(folder / "identification.json", run.as_dict() | _origin(provenance))
         vehicle, covariance = _with_assumed(run.identification), run.identification.covariance
         text = vehicle.to_toml() if vehicle_text is None else edited(vehicle_text, vehicle)
         write_text(folder / "vehicle.toml", text)
