@@ -23,8 +23,10 @@ from fifthwheel.native.step import Step, compiling
 
 LANES = 8
 """Rows of the Jacobian in one vector register."""
-BLOCK = 32
+BLOCK = 64
 """Samples whose Jacobians are kept at a time; they stay in the processor's cache."""
+MOST_THREADS = 4
+"""That compute Jacobians. One thread computes the values before and the products after, which takes a third as long."""
 
 
 class AdjointScan:
@@ -139,7 +141,7 @@ class _Compiled:
         slopes = np.zeros((k, self.groups * LANES))
         slopes[:, : self.seeds] = carry_dot
         first, columns, values = _sparse(constant_dot, self.n)
-        count = 1 if k == 0 else max(threads, 1) + 1  # blocks at work
+        count = 1 if k == 0 or threads <= 1 else min(threads, MOST_THREADS) + 1  # blocks at work
         buffers = [
             (np.empty((BLOCK, self.shared)), np.empty((BLOCK, self.adjoint, self.groups, LANES))) for _ in range(count)
         ]
@@ -170,7 +172,7 @@ class _Compiled:
             if len(waiting) == count:
                 finish()
             rows = nominal(begin, shared)
-            if k and threads > 1:
+            if count > 1:
                 waiting.append((workers().submit(jacobian, rows, shared, adjoint), begin, rows, adjoint))
             elif k:
                 jacobian(rows, shared, adjoint)
