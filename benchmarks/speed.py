@@ -9,8 +9,10 @@
 * Observer.push and Learner.push: one sample at a time, from a dict to a dict;
 * identification in one stage: 120 s at 100 Hz, for several sets of unknowns;
 * the nonlinear truck with a time step of 1 ms: simulated time divided by computing time;
+* one evaluation of the posterior and its derivatives by all unknowns, divided by its floor, a plain simulation;
 * the command line: `fifthwheel identify` on 120 s, 10 min and 1 h of everyday driving at 100 Hz, as a process with
   states and report: duration, processor time and memory; the first without compiled steps too; `fifthwheel --help`.
+  The processor time is also divided by that of a bare import of the libraries, the floor of a process.
 
 Each number is the best of several runs. Ratios are more reliable than absolute numbers.
 """
@@ -24,16 +26,19 @@ import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import casadi as ca
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from fifthwheel import dynamics, logs, vehicle
 from fifthwheel.cheng_cebon_2011 import dual
 from fifthwheel.filters import Noise, kalman, sample_rows
 from fifthwheel.filters.model import pack_array
 from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.one_stage.log_posterior import log_posterior
 from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.native import Scan
@@ -48,13 +53,13 @@ ERRORS = OneStage(consider={}, tyres="linear")
 NOT_LAGGING = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})  # 4 and 8 states
 
 
-def best(work: Callable[[], object], runs: int = 5) -> float:
+def best(work: Callable[[], object], runs: int = 5, clock: Callable[[], float] = time.perf_counter) -> float:
     """Shortest duration of several runs, s."""
     times = []
     for _ in range(runs):
-        start = time.perf_counter()
+        start = clock()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(clock() - start)
     return min(times)
 
 
@@ -210,6 +215,15 @@ def one_stage_time() -> dict[str, float]:
     return {name: best(lambda s=s: identify([record], guess, s), 3) for name, s in cases.items()}
 
 
+def evaluation_ratio() -> tuple[int, float]:
+    """Number of unknowns, and the processor time of an evaluation with derivatives over that of one without."""
+    density = log_posterior([simulate(TRUCK, count=5, seed=1)], TRUCK, OneStage())
+    problem, z = density.problem, density.solution.minimum.z
+    with threadpool_limits(limits=1, user_api="blas"):
+        whole, plain = (best(lambda f=f: f(z), clock=time.process_time) for f in (problem.expand, problem.cost))
+    return len(z), whole / plain
+
+
 def plant_speed() -> float:
     """Simulated time of the nonlinear truck divided by computing time."""
     from fifthwheel.manoeuvres import course
@@ -228,7 +242,8 @@ class ProcessCost:
     memory: float  # MB, the largest of its processes
 
     def __str__(self) -> str:
-        return f"{self.wall:8.2f} s, processor {self.cpu:.2f} s, {self.memory:.0f} MB"
+        ratio = self.cpu / bare_import()
+        return f"{self.wall:8.2f} s, processor {self.cpu:.2f} s ({ratio:.1f} bare imports), {self.memory:.0f} MB"
 
 
 MEASURE = """
@@ -242,16 +257,23 @@ print(json.dumps([status, wall, cpu, usage.ru_maxrss / 1024]))
 """Starts a process from a small one: the memory of a process counts from its fork on, so not from this one."""
 
 
+@cache
+def bare_import() -> float:
+    """Processor time of a process that imports the libraries and does nothing, s."""
+    return process_cost(["-c", "import numpy, scipy.linalg, scipy.signal, casadi"]).cpu
+
+
 def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> ProcessCost:
-    """Cost of a process; that of the fastest of several runs. Python keeps the bytecode of modules, as by default."""
+    """Cost of a Python process; that of the fastest of several runs. Python keeps the bytecode of modules, as by
+    default."""
     environment = {"PYTHONDONTWRITEBYTECODE": "", **environment}
-    command = [sys.executable, "-c", MEASURE, sys.executable, "-m", "fifthwheel", *arguments]
+    command = [sys.executable, "-c", MEASURE, sys.executable, *arguments]
 
     def once() -> ProcessCost:
         measured = subprocess.run(command, capture_output=True, text=True, check=True, env=os.environ | environment)
         status, *cost = json.loads(measured.stdout)
         if status:
-            raise SystemExit(f"fifthwheel {' '.join(arguments)}: status {status}\n{measured.stderr}")
+            raise SystemExit(f"python {' '.join(arguments)}: status {status}\n{measured.stderr}")
         return ProcessCost(*cost)
 
     return min((once() for _ in range(runs)), key=lambda cost: cost.wall)
@@ -262,13 +284,13 @@ def command_costs() -> Iterator[tuple[str, ProcessCost]]:
     from fifthwheel.manoeuvres import course
     from fifthwheel.plant import Plant
 
-    yield "--help", process_cost(["--help"])
+    yield "--help", process_cost(["-m", "fifthwheel", "--help"])
     with tempfile.TemporaryDirectory() as folder:
         for duration in (120, 600, 3600):
             log, out, cache = (Path(folder) / f"{duration}{end}" for end in (".csv", "", "cache"))
             drive = course("everyday", TRUCK, duration=float(duration), seed=0)
             logs.write_record(Plant(TRUCK).drive(drive).record(seed=0), log)
-            identify_log = ["identify", str(log), "-v", "cheng_cebon_2011", "-o", str(out)]
+            identify_log = ["-m", "fifthwheel", "identify", str(log), "-v", "cheng_cebon_2011", "-o", str(out)]
             first = process_cost(identify_log, 1, FIFTHWHEEL_CACHE=str(cache))
             if duration == 120:
                 yield "identify, 120 s, first compilation", first
@@ -296,6 +318,8 @@ def main() -> None:
         print(f"{name:40s} median {median:.1f}, 99 % {percentile_99:.1f}")
     for name, seconds in one_stage_time().items():
         print(f"{'one stage, ' + name + ', s':40s} {seconds:8.2f}")
+    unknowns, ratio = evaluation_ratio()
+    print(f"{f'derivatives by {unknowns} unknowns, plain simulations':40s} {ratio:8.1f}")
     print(f"{'nonlinear truck, times real time':40s} {plant_speed():8.1f}")
     for name, cost in command_costs():
         print(f"{'fifthwheel ' + name:40s} {cost}")

@@ -14,7 +14,7 @@ import pytest
 import fifthwheel
 from fifthwheel import dynamics, vehicle
 from fifthwheel.filters import kalman, tangent
-from fifthwheel.native import DirectionScan, Scan, compiled, source
+from fifthwheel.native import AdjointScan, Scan, compiled, source
 from fifthwheel.native import step as module
 from fifthwheel.native.llvm_ir import module as assembly
 from fifthwheel.native.source import closure
@@ -172,12 +172,12 @@ def test_a_model_finds_the_code_of_another_process() -> None:
         dynamics.model.__globals__["_models"].clear()
         model = dynamics.model(truck, OUTPUTS, roll=True, free=free, extended=True)
         scan = tangent.simulation_tangent(model)
-        assert isinstance(scan, DirectionScan)
-        size = scan.sizes
+        assert isinstance(scan, AdjointScan)
+        n, inputs, parameters, _, channels = model.sizes
         values = dynamics.all_parameters(truck, OUTPUTS, extended=True)
         constant = np.concatenate([model.free_values(values), model.known_values(values), np.ones(6)])
-        arrays = (np.full(size[0], 0.01), np.full((5, size[1]), 0.01), constant)
-        dots = np.ones((3, size[3])), np.ones((3, size[4]))
+        arrays = (np.full(n + 2 * channels, 0.01), np.full((5, 1 + inputs + 2 * channels), 0.01), constant)
+        dots = np.ones((3, n + channels)), np.ones((3, parameters))
         results.append(scan(*arrays, *dots))
         assert ("_symbols" in vars(model)) != known
     for first, second in zip(*results, strict=True):

@@ -1,7 +1,8 @@
 """Exact derivatives of a model or a filter with respect to its parameters and its initial state.
 
-Forward differentiation along any number of directions: the nominal step is computed once, the derivatives in the lanes
-of vector registers. One compiled step serves every choice of unknowns.
+The nominal step is computed once, the derivatives along any number of directions in the lanes of vector registers: for
+the model by the reverse mode, for the filter, which has a large state, by the forward mode. One compiled step serves
+every choice of unknowns.
 
 Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
 is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.
@@ -18,7 +19,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
-from fifthwheel.native import DirectionScan, compiled
+from fifthwheel.native import AdjointScan, DirectionScan, compiled
 
 CHUNK = 2_000
 """Number of rows in one pass; it bounds the memory for long records."""
@@ -27,57 +28,33 @@ DECAYED = 1e-9
 """The effect of the initial state is left out once it has decayed to this fraction."""
 
 
-def _with_directions(
-    name: str,
-    *,
-    carry: tuple[ca.SX, ca.SX],
-    sample: ca.SX,
-    constant: tuple[ca.SX, ca.SX],
-    later: tuple[ca.SX, ca.SX],
-    output: tuple[ca.SX, ca.SX],
-) -> ca.Function:
-    """The step (carry, sample, constant) -> (carry, output), and its derivative along directions.
-
-    Of each pair, the first vector is differentiated, and the second does not depend on the directions.
-    """
-    carry_dot, p_dot = ca.SX.sym("carry_dot", carry[0].shape[0]), ca.SX.sym("p_dot", constant[0].shape[0])
-    by, along = ca.vertcat(carry[0], constant[0]), ca.vertcat(carry_dot, p_dot)
-    derivative = ca.jtimes(ca.vertcat(later[0], output[0]), by, along)
-    n = later[0].shape[0]
-    results = [ca.vertcat(*later), ca.vertcat(*output), derivative[:n], derivative[n:]]
-    return ca.Function(
-        name,
-        [ca.vertcat(*carry), sample, ca.vertcat(*constant), carry_dot, p_dot],
-        [ca.densify(result) for result in results],
-        {"cse": True},
-    )
-
-
-@compiled(DirectionScan)
+@compiled(AdjointScan)
 def simulation_tangent(model: Model) -> ca.Function:
     """The free-running model with a discrepancy d of variance q and time constant tau for each channel.
 
     carry = [x, d, variance of d]; sample = [dt, d, y, weight]; constant = [p, c, r, q, tau];
-    output = [innovation, variance, weight], of which the innovation is differentiated.
+    output = [innovation, variance, weight], of which the innovation is differentiated by x, d and p.
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
-    moving, x, offset = partitioned("carry", n_x, n_y)
-    variance, p = ca.SX.sym("variance", n_y), ca.SX.sym("p", n_p)
+    carry, x, offset, variance = partitioned("carry", n_x, n_y, n_y)
     row, dt, d, y, weight = partitioned("row", 1, n_d, n_y, n_y)
-    others, c, r, q, tau = partitioned("others", n_c, n_y, n_y, n_y)
+    constant, p, c, r, q, tau = partitioned("constant", n_p, n_c, n_y, n_y, n_y)
     later = model.transition(x, dt, d, p, c)
     phi = ca.exp(-dt / tau)
     predicted, spread = phi * offset, phi * phi * variance + (1 - phi * phi) * q
-    innovation, total = weight * (y - model.observation(later, d, p, c) - predicted), spread + r
+    error = weight * (y - model.observation(later, d, p, c))
+    innovation, total = error - weight * predicted, spread + r
     gain = weight * spread / total
-    return _with_directions(
-        "simulation",
-        carry=(moving, variance),
-        sample=row,
-        constant=(p, others),
-        later=(ca.vertcat(later, predicted + gain * innovation), spread * (1 - gain)),
-        output=(innovation, ca.vertcat(total, weight)),
-    )
+    seed, nothing = ca.SX.sym("seed", n_x + n_y), ca.SX(0, 1)
+    adjoint = ca.jtimes(ca.vertcat(later, error), ca.vertcat(x, p), seed, True)
+    results = [
+        ca.vertcat(later, predicted + gain * innovation, spread * (1 - gain)),
+        ca.vertcat(innovation, total, weight, weight * phi, phi, gain),
+        nothing,
+        adjoint,
+    ]
+    arguments = [carry, row, constant, ca.SX.sym("nothing", 0), seed]
+    return ca.Function("simulation", arguments, [ca.densify(result) for result in results], {"cse": True})
 
 
 @compiled(DirectionScan)
@@ -96,15 +73,12 @@ def innovations_tangent(model: Model) -> ca.Function:
     before, P_before, _ = kalman.predict(model, x, unpack(P, n_x), dt, d, p, c, unpack(q, n_x))
     predicted, H = kalman.observe(model, before, d, p, c)
     after, P_after, channels, _ = kalman.correct(before, P_before, predicted, H, y, weight, r, limit)
-    columns, nothing = kalman.channel_columns(channels), ca.SX(0, 1)
-    return _with_directions(
-        "innovations",
-        carry=(carry, nothing),
-        sample=sample,
-        constant=(p, others),
-        later=(ca.vertcat(after, pack(P_after)), nothing),
-        output=(columns[: 2 * n_y], columns[2 * n_y :]),
-    )
+    columns, later = kalman.channel_columns(channels), ca.vertcat(after, pack(P_after))
+    carry_dot, p_dot = ca.SX.sym("carry_dot", n_x + n_P), ca.SX.sym("p_dot", n_p)
+    derivative = ca.jtimes(ca.vertcat(later, columns[: 2 * n_y]), ca.vertcat(carry, p), ca.vertcat(carry_dot, p_dot))
+    results = [later, columns, derivative[: n_x + n_P], derivative[n_x + n_P :]]
+    arguments = [carry, sample, ca.vertcat(p, others), carry_dot, p_dot]
+    return ca.Function("innovations", arguments, [ca.densify(result) for result in results], {"cse": True})
 
 
 class TangentChunk(NamedTuple):
@@ -117,7 +91,7 @@ class TangentChunk(NamedTuple):
 
 
 def run_in_chunks(
-    scan: DirectionScan,
+    scan: AdjointScan | DirectionScan,
     rows: Array,
     *,
     start: Array,

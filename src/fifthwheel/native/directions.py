@@ -43,12 +43,12 @@ class DirectionScan:
         self._step, self.lanes = Step.of(step), lanes
         self._compiled: _Compiled | None = None
         if not isinstance(step, Step):
-            _check(step)
+            check(step)
 
     @property
     def step(self) -> ca.Function:
         """The CasADi function."""
-        _check(self._step.function)
+        check(self._step.function)
         return self._step.function
 
     @property
@@ -121,7 +121,7 @@ class DirectionScan:
         return np.ascontiguousarray(padded.reshape(groups, self.lanes, array.shape[1]).transpose(0, 2, 1))
 
 
-def _check(step: ca.Function) -> None:
+def check(step: ca.Function) -> None:
     """A TypeError if a function is not a step with directions."""
     if step.n_in() != 5 or step.n_out() != 4:
         raise TypeError(

@@ -45,6 +45,8 @@ ROUND_TOLERANCES = (0.3, 0.05)
 has the last one only. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
+START_ITERATIONS = 8
+"""Largest number of steps of the fit with linear tyres that only gives a start to tyres that saturate."""
 EARLY_SAMPLES = 12_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
 LEAST_DECAY = 0.1
@@ -128,7 +130,8 @@ class _Estimator:
         At the prior mean a steering offset may let such tyres skid. The first fit with linear tyres gives the start,
         with a friction that is large enough for the lateral accelerations of the logs.
         """
-        minimum = self._first_fit(Problem(self.setup, self.dataset.logs, self.earlier), progress)
+        problem = Problem(self.setup, self.dataset.logs, self.earlier)
+        minimum = self._first_fit(problem, progress, START_ITERATIONS)
         solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
         settings = self.setup.settings
         largest = max(filter(math.isfinite, solution.lateral_accelerations), default=0.0)
@@ -159,7 +162,7 @@ class _Estimator:
         means = zip(problem.names, problem.prior.mean.tolist(), strict=True)
         return problem.stiffened(np.clip([self.start.get(name, mean) for name, mean in means], *problem.bounds))
 
-    def _first_fit(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
+    def _first_fit(self, problem: Problem, progress: Progress, steps: int = EARLY_ITERATIONS) -> Minimum[Problem]:
         """The fit that takes residuals as white and updates their variance at every step.
 
         Gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
@@ -167,9 +170,8 @@ class _Estimator:
         """
         late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
         first, z = problem.shortened(EARLY_SAMPLES), self._initial(problem)
-        if not self.setup.settings.adapt_noise:
-            return self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE)
-        return self._fit(first, z, "fit", progress, tolerance=WHITE_TOLERANCE, reweighted=_white, fixed=late)
+        fit = functools.partial(self._fit, first, z, "fit", progress, tolerance=WHITE_TOLERANCE, steps=steps)
+        return fit(reweighted=_white, fixed=late) if self.setup.settings.adapt_noise else fit()
 
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior.
@@ -184,7 +186,7 @@ class _Estimator:
         first = problem.shortened(EARLY_SAMPLES)
         for tolerance in tolerances[:-1]:
             corrected = early.objective.with_residual_noise(early.z, autocorrelated=True)
-            early = self._fit(corrected, early.z, TITLE, progress, tolerance=tolerance)
+            early = self._fit(corrected, early.z, TITLE, progress, tolerance=tolerance, steps=EARLY_ITERATIONS)
         z = early.z
         if first is problem:  # not shortened
             problem = early.objective
@@ -201,13 +203,14 @@ class _Estimator:
         progress: Progress,
         *,
         tolerance: float = ROUND_TOLERANCES[-1],
+        steps: int | None = None,
         reweighted: Callable[[Problem, Array], Problem] = lambda problem, _: problem,
         fixed: NDArray[np.bool_] | None = None,
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        A tolerance above that of the last fit limits the number of steps. `fixed` (k,) are unknowns that keep their
-        prior mean; `title` is that of the progress.
+        `steps` is the largest number, by default that of the settings. `fixed` (k,) are unknowns that keep their prior
+        mean; `title` is that of the progress.
         """
         lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
         iterations = self.setup.settings.iterations
@@ -216,7 +219,7 @@ class _Estimator:
             z,
             lower=lower,
             upper=upper,
-            iterations=EARLY_ITERATIONS if tolerance > ROUND_TOLERANCES[-1] else iterations,
+            iterations=steps or iterations,
             tolerance=tolerance,
             reweighted=reweighted,
             progress=functools.partial(progress, title),

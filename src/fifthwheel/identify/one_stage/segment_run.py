@@ -12,7 +12,7 @@ from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
-from fifthwheel.native import DirectionScan
+from fifthwheel.native import AdjointScan, DirectionScan
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +42,7 @@ class SegmentRun:
         return self._blocks(scan, start, start_directions, constant, len(noise.measurement))
 
     def _blocks(
-        self, scan: DirectionScan, start: Array, start_directions: Array, constant: Array, m: int
+        self, scan: AdjointScan | DirectionScan, start: Array, start_directions: Array, constant: Array, m: int
     ) -> Iterator[ResidualBlock]:
         """The outputs [residual, variance, used] of a scan for m channels at the samples of the segment."""
         chunks = tangent.run_in_chunks(
