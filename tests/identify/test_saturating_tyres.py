@@ -19,7 +19,6 @@ from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.record import Record
-from fifthwheel.settings import arguments
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.vehicle.parameters import COMBINED_SLIP, FRICTION
 from fifthwheel.workflow import IdentifyOptions, identification_settings, run_states
@@ -209,11 +208,10 @@ def test_settings(changes, message: str) -> None:
 
 
 def test_options() -> None:
-    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="saturating", friction=0.3))
+    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="saturating", statements=("road.friction=0.3",)))
     assert (settings.tyres, settings.friction) == ("saturating", 0.3)
-    assert arguments(IdentifyOptions(tyres="saturating", friction=0.3)) == ["--tyres=saturating", "--friction=0.3"]
     with pytest.raises(Exception, match=r"road\.friction=0\.3: linear tyres have no friction"):
-        identification_settings(TRUCK, IdentifyOptions(tyres="linear", friction=0.3))
+        identification_settings(TRUCK, IdentifyOptions(tyres="linear", statements=("road.friction=0.3",)))
     with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
         identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", fix=("road.friction",)))

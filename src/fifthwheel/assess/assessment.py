@@ -101,7 +101,7 @@ class Assessment:
         >>> import fifthwheel as fw
         >>> assessment = fw.assess(fw.vehicle("cheng_cebon_2011"), nonlinear=False)
         >>> assessment
-        Assessment(cheng_cebon_2011 at 88 km/h, 20 measures)
+        Assessment(cheng_cebon_2011 at 88 km/h, 22 measures)
         >>> measure = assessment["rollover_threshold"]
         >>> measure.unit, measure.thresholds[0].value
         ('g', 0.35)

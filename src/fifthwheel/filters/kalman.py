@@ -66,13 +66,14 @@ def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX
 
 
 def report_outputs(
-    model: Model, x: ca.SX, covariance: ca.SX, considered: ca.SX, d: ca.SX, c: ca.SX
+    model: Model, x: ca.SX, covariance: ca.SX, considered: ca.SX, direct: ca.SX, d: ca.SX, c: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """Outputs of another model of the same state, and their variances without measurement noise; `considered` (n, k)
-    as in `correct_channel`."""
+    """Outputs (m,) of another model of the same state, and their variances without measurement noise; `considered`
+    (n, k) and `direct` (m, k) as in `correct_channel`."""
     outputs, H = observe(model, x, d, ca.SX(0, 1), c)
     rows = ca.vertsplit(H) if H.shape[0] else []
-    return outputs, ca.vertcat(*[h @ covariance @ h.T + ca.sumsqr(h @ considered) for h in rows])
+    spread = ca.sum2((H @ considered + direct) ** 2)
+    return outputs, ca.vertcat(*[h @ covariance @ h.T + spread[i] for i, h in enumerate(rows)])
 
 
 def correct(

@@ -45,7 +45,8 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
     results = smoothed, pack(P_smoothed)
     if report is not None:
-        results = kalman.report_outputs(report, smoothed, P_smoothed, ca.SX(n_x, 0), d, c_report)
+        nothing = ca.SX(n_x, 0), ca.SX(sizes(report)[4], 0)
+        results = kalman.report_outputs(report, smoothed, P_smoothed, *nothing, d, c_report)
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
         correction = ca.SX.eye(n_x) - gain @ row

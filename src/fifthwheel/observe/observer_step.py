@@ -126,6 +126,14 @@ def filter_step(
     return FilterStep(before, x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
 
 
+def _effect_of_bank(report: ObservedChain, x: ca.SX, d: ca.SX, c: ca.SX, sigma: ca.SX) -> ca.SX:
+    """Change (m, 1) of reported signals by one standard deviation of a considered bank at a fixed state; (m, 0) without
+    one."""
+    if report.estimates_bank:
+        return ca.SX(len(report.outputs), 0)
+    return report.observation_bank_jacobian(x, d, ca.SX(0, 1), c) * sigma
+
+
 @compiled(Scan)
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     """The compiled step of an observer; see `monitored_step`."""
@@ -143,9 +151,12 @@ def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: Fil
     carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START))
     sample, dt, d, _, weight = partitioned("sample", *layout.sample)
     constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2)
-    _, _, _, limit, c_report, _ = split(numbers, layout.constant)
+    _, _, _, limit, c_report, sigma = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
-    reported, variances = kalman.report_outputs(report, step.after, step.covariance, step.considered, d, c_report)
+    direct = _effect_of_bank(report, step.after, d, c_report, sigma)
+    reported, variances = kalman.report_outputs(
+        report, step.after, step.covariance, step.considered, direct, d, c_report
+    )
     before, after = ca.vertsplit(d, len(model.inputs))
     sudden = monitor.sudden_change(model.inputs, before, after, dt)
     monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, sudden, limit, monitor_settings)
@@ -168,7 +179,7 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     n_x, n_c, n_report = layout.carry[0], layout.constant[0], layout.constant[4]
     carry, x, *_ = partitioned("carry", *layout.carry)
     sample, dt, d, _, _ = partitioned("sample", *layout.sample)
-    constant, c, *_, c_report, _ = partitioned("constant", *layout.constant)
+    constant, c, *_, c_report, sigma = partitioned("constant", *layout.constant)
     parameters_dot, c_dot, report_dot = partitioned("parameters_dot", n_c, n_report)
     no_p, x_dot, state = ca.SX(0, 1), ca.SX.sym("x_dot", n_x), ca.SX.sym("state", n_x)
     step = filter_step(model, layout, carry, sample, constant)
@@ -179,7 +190,7 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     reported = report.observation(state, d, no_p, c_report)
     _, H = kalman.observe(report, step.after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
-    of_bank = ca.sum2((H @ step.considered) ** 2)
+    of_bank = ca.sum2((H @ step.considered + _effect_of_bank(report, step.after, d, c_report, sigma)) ** 2)
     results = [step.carry, of_bank, after_dot, ca.substitute(reported_dot, state, step.after)]
     arguments = [carry, sample, constant, x_dot, parameters_dot]
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})
