@@ -52,18 +52,18 @@ def outputs(
     return np.concatenate(values), np.concatenate(slopes)
 
 
-@pytest.mark.parametrize("form", ["simulation", "innovations"])
+@pytest.mark.parametrize("form", ["simulation_directions", "simulation_adjoint", "innovations"])
 def test_derivatives(setting: Setting, form: str, monkeypatch) -> None:
     """Innovations of the yaw model: the code for the covariance of a yaw-roll model takes half a minute to compile."""
-    model, rows, p = setting if form == "simulation" else setting_of("articulation.semitrailer", roll=False)
+    model, rows, p = setting if form != "innovations" else setting_of("articulation.semitrailer", roll=False)
     n, _, _, _, m = sizes(model)
     rng = np.random.default_rng(0)
     monkeypatch.setattr(tangent, "CHUNK", 97)  # several chunks, the last one shorter
     count, x0 = 10, 0.01 * rng.normal(size=n)
     x0_directions = 0.01 * rng.normal(size=(count, n))
-    if form == "simulation":
+    if form != "innovations":
         discrepancy = np.array([1e-5, 0.0, 1e-4])
-        scan, others = tangent.simulation_tangent(model), np.concatenate([np.full(m, 1e-4), discrepancy, np.ones(m)])
+        scan, others = getattr(tangent, form)(model), np.concatenate([np.full(m, 1e-4), discrepancy, np.ones(m)])
         start, starts = tangent.simulation_start(x0, discrepancy, x0_directions)
     else:
         noise = Noise(
@@ -105,7 +105,7 @@ def test_free_running_innovations_are_those_of_generalised_least_squares(
         start, _ = tangent.simulation_start(np.zeros(n), q, np.zeros((0, n)))
         constant = np.concatenate([p, r, q, tau])
         nothing = np.zeros((0, n + m)), np.zeros((0, len(p)))
-        scan = tangent.simulation_tangent(model)
+        scan = tangent.simulation_directions(model)
         return scan(start, rows, constant, *nothing).output
 
     white, coloured, time = run(np.zeros(m)), run(q), np.cumsum(rows[:, 0])

@@ -171,7 +171,7 @@ def test_a_model_finds_the_code_of_another_process() -> None:
     for known in (False, True):
         dynamics.model.__globals__["_models"].clear()
         model = dynamics.model(truck, OUTPUTS, roll=True, free=free, extended=True)
-        scan = tangent.simulation_tangent(model)
+        scan = tangent.simulation_adjoint(model)
         assert isinstance(scan, AdjointScan)
         n, inputs, parameters, _, channels = model.sizes
         values = dynamics.all_parameters(truck, OUTPUTS, extended=True)

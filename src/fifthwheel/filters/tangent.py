@@ -1,8 +1,7 @@
 """Exact derivatives of a model or a filter with respect to its parameters and its initial state.
 
-The nominal step is computed once, the derivatives along any number of directions in the lanes of vector registers: for
-the model by the reverse mode, for the filter, which has a large state, by the forward mode. One compiled step serves
-every choice of unknowns.
+The nominal step is computed once, the derivatives along any number of directions in the lanes of vector registers, by
+the forward or by the reverse mode. One compiled step serves every choice of unknowns.
 
 Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
 is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.
@@ -10,7 +9,7 @@ is a first-order process, predicted from the residuals before (`identify.noise_m
 
 import os
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
@@ -28,33 +27,78 @@ DECAYED = 1e-9
 """The effect of the initial state is left out once it has decayed to this fraction."""
 
 
-@compiled(AdjointScan)
-def simulation_tangent(model: Model) -> ca.Function:
-    """The free-running model with a discrepancy d of variance q and time constant tau for each channel.
+class _Simulation(NamedTuple):
+    """A step of the free-running model with a discrepancy d of variance q and time constant tau for each channel.
 
     carry = [x, d, variance of d]; sample = [dt, d, y, weight]; constant = [p, c, r, q, tau];
-    output = [innovation, variance, weight], of which the innovation is differentiated by x, d and p.
+    output = [innovation, variance, weight].
     """
-    n_x, n_d, n_p, n_c, n_y = sizes(model)
-    carry, x, offset, variance = partitioned("carry", n_x, n_y, n_y)
-    row, dt, d, y, weight = partitioned("row", 1, n_d, n_y, n_y)
-    constant, p, c, r, q, tau = partitioned("constant", n_p, n_c, n_y, n_y, n_y)
-    later = model.transition(x, dt, d, p, c)
-    phi = ca.exp(-dt / tau)
-    predicted, spread = phi * offset, phi * phi * variance + (1 - phi * phi) * q
-    error = weight * (y - model.observation(later, d, p, c))
-    innovation, total = error - weight * predicted, spread + r
-    gain = weight * spread / total
-    seed, nothing = ca.SX.sym("seed", n_x + n_y), ca.SX(0, 1)
-    adjoint = ca.jtimes(ca.vertcat(later, error), ca.vertcat(x, p), seed, True)
-    results = [
-        ca.vertcat(later, predicted + gain * innovation, spread * (1 - gain)),
-        ca.vertcat(innovation, total, weight, weight * phi, phi, gain),
-        nothing,
-        adjoint,
-    ]
-    arguments = [carry, row, constant, ca.SX.sym("nothing", 0), seed]
-    return ca.Function("simulation", arguments, [ca.densify(result) for result in results], {"cse": True})
+
+    arguments: list[ca.SX]  # carry, sample, constant
+    moving: ca.SX  # x and d
+    p: ca.SX
+    later: ca.SX  # x
+    offsets: ca.SX  # d
+    spread: ca.SX  # variance of d
+    error: ca.SX  # at d = 0
+    innovation: ca.SX
+    total: ca.SX  # variance of the innovation
+    weight: ca.SX
+    phi: ca.SX  # of d, over the step
+    gain: ca.SX  # of d
+
+    @classmethod
+    def of(cls, model: Model) -> Self:
+        """The step of a model."""
+        n_x, n_d, n_p, n_c, n_y = sizes(model)
+        moving, x, offset = partitioned("moving", n_x, n_y)
+        variance = ca.SX.sym("variance", n_y)
+        row, dt, d, y, weight = partitioned("row", 1, n_d, n_y, n_y)
+        constant, p, c, r, q, tau = partitioned("constant", n_p, n_c, n_y, n_y, n_y)
+        later = model.transition(x, dt, d, p, c)
+        phi = ca.exp(-dt / tau)
+        predicted, spread = phi * offset, phi * phi * variance + (1 - phi * phi) * q
+        error = weight * (y - model.observation(later, d, p, c))
+        innovation, total = error - weight * predicted, spread + r
+        gain = weight * spread / total
+        arguments = [ca.vertcat(moving, variance), row, constant]
+        offsets, spread = predicted + gain * innovation, spread * (1 - gain)
+        return cls(arguments, moving, p, later, offsets, spread, error, innovation, total, weight, phi, gain)
+
+    @property
+    def carried(self) -> ca.SX:
+        """The next carry."""
+        return ca.vertcat(self.later, self.offsets, self.spread)
+
+    @property
+    def output(self) -> ca.SX:
+        """The output."""
+        return ca.vertcat(self.innovation, self.total, self.weight)
+
+
+@compiled(DirectionScan)
+def simulation_directions(model: Model) -> ca.Function:
+    """The free-running model, whose innovations are differentiated by the forward mode; see `_Simulation`."""
+    s = _Simulation.of(model)
+    carry_dot, p_dot = ca.SX.sym("carry_dot", s.moving.shape[0]), ca.SX.sym("p_dot", s.p.shape[0])
+    dots = ca.jtimes(
+        ca.vertcat(s.later, s.offsets, s.innovation), ca.vertcat(s.moving, s.p), ca.vertcat(carry_dot, p_dot)
+    )
+    n = carry_dot.shape[0]
+    results = [ca.densify(part) for part in (s.carried, s.output, dots[:n], dots[n:])]
+    return ca.Function("simulation", [*s.arguments, carry_dot, p_dot], results, {"cse": True})
+
+
+@compiled(AdjointScan)
+def simulation_adjoint(model: Model) -> ca.Function:
+    """The same by the reverse mode. It is faster for tyres that saturate, whose step is long."""
+    s = _Simulation.of(model)
+    n_x = s.later.shape[0]
+    seed, nothing = ca.SX.sym("seed", s.moving.shape[0]), ca.SX.sym("nothing", 0)
+    adjoint = ca.jtimes(ca.vertcat(s.later, s.error), ca.vertcat(s.moving[:n_x], s.p), seed, True)
+    output = ca.vertcat(s.output, s.weight * s.phi, s.phi, s.gain)
+    results = [ca.densify(part) for part in (s.carried, output, ca.SX(0, 1), adjoint)]
+    return ca.Function("simulation", [*s.arguments, nothing, seed], results, {"cse": True})
 
 
 @compiled(DirectionScan)
@@ -117,8 +161,9 @@ def run_in_chunks(
 
 
 def simulation_start(x0: Array, q: Array, x0_directions: Array) -> tuple[Array, Array]:
-    """Carry of `simulation_tangent` before the first row, and its derivatives, from the initial state (n,), the
-    variances of the discrepancies (m,), and the derivatives of x0 along k directions, (k, n)."""
+    """Carry of `simulation_directions` and `simulation_adjoint` before the first row, and its derivatives, from the
+    initial state (n,), the variances of the discrepancies (m,), and the derivatives of x0 along k directions, (k, n).
+    """
     return np.concatenate([x0, np.zeros_like(q), q]), np.pad(x0_directions, ((0, 0), (0, len(q))))
 
 

@@ -6,6 +6,7 @@ from dataclasses import astuple, dataclass
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent
 from fifthwheel.filters.model import Model
 from fifthwheel.filters.step_rows import StepRows
@@ -27,12 +28,14 @@ class SegmentRun:
     P0: Array  # (n, n) covariance of x0 for the Kalman filter
     indices: Indices  # (k,) of the unknowns that the directions belong to
 
-    def output_errors(self, model: Model, noise: Sequence[NoiseModel]) -> Iterator[ResidualBlock]:
+    def output_errors(self, model: ChainModel, noise: Sequence[NoiseModel]) -> Iterator[ResidualBlock]:
         """The log less the free-running model, with the noise of every channel."""
         r, q, tau = (np.array(values) for values in zip(*map(astuple, noise), strict=True))
         start, start_directions = tangent.simulation_start(self.x0, q, self.x0_directions)
         constant = np.concatenate([self.p, r, q, tau])
-        return self._blocks(tangent.simulation_tangent(model), start, start_directions, constant, len(noise))
+        linear = model.tyres == "linear"
+        scan = tangent.simulation_directions(model) if linear else tangent.simulation_adjoint(model)
+        return self._blocks(scan, start, start_directions, constant, len(noise))
 
     def innovations(self, model: Model, noise: Noise) -> Iterator[ResidualBlock]:
         """The innovations of the Kalman filter and their variances."""
