@@ -32,7 +32,7 @@ class ObserverOptions(Settings):
     friction: Annotated[
         Friction | None,
         Option(
-            help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.6 wet, 0.3 snow. For lateral "
+            help="Tyres saturate at this peak friction of the road: 0.75 dry, 0.5 wet, 0.2 snow. For lateral "
             "accelerations above 3 m/s², braking in a turn and slippery roads. Default: that of the identification, or "
             "linear tyres.",
         ),

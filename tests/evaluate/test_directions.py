@@ -49,12 +49,27 @@ def test_offset_and_play_are_named_and_not_in_the_gradients(truck):
     found = evaluated(truck, both(truck, 1, play=0.008, offset=0.01))
     notes = " ".join(found.notes)
     assert "the steer angle is 0.57" in notes
-    assert "larger to the left by 0.4" in notes
+    assert "larger after turns to the left than to the right by 0.4" in notes
     assert "play of the steering, or bends that are banked inwards" in notes
     exact = steady_steer(truck)[1]
     assert abs(found["understeer_gradient.left"].value - exact) < 3 * found["understeer_gradient.left"].sigma
     assert found["understeer_gradient"].value - exact > 2e-3  # the play counts as understeer
     assert not found["understeer_gradient.difference"].reason
+
+
+def test_the_curve_of_the_tyre_forces_is_no_play(truck):
+    """The steer angles at no lateral acceleration then differ by a little, with the other sign."""
+    found = evaluated(truck, both(truck, 1, play=-0.0005, offset=0.0))
+    assert not any("play" in note for note in found.notes)
+
+
+def test_straight_driving_does_not_bring_play_into_the_gradients():
+    """About straight ahead the wheels are between both contacts, and the steer angle says nothing on the direction."""
+    a = np.concatenate([np.linspace(-0.2, 0.2, 20), np.linspace(0.4, 2, 40), np.linspace(-0.4, -2, 40)])
+    X = np.column_stack([a, np.zeros_like(a), np.ones_like(a)])
+    steer = 0.003 * a + 0.002 * np.clip(a / 0.3, -1, 1)
+    for direction in directions(X, steer, a / U**2).values():
+        assert abs(direction.gradient[0] - 0.003) < 1e-9
 
 
 def test_a_significant_difference_names_its_causes(truck):

@@ -134,13 +134,19 @@ def test_the_prediction_is_the_ratio_at_its_horizon() -> None:
         (-0.5, -0.9, 0.25, 0.3),  # sigma counts up to 0.2
         (0.91, 0.7, 0.0, 0.0),
         (0.1, 0.2, 9.0, np.inf),
-        (np.nan, np.nan, np.nan, np.inf),
+        (np.nan, np.nan, np.nan, np.nan),
     ],
 )
 def test_time_to_lift(now: float, later: float, sigma: float, time: float) -> None:
     answer = {"load_transfer.x": now, "predicted_load_transfer.x": later, "predicted_load_transfer.x.sigma": sigma}
     answer |= {"load_transfer.y": 0.1, "predicted_load_transfer.y": -0.1, "predicted_load_transfer.y.sigma": 0.1}
-    assert time_to_lift(answer) == pytest.approx(time)
+    assert time_to_lift(answer) == pytest.approx(time, nan_ok=True)
+
+
+def test_the_time_to_lift_is_unknown_without_ratios() -> None:
+    assert np.isnan(time_to_lift({"yaw_rate.tractor": 0.1}))
+    with pytest.raises(SignalError, match=r"^predicted_load_transfer\.x\.sigma: needed beside"):
+        time_to_lift({"load_transfer.x": 0.1, "predicted_load_transfer.x": 0.2})
 
 
 def test_half_track() -> None:

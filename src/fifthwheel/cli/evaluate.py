@@ -130,6 +130,8 @@ def validate(
     options.require_figures(figures, out)
     stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")
     truck = read_vehicle(vehicle) if vehicle else None
+    if str(log) == "plant" or log.suffix == ".fmu":
+        raise FifthwheelError(f"{log}: expected a log; give the model first: fifthwheel validate {log} {results}")
     (measured,) = terminal.load_records([log], signals, allow_outside=allow_outside)
     if str(results) == "plant" or results.suffix == ".fmu":
         if results_signals:

@@ -242,11 +242,12 @@ def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
 
 
 def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
-    """Innovations that do not fit the filter's expectation, and wheels that lift.
+    """Wheels that lift, and innovations that do not fit the filter's expectation, as they do after a lift.
 
     Args:
         blamed: what may be wrong besides the noise: "vehicle file" or "identified vehicle".
     """
+    yield from _wheel_lifts(states)
     sizes = {name: innovation_size(states, name) for name in states.innovation}
     large = {name: size.rms for name, size in sizes.items() if size.rms > thresholds.LARGE_INNOVATION}
     if large:
@@ -265,7 +266,6 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
         yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
     rejected = {name: size.rejected for name, size in sizes.items()}
     yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS, "state filter")
-    yield from _wheel_lifts(states)
 
 
 def _wheel_lifts(states: States) -> Iterator[Caution]:

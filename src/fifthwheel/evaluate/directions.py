@@ -6,6 +6,7 @@ Neither changes the gradient of one direction. So a difference of the gradients 
 sensor of its steer angle.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,6 +17,10 @@ from fifthwheel.evaluate.evaluation import EvaluatedMeasure
 from fifthwheel.evaluate.jackknife import jackknife, suffices
 from fifthwheel.formatting import with_sigma
 
+TURNING = 0.3
+"""Least lateral acceleration of a turn to one side, m/s^2: about straight ahead, play hides the direction."""
+LEAST_PLAY = math.radians(0.02)
+"""A smaller difference of the offsets is no play: the curve of the tyre forces makes one of 0.01 degrees."""
 SIGNIFICANT = 3.0
 """Standard deviations by which left and right differ significantly: with 9 degrees of freedom 1.5 % by chance."""
 GRADIENT = "rad s^2/m"
@@ -42,7 +47,7 @@ def directions(X: Array, steer: Array, curvature: Array) -> dict[str, Direction]
     """
     found = dict[str, Direction]()
     for name, sign in (("left", 1.0), ("right", -1.0)):
-        rows = sign * X[:, 0] > 0
+        rows = sign * X[:, 0] > TURNING
         if not suffices(X[rows, 0]):
             return {}
         found[name] = Direction(
@@ -80,10 +85,11 @@ def offset_notes(apart: dict[str, Direction]) -> Iterator[str]:
             f"At no lateral acceleration the steer angle is {with_sigma((left + right) / 2, sigma / 2, 'rad')}: the "
             "offset of its sensor, or the bank of the road. No gradient contains it."
         )
-    if abs(left - right) > SIGNIFICANT * sigma:
+    if left - right > max(SIGNIFICANT * sigma, LEAST_PLAY):
         yield (
-            f"This angle is larger to the left by {with_sigma(left - right, sigma, 'rad')}: play of the steering, or "
-            "bends that are banked inwards. The gradient of both directions contains it; those of one direction do not."
+            f"At no lateral acceleration the steer angle is larger after turns to the left than to the right by "
+            f"{with_sigma(left - right, sigma, 'rad')}: play of the steering, or bends that are banked inwards. The "
+            "gradient of both directions contains it; those of one direction do not."
         )
 
 

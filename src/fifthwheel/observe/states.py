@@ -46,14 +46,17 @@ SHADES = {
 
 
 def time_to_lift(values: Mapping[str, Any]) -> Any:
-    """Time until a wheel lifts if steer angles and speed stay as they are, s; infinite beyond `HORIZON`.
+    """Time until a wheel lifts at the present steer angles and speed, s; infinite beyond `HORIZON`, NaN if unknown.
 
     An axle group has lifted where the magnitude of its load transfer ratio and one sigma of the predicted ratio reach
     `LIFT_LIMIT`; the time is then 0. From the present ratio to the predicted one the magnitude is taken to rise
-    linearly.
+    linearly. The time is unknown where a ratio is, and without roll, because there are no ratios.
 
     Args:
         values: states by name with "<state>.sigma", such as the answer of `Observer.push`; numbers or arrays (N,).
+
+    Raises:
+        SignalError: a predicted ratio without its sigma or without the present ratio.
 
     Example:
         >>> import fifthwheel as fw
@@ -61,13 +64,20 @@ def time_to_lift(values: Mapping[str, Any]) -> Any:
         >>> round(float(fw.time_to_lift({**ratios, "predicted_load_transfer.semitrailer.sigma": 0.06})), 3)
         0.474
     """
-    first: Any = np.inf
-    for name in (name for name in values if name.startswith(PREDICTED) and not name.endswith(".sigma")):
-        now, later = np.abs(values[f"{LOAD_TRANSFER.quantity}.{name.removeprefix(PREDICTED)}"]), np.abs(values[name])
-        limit = LIFT_LIMIT - np.minimum(values[f"{name}.sigma"], LARGEST_SIGMA)
+    predicted = [name for name in values if name.startswith(PREDICTED) and not name.endswith(".sigma")]
+    first: Any = np.float64(np.inf)
+    unknown: Any = np.bool_(not predicted)
+    for name in predicted:
+        present, sigma = f"{LOAD_TRANSFER.quantity}.{name.removeprefix(PREDICTED)}", f"{name}.sigma"
+        for needed in (present, sigma):
+            if needed not in values:
+                raise SignalError(f"{needed}: needed beside {name}; give all states with their sigmas")
+        now, later = np.abs(values[present]), np.abs(values[name])
+        limit = LIFT_LIMIT - np.minimum(values[sigma], LARGEST_SIGMA)
         time = HORIZON * np.clip((limit - now) / np.maximum(later - now, 1e-9), 0.0, 1.0)
         first = np.minimum(first, np.where(np.maximum(now, later) >= limit, time, np.inf))
-    return first
+        unknown = unknown | np.isnan(later)
+    return np.where(unknown & np.isinf(first), np.nan, first)[()]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -103,7 +113,10 @@ class States(ComparedByContents):
 
     @property
     def lift_warning(self) -> NDArray[np.bool_]:
-        """Samples (N,) at which a wheel lifts within `HORIZON`, as at the `LIFT_SAMPLES` - 1 samples before."""
+        """Samples (N,) at which a wheel lifts within `HORIZON`, as at the `LIFT_SAMPLES` - 1 samples before.
+
+        There is none where `time_to_lift` is unknown.
+        """
         warns = np.isfinite(self.time_to_lift)
         before = np.concatenate([np.zeros(LIFT_SAMPLES - 1, dtype=bool), warns])
         return np.asarray(np.lib.stride_tricks.sliding_window_view(before, LIFT_SAMPLES).all(axis=1))

@@ -317,7 +317,7 @@ def conclude_states(
         ranked(identification_cautions(identification), identification.doubts)[0] if identification and unsure else []
     )
     lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
-    doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.kind is not CautionKind.WHEEL_LIFT))
+    doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.log not in lifting))  # a lift is the cause
     valid = valid_fraction(states)
     return Conclusion(
         good=valid > RELIABLE and not cautions and not unsure,

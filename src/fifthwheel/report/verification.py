@@ -33,6 +33,8 @@ class Verification:
 
     result: str
     files: tuple[VerifiedFile, ...]
+    has_inputs: bool
+    """Whether the files that it was made from are recorded."""
 
     @property
     def is_intact(self) -> bool:
@@ -55,6 +57,8 @@ class Verification:
         table = pages.Table(("File|name", "State"), [(pages.Code(file.path), file.state) for file in self.files])
         hint = "A path is relative to the current folder. Give the folder of a missing file: --files FOLDER."
         hints = [pages.Hint(hint)] if any(file.state == "missing" for file in self.files) else []
+        if not self.has_inputs:
+            hints.append(pages.Hint("The result does not record the files that it was made from."))
         return pages.Document(self.result, [pages.Headline(f"{self.result}: {words}.", self.is_intact), table, *hints])
 
 
@@ -89,7 +93,7 @@ def verify(result: Path, folders: Sequence[Path] = ()) -> Verification:
             file = replace(file, state="replaced")
         newer.add(Path(path).resolve())
         files.append(file)
-    return Verification(result=str(result), files=tuple(files))
+    return Verification(result=str(result), files=tuple(files), has_inputs=bool(inputs))
 
 
 def _compared(path: str, digest: str, places: Sequence[Path]) -> VerifiedFile:
