@@ -29,7 +29,7 @@ pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).parents[2] / "examples"
 TRUCK = get("cheng_cebon_2011")
 FRONT = "tractor.front.cornering_stiffness"
-LONG = 60_000
+LONG = 180_000
 """ms for a computation."""
 
 
