@@ -9,7 +9,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel import vehicle
-from fifthwheel.report.evidence import SHOWN_FILES, Evidence, write_evidence
+from fifthwheel.report.evidence import SHOWN_FILES, TruckEvidence, write_evidence
 from fifthwheel.report.provenance import FileUsed, Provenance
 from tests.report.conftest import Page
 from tests.report.test_browser import CHROMIUM, browse
@@ -31,7 +31,7 @@ def evidence(result):
     first, *others = assessment.measures
     threshold = replace(first.thresholds[0], confirmed=False, value=9.0, probability=0.0)
     assessment = replace(assessment, measures=(replace(first, thresholds=(threshold,)), *others))
-    return Evidence(
+    return TruckEvidence(
         assessment=assessment, identification=identification, conclusion=["All <good>."], provenance=PROVENANCE
     )
 
@@ -56,7 +56,7 @@ def test_the_json_has_every_estimate_with_sigma_and_verdict(evidence):
 
 def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(result):
     assessment = fw.assess(result.identification, cheap=True, changes={HEIGHT: 2.0}, sigmas={HEIGHT: 0.1})
-    found = Evidence(assessment=assessment, identification=result.identification).parameters()
+    found = TruckEvidence(assessment=assessment, identification=result.identification).parameters()
     rows = {row.name: row for row in found}
     assert found.index(rows[HEIGHT]) < next(k for k, row in enumerate(found) if row.verdict == "assumed")
     assert rows[HEIGHT][1:] == (2.0, 0.1, "m", "stated")
@@ -66,7 +66,7 @@ def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(resul
 
 def test_a_vehicle_has_no_estimates(tmp_path):
     truck = vehicle.get("cheng_cebon_2011").with_stated({HEIGHT: 0.05})
-    rows = Evidence(assessment=fw.assess(truck, cheap=True)).parameters()
+    rows = TruckEvidence(assessment=fw.assess(truck, cheap=True)).parameters()
     assert (rows[0].name, rows[0].sigma, rows[0].verdict) == (HEIGHT, 0.05, "stated")
     assert {row.verdict for row in rows[1:]} == {"assumed"}
 

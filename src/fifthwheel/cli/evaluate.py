@@ -130,10 +130,10 @@ def validate(
     options.require_figures(figures, out)
     stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")
     truck = read_vehicle(vehicle) if vehicle else None
-    if str(log) == "plant" or log.suffix == ".fmu":
+    if _is_model(log):
         raise FifthwheelError(f"{log}: expected a log; give the model first: fifthwheel validate {log} {results}")
     (measured,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-    if str(results) == "plant" or results.suffix == ".fmu":
+    if _is_model(results):
         if results_signals:
             raise FifthwheelError("--results-signals: a map of a file of results; omit it for an FMU or plant")
         simulated = _driven(results, truck, measured)
@@ -145,6 +145,11 @@ def validate(
         "validate", validation, out, VALIDATION_FILES, [results, log], vehicle, maps, figures=figures, force=force
     )
     terminal.print_result(validation.as_dict(), partial(validation_document, validation), written, as_json=as_json)
+
+
+def _is_model(path: Path) -> bool:
+    """Whether an argument of `validate` is an FMU or the nonlinear truck."""
+    return str(path) == "plant" or path.suffix == ".fmu"
 
 
 def _driven(model: Path, truck: "Vehicle | None", log: "Record") -> "Record":

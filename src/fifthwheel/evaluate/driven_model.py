@@ -14,6 +14,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SPEED, STEER, is_of, si_unit
 from fifthwheel.errors import FifthwheelError, SignalError, UnitError, printable
 from fifthwheel.evaluate.motion import EVALUATED, first_steer
+from fifthwheel.export.fmu.observer import MEASURED
 from fifthwheel.formatting import enumerated
 from fifthwheel.input_files import require_regular
 from fifthwheel.record import Record
@@ -28,8 +29,6 @@ LONGEST_STEP = 0.005
 """Of the communication with an FMU, s."""
 RESULTS = (SPEED, *EVALUATED)
 """Quantities that count of a model."""
-MEASURED = "measured."
-"""Begins the names of the measurements that an exported observer takes."""
 
 
 def fmu_results(path: str | Path, log: Record) -> Record:

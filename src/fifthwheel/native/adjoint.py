@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.native.direction_ir import direction_module
-from fifthwheel.native.directions import Derivatives, check
+from fifthwheel.native.directions import Derivatives, check, copies
 from fifthwheel.native.propagation_ir import propagation
 from fifthwheel.native.scan import load, workers
 from fifthwheel.native.step import Step, compiling
@@ -71,21 +71,18 @@ class AdjointScan:
             constant: (n_constant,).
             carry_dot: (k, n + m), derivatives of x and d along k directions; k may be 0.
             constant_dot: (k, n_p), derivatives of p.
-            threads: number of threads; each processes some of the samples.
+            threads: number of threads, of which up to `MOST_THREADS` compute Jacobians, each of some samples.
 
         Raises:
             TypeError: an array has another shape.
             NotImplementedError: an operation of the step cannot be compiled.
         """
-        arrays = (carry, sample, constant, carry_dot, constant_dot)
-        carry, sample, constant, carry_dot, constant_dot = (np.array(a, dtype=np.float64, order="C") for a in arrays)
         n_carry, n_sample, n_constant, _, seeds, _, outputs, _, adjoint = self._step.sizes
         n, k = adjoint - constant_dot.shape[-1], len(carry_dot)
         m = seeds - n
+        arrays = (carry, sample, constant, carry_dot, constant_dot)
         expected = [(n_carry,), (len(sample), n_sample), (n_constant,), (k, seeds), (k, adjoint - n)]
-        for array, shape in zip((carry, sample, constant, carry_dot, constant_dot), expected, strict=True):
-            if array.shape != shape:
-                raise TypeError(f"{self.step.name()}: expected an array of shape {shape}, got {array.shape}")
+        carry, sample, constant, carry_dot, constant_dot = copies(self._step, arrays, expected)
         output, output_dot = np.empty((len(sample), outputs)), np.empty((len(sample), m, k))
         carry_dot = self._compile(n, m).run(
             carry, sample, constant, carry_dot, constant_dot, output, output_dot, threads

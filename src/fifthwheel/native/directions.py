@@ -2,6 +2,7 @@
 
 import ctypes
 import functools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import casadi as ca
@@ -73,14 +74,10 @@ class DirectionScan:
             TypeError: an array has another shape.
             NotImplementedError: an operation of the step cannot be compiled.
         """
+        rows, directions, sizes = len(sample), len(carry_dot), self.sizes
         arrays = (carry, sample, constant, carry_dot, constant_dot)
-        carry, sample, constant, carry_dot, constant_dot = (np.array(a, dtype=np.float64, order="C") for a in arrays)
-        rows, directions = len(sample), len(carry_dot)
-        sizes = self.sizes
         expected = [(sizes[0],), (rows, sizes[1]), (sizes[2],), (directions, sizes[3]), (directions, sizes[4])]
-        for array, shape in zip((carry, sample, constant, carry_dot, constant_dot), expected, strict=True):
-            if array.shape != shape:
-                raise TypeError(f"{self.step.name()}: expected an array of shape {shape}, got {array.shape}")
+        carry, sample, constant, carry_dot, constant_dot = copies(self._step, arrays, expected)
         compiled = self._compile()
         groups = -(-directions // self.lanes)
         output = np.empty((rows, sizes[6]))
@@ -128,6 +125,15 @@ def check(step: ca.Function) -> None:
             f"{step.name()}: expected a step from (carry, sample, constant, carry_dot, constant_dot) to (carry, "
             f"output, carry_dot, output_dot), got {step}"
         )
+
+
+def copies(step: Step, arrays: Sequence[Array], shapes: Sequence[tuple[int, ...]]) -> list[Array]:
+    """Contiguous copies of the arguments of a step; a TypeError if one has another shape."""
+    copied = [np.array(array, dtype=np.float64, order="C") for array in arrays]
+    for array, shape in zip(copied, shapes, strict=True):
+        if array.shape != shape:
+            raise TypeError(f"{step.function.name()}: expected an array of shape {shape}, got {array.shape}")
+    return copied
 
 
 def _translation(scan: DirectionScan) -> list[Any]:

@@ -50,7 +50,7 @@ def time_to_lift(values: Mapping[str, Any]) -> Any:
 
     An axle group has lifted where the magnitude of its load transfer ratio and one sigma of the predicted ratio reach
     `LIFT_LIMIT`; the time is then 0. From the present ratio to the predicted one the magnitude is taken to rise
-    linearly. The time is unknown where a ratio is, and without roll, because there are no ratios.
+    linearly. The time is unknown where a ratio is unknown, and without roll, which has no ratios.
 
     Args:
         values: states by name with "<state>.sigma", such as the answer of `Observer.push`; numbers or arrays (N,).

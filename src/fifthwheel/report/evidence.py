@@ -37,7 +37,7 @@ class AssessedParameter(NamedTuple):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evidence:
+class TruckEvidence:
     """What an assessment says of a truck, and what it was made from."""
 
     assessment: Assessment
@@ -111,7 +111,7 @@ class Evidence:
         yield "Verify the files: fifthwheel verify FOLDER. This is an engineering estimate and no certificate."
 
 
-def write_evidence(path: Path, evidence: Evidence, contents: Path) -> None:
+def write_evidence(path: Path, evidence: TruckEvidence, contents: Path) -> None:
     """Write the page of an evidence as one HTML file; `contents` is its JSON file."""
     page.write(path, evidence.document(contents))
 

@@ -23,7 +23,7 @@ from fifthwheel.report import (
     write_states_report,
 )
 from fifthwheel.report.evaluation import write_evaluation_report
-from fifthwheel.report.evidence import Evidence, write_evidence
+from fifthwheel.report.evidence import TruckEvidence, write_evidence
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.edited_file import edited
 from fifthwheel.workflow.identification import IdentificationRun
@@ -83,7 +83,7 @@ def write_assessment(
         OSError: a file cannot be written.
     """
     contents, page, sheet = (folder / name for name in ASSESSMENT_FILES)
-    evidence = Evidence(
+    evidence = TruckEvidence(
         assessment=assessment,
         identification=identification,
         conclusion=_conclusion(source) if identification and source else (),

@@ -16,15 +16,12 @@ from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
 from fifthwheel.identify.one_stage.estimator import ROUND_TOLERANCES
-from fifthwheel.identify.one_stage.gauss_newton import minimise
+from fifthwheel.identify.one_stage.gauss_newton import TOLERANCE, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle import Vehicle
-
-NEAR, FAR = ROUND_TOLERANCES[0], 0.02
-"""Tolerances of the search from the values of the identification, which one step changes little, and from others."""
 
 
 def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
@@ -82,7 +79,8 @@ def _saturating_fits(
             lower=lower,
             upper=upper,
             iterations=settings.iterations,
-            tolerance=NEAR if identified_on else FAR,
+            # from the values of the identification one step suffices
+            tolerance=ROUND_TOLERANCES[0] if identified_on else TOLERANCE,
         )
         start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
     time, error, _ = alone.residuals(minimum.z, 0, whitened=False)

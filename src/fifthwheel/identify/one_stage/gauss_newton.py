@@ -16,6 +16,8 @@ from fifthwheel._types import Array
 
 INITIAL_RADIUS = 2.0
 """Of the trust region, in prior standard deviations."""
+TOLERANCE = 0.02
+"""Of a search, by default."""
 SMALLEST_RADIUS = 1e-9
 """The search stops when the trust region is smaller: the cost does not follow its derivatives."""
 SMALLEST_RATIO = 1e-3
@@ -63,7 +65,7 @@ def minimise(
     lower: Array,
     upper: Array,
     iterations: int,
-    tolerance: float = 0.02,
+    tolerance: float = TOLERANCE,
     radius: float = INITIAL_RADIUS,
     model: Quadratic | None = None,
     reweighted: Callable[[ObjectiveT, Array], ObjectiveT] = lambda objective, _: objective,
