@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -18,7 +19,17 @@ from fifthwheel.assess import (
 )
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
-from fifthwheel.assess.measures import EDITIONS, MEASURES, REAR, ROLLOVER, Limit, definition, title
+from fifthwheel.assess.measures import (
+    EDITIONS,
+    MEASURES,
+    REAR,
+    ROLLOVER,
+    STRAIGHT,
+    TRACKING,
+    Limit,
+    definition,
+    title,
+)
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
@@ -136,6 +147,12 @@ def assess(
         driven, driven_runs, others = nonlinear_measures(subject)
         runs |= driven_runs
         notes += others
+        if TRACKING in driven:
+            family = partial(steady_motion.measure_tracking, roughness=driven[TRACKING] - driven[STRAIGHT])
+            try:
+                results.append(_result(TRACKING, samples(trucks, family)))
+            except FifthwheelError as error:
+                notes.append(str(error))
     results = [replace(r, nonlinear=driven.get(r.name)) for r in results]
     order = list(MEASURES)
     sigma = dict(zip(uncertainty.names, uncertainty.covariance.diagonal() ** 0.5, strict=True))

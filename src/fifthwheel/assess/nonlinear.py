@@ -6,6 +6,10 @@ Its tyres saturate, its axles and springs are in three dimensions; its half trac
 Static rollover threshold: on a circle the speed rises until a unit rolls over; the road has so much friction that the
 truck does not slide before. The threshold is the lateral acceleration speed^2 / radius at the end. The rise is slow, so
 that it exceeds the static threshold by about 0.01 g.
+
+Tracking ability on a straight path: the driver holds the front axle on a straight line, on a rough road with a
+crossfall. The width between the largest and the smallest lateral position of any corner less that of their means over
+time is the part of the roughness.
 """
 
 from collections.abc import Callable
@@ -15,9 +19,10 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.assess import lane_change, rollover, steady_motion, yaw_damping
 from fifthwheel.assess.lane_change import LaneChangeRun
+from fifthwheel.assess.measures import STRAIGHT, TRACKING
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.errors import FifthwheelError, VehicleError
-from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
+from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius, straight
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Unit
@@ -32,6 +37,9 @@ ROLLOVER_RADIUS, ROLLOVER_RATE, GRIP = 150.0, 0.005, 3.0
 """Of the turn with rising speed: radius, m, rate of the lateral acceleration, g/s, factor on the friction."""
 ROLLOVER_RANGE = (0.75, 1.35)
 """Lateral acceleration of that turn as a fraction of the threshold of the linear springs."""
+ROUGHNESS, STRAIGHT_LENGTH, SETTLED = 48.9e-6, 1000.0, 10.0
+"""Of the straight road: G_d(n_0) of ISO 8608 for an international roughness index of 3.8 m/km, m^3; length, m; time
+before it, s."""
 
 
 def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str, ...]]:
@@ -52,6 +60,7 @@ def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str,
         "pulse": lambda: {"yaw_damping_pulse": yaw_damping.pulse_damping(*pulse(truck, plant))},
         "steady turn": lambda: {"steady_off_tracking": steady_off_tracking(truck, plant)},
         "rollover": lambda: rollover_threshold(truck),
+        "rough road": lambda: straight_path(truck),
     }
     for name, driven in manoeuvres.items():
         try:
@@ -139,6 +148,25 @@ def steady_off_tracking(truck: Truck, plant: Plant) -> float:
     )
     outer = np.abs(_position(truth, units[-1], truck.rear_axle.position) - centre)
     return float(np.mean(outer - np.abs(_position(truth, first, truck.front_axle.position) - centre)))
+
+
+def straight_path(truck: Truck, seed: int = 0) -> Values:
+    """Swept widths on a straight road with a crossfall, m: of the mean positions, and on the rough road of a seed."""
+    body = truck.body
+    plant = Plant(
+        truck.vehicle, Properties(half_track=body.half_track, bank=steady_motion.CROSSFALL, roughness=ROUGHNESS)
+    )
+    speed = steady_motion.TRACKING_SPEED
+    course = straight(speed=speed, duration=SETTLED + STRAIGHT_LENGTH / speed)
+    truth = plant.drive(course, rate=RATE, seed=seed).truth
+    y = lateral_positions(truck, truth)[:, round(SETTLED * RATE) :]
+    return {STRAIGHT: float(np.ptp(y.mean(axis=1))) + body.width, TRACKING: float(np.ptp(y)) + body.width}
+
+
+def lateral_positions(truck: Truck, truth: Series) -> Array:
+    """Lateral position of the front and rear end of the centre line of every unit, m, (2 n, N)."""
+    ends = zip(truck.vehicle.units, truck.ends(), strict=True)
+    return np.array([_position(truth, unit, x).imag for unit, (rear, front) in ends for x in (front, rear)])
 
 
 def _drive(plant: Plant, course: Course) -> Series:

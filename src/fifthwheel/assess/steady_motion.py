@@ -15,14 +15,17 @@ articulation angles, roll angles and the steer angle. The units run askew:
 
     swept width = largest less smallest lateral position of any corner.
 
-The Australian standard measures it on a rough road over 1000 m. Without a road profile the width here is a lower bound.
+The Australian standard measures it on a rough road. The linear model has no roughness; the nonlinear truck gives what
+it adds, see nonlinear.py.
 """
 
 import cmath
+from dataclasses import replace
 
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.assess.measures import STRAIGHT, TRACKING
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.dynamics import linear_system, matrices, understeer_gradient
@@ -33,6 +36,8 @@ ACCELERATION = 0.2 * STANDARD_GRAVITY
 """Lateral acceleration of the turn, m/s^2."""
 CROSSFALL = 0.03
 """Of the straight road, rad."""
+TRACKING_SPEED = 90 / 3.6
+"""On the rough straight road, m/s."""
 
 
 def measure_turn(truck: Truck) -> Values:
@@ -72,7 +77,13 @@ def measure_straight_path(truck: Truck) -> Values:
     """The swept width on a road with `CROSSFALL`, m."""
     truck.require_stable()
     y = lateral_positions(truck)
-    return {"straight_path_width": float(np.ptp(y)) + truck.body.width}
+    return {STRAIGHT: float(np.ptp(y)) + truck.body.width}
+
+
+def measure_tracking(truck: Truck, *, roughness: float) -> Values:
+    """The swept width on that road at `TRACKING_SPEED`, m, to which the roughness adds a width, m."""
+    at_speed = replace(truck, speed=TRACKING_SPEED)
+    return {TRACKING: measure_straight_path(at_speed)[STRAIGHT] + roughness}
 
 
 def lateral_positions(truck: Truck) -> Array:
