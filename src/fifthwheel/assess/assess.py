@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -24,6 +23,7 @@ from fifthwheel.assess.measures import (
     MEASURES,
     REAR,
     ROLLOVER,
+    STOP,
     STRAIGHT,
     TRACKING,
     Limit,
@@ -126,10 +126,12 @@ def assess(
     uncertainty = complete(uncertainty, size, replaced=(*given, *of_engine), stated=stated_sigmas)
     trucks = Neighbourhood(replace(subject, vehicle=longitudinal.completed(subject.vehicle)), uncertainty)
     results, notes, unstable = list[MeasureResult](), list[str](), float(not subject.is_stable)
+    straight: MeasureSamples | None = None
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
             results += [_result(name, computed) for name in computed.centre if name != REAR]
+            straight = computed if STRAIGHT in computed.centre else straight
             unstable = max(unstable, _unstable(computed))
         except FifthwheelError as error:
             notes.append(str(error))
@@ -147,12 +149,9 @@ def assess(
         driven, driven_runs, others = nonlinear_measures(subject)
         runs |= driven_runs
         notes += others
-        if TRACKING in driven:
-            family = partial(steady_motion.measure_tracking, roughness=driven[TRACKING] - driven[STRAIGHT])
-            try:
-                results.append(_result(TRACKING, samples(trucks, family)))
-            except FifthwheelError as error:
-                notes.append(str(error))
+        for name in (TRACKING, STOP):
+            if straight and name in driven:
+                results.append(_result(name, straight.widened(STRAIGHT, name, driven[name] - driven[STRAIGHT])))
     results = [replace(r, nonlinear=driven.get(r.name)) for r in results]
     order = list(MEASURES)
     sigma = dict(zip(uncertainty.names, uncertainty.covariance.diagonal() ** 0.5, strict=True))

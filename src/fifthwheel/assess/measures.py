@@ -81,6 +81,8 @@ DYNAMIC = "rollover_threshold_dynamic"
 """Rollover threshold in a lane change."""
 STRAIGHT, TRACKING = "straight_path_width", "tracking_ability"
 """Width swept on a straight road with a crossfall, without and with roughness."""
+STOP = "stop_width"
+"""Width swept in a stop on that road without roughness."""
 
 MEASURES: Mapping[str, Measure] = {
     ROLLOVER: Measure(
@@ -132,6 +134,7 @@ MEASURES: Mapping[str, Measure] = {
         source="NTC (2008)",
         limits=_levels("at most", 2.9, 3.0, 3.1, 3.3, unconfirmed=ALL),
     ),
+    STOP: Measure(title="swept width in a stop", unit="m", source="conditions of our own"),
     "swept_path": Measure(
         title="low-speed swept path",
         unit="m",

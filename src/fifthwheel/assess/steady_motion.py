@@ -11,21 +11,20 @@ dimensions on the stability and control of heavy-duty trucks in Canada, UMTRI-86
 
 Tracking ability on a straight path: width of the path that a truck sweeps on a straight road with a crossfall. The
 front axle follows a straight line. All yaw rates are 0; the model with the bank of the road as an input gives sideslip,
-articulation angles, roll angles and the steer angle. The units run askew:
+articulation angles, roll angles and the steer angle. The units run askew, at every speed alike:
 
     swept width = largest less smallest lateral position of any corner.
 
-The Australian standard measures it on a rough road. The linear model has no roughness; the nonlinear truck gives what
-it adds, see nonlinear.py.
+The Australian standard measures it on a rough road. The linear model has no roughness and no brakes; the nonlinear
+truck gives what they add, see nonlinear.py.
 """
 
 import cmath
-from dataclasses import replace
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess.measures import STRAIGHT, TRACKING
+from fifthwheel.assess.measures import STRAIGHT
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.dynamics import linear_system, matrices, understeer_gradient
@@ -36,8 +35,6 @@ ACCELERATION = 0.2 * STANDARD_GRAVITY
 """Lateral acceleration of the turn, m/s^2."""
 CROSSFALL = 0.03
 """Of the straight road, rad."""
-TRACKING_SPEED = 90 / 3.6
-"""On the rough straight road, m/s."""
 
 
 def measure_turn(truck: Truck) -> Values:
@@ -78,12 +75,6 @@ def measure_straight_path(truck: Truck) -> Values:
     truck.require_stable()
     y = lateral_positions(truck)
     return {STRAIGHT: float(np.ptp(y)) + truck.body.width}
-
-
-def measure_tracking(truck: Truck, *, roughness: float) -> Values:
-    """The swept width on that road at `TRACKING_SPEED`, m, to which the roughness adds a width, m."""
-    at_speed = replace(truck, speed=TRACKING_SPEED)
-    return {TRACKING: measure_straight_path(at_speed)[STRAIGHT] + roughness}
 
 
 def lateral_positions(truck: Truck) -> Array:
