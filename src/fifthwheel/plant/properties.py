@@ -149,6 +149,7 @@ def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properti
             in_class = ROAD_CLASSES.get(value) if name == "roughness" and isinstance(value, str) else None
             number = quantity(value, UNITS.get(name, "1")) if in_class is None else in_class
         except (SignalError, TypeError, ValueError) as error:
-            raise VehicleError(f"{key}: {error}") from None
+            or_class = "; or give a class of ISO 8608, A to H" if name == "roughness" else ""
+            raise VehicleError(f"{key}: {error}{or_class}") from None
         values[name] = {**values.get(name, getattr(properties, name)), group: number} if by_group else number
     return replace(properties, **values)
