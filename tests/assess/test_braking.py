@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.assess.braking import DECELERATION, loads_under, measure
-from fifthwheel.assess.truck import Truck
+from fifthwheel.assess.truck import Body, Truck
+from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
 from fifthwheel.vehicle.payload import unit_cog_height
@@ -67,3 +68,35 @@ def test_a_rigid_truck_uses_less_friction_behind():
 def test_a_truck_that_would_tip_has_no_efficiency():
     high = Truck(vehicle=rigid()).changed({"tractor.sprung.cog_height": 9.0})
     assert measure(high)["braking_efficiency"] == 0.0
+
+
+@pytest.mark.parametrize("rear", [0.3, 0.6])
+def test_stated_brakes_of_a_rigid_truck(rear):
+    """Front and rear need fraction times z over their loads, m g (l_r + z h) / L and m g (l_f - z h) / L."""
+    brakes = {"tractor.front": 2 * (1 - rear), "tractor.drive": 2 * rear}  # fractions of any sum
+    truck = Truck(vehicle=rigid(), body=Body(brakes=brakes))
+    unit = truck.vehicle.units[0]
+    front, drive = (group.position for group in unit.axle_groups)
+    height = unit_cog_height(truck.vehicle.parameters(), unit)
+    on_rear = (front - unit.cog - DECELERATION * height) / (front - drive)
+    assert measure(truck)["braking_efficiency"] == pytest.approx(min((1 - on_rear) / (1 - rear), on_rear / rear))
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_brakes_in_proportion_to_the_static_loads_are_the_default(name):
+    vehicle = get(name)
+    stated = Truck(vehicle=vehicle, body=Body(brakes=vehicle.axle_loads()))
+    assert measure(stated) == pytest.approx(measure(Truck(vehicle=vehicle)))
+
+
+def test_brakes_name_axle_groups():
+    assert Body.of({"brakes.tractor.drive": "40 %", "brakes.semitrailer": 0.6}).brakes == {
+        "tractor.drive": 0.4,
+        "semitrailer": 0.6,
+    }
+    with pytest.raises(VehicleError, match=r"brakes.trailer: no such axle group; did you mean 'semitrailer'"):
+        Truck(vehicle=get("cheng_cebon_2011"), body=Body(brakes={"trailer": 1.0}))
+    with pytest.raises(VehicleError, match="brakes: expected fractions of 0 or more, one above 0"):
+        Body.of({"brakes.semitrailer": 0.0})
+    with pytest.raises(VehicleError, match=r"brakes\.semitrailer: expected no standard deviation"):
+        Body.of({"brakes.semitrailer": "0.4 +- 0.1"})

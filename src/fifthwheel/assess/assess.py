@@ -18,7 +18,18 @@ from fifthwheel.assess import (
 )
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
-from fifthwheel.assess.measures import EDITIONS, MEASURES, REAR, ROLLOVER, Limit, definition, title
+from fifthwheel.assess.measures import (
+    EDITIONS,
+    MEASURES,
+    REAR,
+    ROLLOVER,
+    STOP,
+    STRAIGHT,
+    TRACKING,
+    Limit,
+    definition,
+    title,
+)
 from fifthwheel.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.assess.truck import Body, Truck, Values
 from fifthwheel.assess.uncertainty import assumed, complete, of_identification, of_vehicle
@@ -115,10 +126,12 @@ def assess(
     uncertainty = complete(uncertainty, size, replaced=(*given, *of_engine), stated=stated_sigmas)
     trucks = Neighbourhood(replace(subject, vehicle=longitudinal.completed(subject.vehicle)), uncertainty)
     results, notes, unstable = list[MeasureResult](), list[str](), float(not subject.is_stable)
+    straight: MeasureSamples | None = None
     for family in CHEAP if cheap else FAMILIES:
         try:
             computed = samples(trucks, family, sampled=not cheap)
             results += [_result(name, computed) for name in computed.centre if name != REAR]
+            straight = computed if STRAIGHT in computed.centre else straight
             unstable = max(unstable, _unstable(computed))
         except FifthwheelError as error:
             notes.append(str(error))
@@ -136,6 +149,9 @@ def assess(
         driven, driven_runs, others = nonlinear_measures(subject)
         runs |= driven_runs
         notes += others
+        for name in (TRACKING, STOP):
+            if straight and name in driven:
+                results.append(_result(name, straight.widened(STRAIGHT, name, driven[name] - driven[STRAIGHT])))
     results = [replace(r, nonlinear=driven.get(r.name)) for r in results]
     order = list(MEASURES)
     sigma = dict(zip(uncertainty.names, uncertainty.covariance.diagonal() ** 0.5, strict=True))

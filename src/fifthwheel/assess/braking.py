@@ -8,11 +8,10 @@ to the first, the coupling pulls the units behind it with
 and z m g at the height of the CoG and F_c at the heights of the couplings turn each unit. That is as if its CoG were
 displaced by their moment over its weight.
 
-Braking efficiency: brakes share the braking force in proportion to the static loads, F_x = -z N_0. A group then needs
-the friction z N_0 / N, and the efficiency is the deceleration over the largest of them, 0.4 g / max (z N_0 / N): the
-fraction of the friction that a stop without locked wheels can use. R. D. Ervin and Y. Guy, The influence of weights and
-dimensions on the stability and control of heavy-duty trucks in Canada, UMTRI-86-35 (1986), with brakes as they are; a
-vehicle file has none.
+Braking efficiency: a group with the braking force F_x needs the friction -F_x / N, and the efficiency is the
+deceleration z over the largest of them: the fraction of the friction that a stop without locked wheels can use. The
+brakes are those that are stated, else F_x = -z N_0, in proportion to the static loads. R. D. Ervin and Y. Guy, The
+influence of weights and dimensions on the stability and control of heavy-duty trucks in Canada, UMTRI-86-35 (1986).
 """
 
 from collections.abc import Mapping
@@ -30,8 +29,12 @@ DECELERATION = 0.4
 def measure(truck: Truck) -> Values:
     """The braking efficiency; 0 if an axle group lifts."""
     static = truck.vehicle.axle_loads()
-    braked = loads_under(truck.vehicle, -DECELERATION, {path: -DECELERATION * load for path, load in static.items()})
-    return {"braking_efficiency": max(0.0, min(braked[path] / load for path, load in static.items()))}
+    shares = static
+    if stated := truck.body.brakes:
+        per_fraction = sum(static.values()) / sum(stated.values())
+        shares = {path: fraction * per_fraction for path, fraction in stated.items() if fraction}
+    braked = loads_under(truck.vehicle, -DECELERATION, {path: -DECELERATION * share for path, share in shares.items()})
+    return {"braking_efficiency": max(0.0, min(braked[path] / share for path, share in shares.items()))}
 
 
 def loads_under(vehicle: Vehicle, acceleration: float, forces: Mapping[str, float]) -> dict[str, float]:

@@ -79,6 +79,10 @@ STABILITY_FACTOR = "static_stability_factor"
 """Rollover threshold of a rigid truck."""
 DYNAMIC = "rollover_threshold_dynamic"
 """Rollover threshold in a lane change."""
+STRAIGHT, TRACKING = "straight_path_width", "tracking_ability"
+"""Width swept on a straight road with a crossfall, without and with roughness."""
+STOP = "stop_width"
+"""Width swept in a stop on that road without roughness."""
 
 MEASURES: Mapping[str, Measure] = {
     ROLLOVER: Measure(
@@ -123,9 +127,14 @@ MEASURES: Mapping[str, Measure] = {
     "zero_damping_speed": Measure(title="zero-damping speed", unit="m/s", source="ISO 14791"),
     "understeer_gradient": Measure(title="understeer gradient", unit="rad s^2/m", source="ISO 14792"),
     "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
-    "straight_path_width": Measure(
-        title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"
+    STRAIGHT: Measure(title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"),
+    TRACKING: Measure(
+        title="tracking ability on a straight path",
+        unit="m",
+        source="NTC (2008)",
+        limits=_levels("at most", 2.9, 3.0, 3.1, 3.3, unconfirmed=ALL),
     ),
+    STOP: Measure(title="swept width in a stop", unit="m", source="conditions of our own"),
     "swept_path": Measure(
         title="low-speed swept path",
         unit="m",

@@ -6,19 +6,31 @@ Its tyres saturate, its axles and springs are in three dimensions; its half trac
 Static rollover threshold: on a circle the speed rises until a unit rolls over; the road has so much friction that the
 truck does not slide before. The threshold is the lateral acceleration speed^2 / radius at the end. The rise is slow, so
 that it exceeds the static threshold by about 0.01 g.
+
+Tracking ability on a straight path: the driver holds the front axle on a straight line, on a rough road with a
+crossfall. The width between the largest and the smallest lateral position of any corner less that of their means over
+time is the part of the roughness.
+
+Stop: the same on a smooth road, on which the truck brakes from 60 km/h with the stated distribution of the brakes and
+without anti-lock control. The width from the start of braking on less that before it is the part of the stop. Where
+wheels lock the measure is missing, as its sigma would not contain how they slide.
 """
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess import lane_change, rollover, steady_motion, yaw_damping
+from fifthwheel.assess import braking, lane_change, rollover, steady_motion, yaw_damping
 from fifthwheel.assess.lane_change import LaneChangeRun
+from fifthwheel.assess.measures import STOP, STRAIGHT, TRACKING, title
 from fifthwheel.assess.truck import Series, Truck, Values
 from fifthwheel.errors import FifthwheelError, VehicleError
-from fifthwheel.manoeuvres import Course, OpenLoop, constant_radius
+from fifthwheel.manoeuvres import Course, OpenLoop, Path, constant_radius, straight
 from fifthwheel.plant import Plant, Properties
+from fifthwheel.spoken_names import named_axle
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Unit
 
@@ -32,6 +44,14 @@ ROLLOVER_RADIUS, ROLLOVER_RATE, GRIP = 150.0, 0.005, 3.0
 """Of the turn with rising speed: radius, m, rate of the lateral acceleration, g/s, factor on the friction."""
 ROLLOVER_RANGE = (0.75, 1.35)
 """Lateral acceleration of that turn as a fraction of the threshold of the linear springs."""
+ROUGHNESS, TRACKING_SPEED, TRACKING_LENGTH, SETTLED = 48.9e-6, 90 / 3.6, 1000.0, 10.0
+"""Of the rough road: G_d(n_0) of ISO 8608 for an international roughness index of 3.8 m/km, m^3; speed, m/s; length, m;
+time before it, s."""
+STOP_SPEED, STOPPED, SLOWEST, STOP_TIME = 60 / 3.6, 10 / 3.6, 2.5, 8.0
+"""Of the stop: speeds at which it begins and ends, and lowest speed that the driver demands, m/s, as the tyre model
+needs 1 m/s; longest duration, s. From 26 km/h on the deceleration falls."""
+CONTROLLER_LAG = 1.25
+"""Time by which the truck lags behind the demanded speed, s."""
 
 
 def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str, ...]]:
@@ -47,11 +67,23 @@ def measures(truck: Truck) -> tuple[Values, dict[str, LaneChangeRun], tuple[str,
         runs["nonlinear"] = run = drive_lane_change(truck, plant)
         return lane_change.measures(run) | lane_change.rear_set(truck, run)
 
+    def stopped() -> Values:
+        found, locked = stop(truck)
+        if not locked:
+            return found
+        notes.append(
+            f"Not assessed: {title(STOP)}; without anti-lock control wheels lock, in this order:"
+            f" {', '.join(map(named_axle, locked))}; the nonlinear truck then sweeps {found[STOP]:.1f} m"
+        )
+        return {}
+
     manoeuvres: dict[str, Callable[[], Values]] = {
         "lane change": changed_lanes,
         "pulse": lambda: {"yaw_damping_pulse": yaw_damping.pulse_damping(*pulse(truck, plant))},
         "steady turn": lambda: {"steady_off_tracking": steady_off_tracking(truck, plant)},
         "rollover": lambda: rollover_threshold(truck),
+        "stop": stopped,
+        "rough road": lambda: straight_path(truck),
     }
     for name, driven in manoeuvres.items():
         try:
@@ -139,6 +171,56 @@ def steady_off_tracking(truck: Truck, plant: Plant) -> float:
     )
     outer = np.abs(_position(truth, units[-1], truck.rear_axle.position) - centre)
     return float(np.mean(outer - np.abs(_position(truth, first, truck.front_axle.position) - centre)))
+
+
+def straight_path(truck: Truck, seed: int = 0) -> Values:
+    """Swept widths on a straight road with a crossfall, m: of the mean positions, and on the rough road of a seed."""
+    course = straight(speed=TRACKING_SPEED, duration=SETTLED + TRACKING_LENGTH / TRACKING_SPEED)
+    truth = _on_crossfall(truck, roughness=ROUGHNESS).drive(course, rate=RATE, seed=seed).truth
+    y, width = lateral_positions(truck, truth)[:, round(SETTLED * RATE) :], truck.body.width
+    return {STRAIGHT: float(np.ptp(y.mean(axis=1))) + width, TRACKING: float(np.ptp(y)) + width}
+
+
+def stop(truck: Truck, friction: float = 1.0) -> tuple[Values, tuple[str, ...]]:
+    """Swept widths before and in a stop on the crossfall, m, and the axle groups whose wheels lock, in this order.
+
+    A wheel locks where it turns at less than half the speed of the truck. `friction` as in `Properties`.
+    """
+    truth = _drive(_on_crossfall(truck, friction=friction, brakes=truck.body.brakes), stop_course())
+    start, slow = round(SETTLED * RATE), truth["speed"] < STOPPED
+    during = slice(start, int(slow.argmax()) if slow.any() else None)
+    y, width = lateral_positions(truck, truth), truck.body.width
+    half = truth["speed"][during] / 2
+    locks = {
+        path: np.any([truth[wheel][during] < half for wheel in truth if wheel.startswith(axles)], axis=0)
+        for _, unit, group, path in truck.groups()
+        if (axles := tuple(f"wheel_speed.{unit.name}.{axle.name}." for axle in group.on_road))
+    }
+    locked = sorted((path for path in locks if locks[path].any()), key=lambda path: int(locks[path].argmax()))
+    return {STRAIGHT: float(np.ptp(y[:, start])) + width, STOP: float(np.ptp(y[:, during])) + width}, tuple(locked)
+
+
+def stop_course() -> Path:
+    """A straight path of which the demanded speed falls after `SETTLED`, so that the truck decelerates at once."""
+    deceleration = braking.DECELERATION * STANDARD_GRAVITY
+    course = straight(speed=STOP_SPEED, duration=SETTLED + STOP_TIME)
+    distance = np.maximum(course.arc - STOP_SPEED * SETTLED, 0.0)
+    demanded = np.sqrt(np.maximum(STOP_SPEED**2 - 2 * deceleration * distance, 0.0))
+    demanded -= CONTROLLER_LAG * deceleration * (distance > 0)
+    return replace(course, speed=np.maximum(demanded, SLOWEST))
+
+
+def _on_crossfall(truck: Truck, **properties: Any) -> Plant:
+    """The truck on a road with the crossfall."""
+    return Plant(
+        truck.vehicle, Properties(half_track=truck.body.half_track, bank=steady_motion.CROSSFALL, **properties)
+    )
+
+
+def lateral_positions(truck: Truck, truth: Series) -> Array:
+    """Lateral position of the front and rear end of the centre line of every unit, m, (2 n, N)."""
+    ends = zip(truck.vehicle.units, truck.ends(), strict=True)
+    return np.array([_position(truth, unit, x).imag for unit, (rear, front) in ends for x in (front, rear)])
 
 
 def _drive(plant: Plant, course: Course) -> Series:

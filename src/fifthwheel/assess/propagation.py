@@ -85,6 +85,15 @@ class MeasureSamples:
             return None
         return float(f >= 0) if sigma == 0 else 0.5 * math.erfc(-f / sigma / math.sqrt(2))
 
+    def widened(self, name: str, new: str, added: float) -> "MeasureSamples":
+        """The samples of one measure, to which a number is added, under another name."""
+
+        def of(values: Values) -> Values:
+            return {new: values[name] + added} if name in values else {}
+
+        pairs = tuple((of(plus), of(minus), step) for plus, minus, step in self.pairs)
+        return MeasureSamples(centre=of(self.centre), pairs=pairs, draws=tuple(map(of, self.draws)))
+
     def is_linear(self) -> bool:
         """Whether the pairs suffice for every measure."""
         for name in self.centre:

@@ -11,11 +11,12 @@ dimensions on the stability and control of heavy-duty trucks in Canada, UMTRI-86
 
 Tracking ability on a straight path: width of the path that a truck sweeps on a straight road with a crossfall. The
 front axle follows a straight line. All yaw rates are 0; the model with the bank of the road as an input gives sideslip,
-articulation angles, roll angles and the steer angle. The units run askew:
+articulation angles, roll angles and the steer angle. The units run askew, at every speed alike:
 
     swept width = largest less smallest lateral position of any corner.
 
-The Australian standard measures it on a rough road over 1000 m. Without a road profile the width here is a lower bound.
+The Australian standard measures it on a rough road. The linear model has no roughness and no brakes; the nonlinear
+truck gives what they add, see nonlinear.py.
 """
 
 import cmath
@@ -23,6 +24,7 @@ import cmath
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.assess.measures import STRAIGHT
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.dynamics import linear_system, matrices, understeer_gradient
@@ -72,7 +74,7 @@ def measure_straight_path(truck: Truck) -> Values:
     """The swept width on a road with `CROSSFALL`, m."""
     truck.require_stable()
     y = lateral_positions(truck)
-    return {"straight_path_width": float(np.ptp(y)) + truck.body.width}
+    return {STRAIGHT: float(np.ptp(y)) + truck.body.width}
 
 
 def lateral_positions(truck: Truck) -> Array:

@@ -16,16 +16,18 @@ from fifthwheel.vehicle.steering import require_no_steering
 
 HALF_TRACK = "half_track"
 """Name of the one dimension that has a sigma."""
+BRAKES = "brakes."
+"""Begins the name of the fraction of an axle group in the braking force: "brakes.tractor.drive"."""
 OVERHANGS = ("front_overhang", "rear_overhang")
 """Names of the overhangs; those between two units begin with the name of their unit."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Body:
-    """Dimensions that a vehicle file does not have; the default values are assumptions. All m.
+    """Dimensions that a vehicle file does not have, m, and its brakes; the default values are assumptions.
 
     Raises:
-        VehicleError: a dimension is out of its range.
+        VehicleError: a dimension or a fraction of the brakes is out of its range.
 
     Example:
         >>> from fifthwheel.assess import Body
@@ -46,6 +48,9 @@ class Body:
     between: Mapping[str, float] = field(default_factory=dict)
     """Overhangs of the other ends, such as "semitrailer.front_overhang", from the kingpin to the front end (of a dolly,
     from its first axle), or "lead.rear_overhang"; an end that is not given is at the kingpin or axle."""
+    brakes: Mapping[str, float] = field(default_factory=dict)
+    """Fraction of the braking force on axle groups by path; those that it does not name do not brake. Empty: all brake
+    in proportion to their static loads."""
 
     def __post_init__(self) -> None:
         limits = {
@@ -59,6 +64,10 @@ class Body:
             value = self.between[name] if name in self.between else getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise VehicleError(f"{name}: expected {low:g} to {high:g} m, got {value:g} m; correct it")
+        if self.brakes and not (min(self.brakes.values()) >= 0 and 0 < sum(self.brakes.values()) < 1e6):
+            raise VehicleError(
+                f"brakes: expected fractions of 0 or more, one above 0, got {dict(self.brakes)}; correct them"
+            )
         if not 0 <= self.half_track_sigma < self.half_track / 3:
             raise VehicleError(
                 f"half_track: expected a standard deviation below a third of its value, got {self.half_track_sigma:g} m"
@@ -70,27 +79,30 @@ class Body:
 
         Args:
             values: by name; numbers in m, or texts with a unit such as "1.02 m" or "1.02 m +- 2 %". Only the half track
-                may have a standard deviation; without one it is exact. Names in `between` have a unit before the dot.
+                may have a standard deviation; without one it is exact. Names in `between` have a unit before the dot;
+                fractions of the brakes are "brakes.tractor.drive".
 
         Raises:
             VehicleError: a name or a value is not valid.
         """
-        names = [f.name for f in fields(cls) if f.name not in ("half_track_sigma", "between")]
-        given, between = dict[str, float](), dict[str, float]()
+        names = [f.name for f in fields(cls) if f.name not in ("half_track_sigma", "between", "brakes")]
+        given, between, brakes = dict[str, float](), dict[str, float](), dict[str, float]()
         for name, value in values.items():
             unit, _, dimension = name.rpartition(".")
-            if dimension not in (OVERHANGS if unit else names):
+            is_brake = name.startswith(BRAKES)
+            if not is_brake and dimension not in (OVERHANGS if unit else names):
                 raise VehicleError(f"{name}: no such dimension of the body; {suggestion(name, names)}")
             try:
-                number, sigma = uncertain_quantity(value, "m")
+                number, sigma = uncertain_quantity(value, "1" if is_brake else "m")
             except UnitError as error:
                 raise VehicleError(f"{name}: {error}") from None
             if name == HALF_TRACK:
                 given["half_track_sigma"] = sigma or 0.0
             elif sigma:
                 raise VehicleError(f"{name}: expected no standard deviation; only the half track has one")
-            (between if unit else given)[name] = number
-        return cls(**given, between=between)
+            target = brakes if is_brake else between if unit else given
+            target[name.removeprefix(BRAKES)] = number
+        return cls(**given, between=between, brakes=brakes)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,6 +123,10 @@ class Truck:
                 raise VehicleError(f"{name}: expected {name.rpartition('.')[2]}, that of the whole truck; rename it")
             if name not in names:
                 raise VehicleError(f"{name}: no such end between two units; {suggestion(name, names)}")
+        groups = [path for *_, path in self.groups()]
+        for path in self.body.brakes:
+            if path not in groups:
+                raise VehicleError(f"{BRAKES}{path}: no such axle group; {suggestion(path, groups)}")
 
     def changed(self, values: Mapping[str, float]) -> "Truck":
         """The truck with other values of parameters by path, and of `HALF_TRACK`."""

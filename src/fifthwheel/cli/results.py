@@ -71,7 +71,8 @@ def assess(
         typer.Option(
             "--body",
             help="NAME=VALUE of half_track, width, front_overhang, rear_overhang, or an overhang between two units, "
-            "such as semitrailer.front_overhang, which a vehicle file does not have; may be repeated.",
+            "such as semitrailer.front_overhang, or of brakes.AXLE_GROUP, a fraction of the braking force; a vehicle "
+            "file has none of them; may be repeated.",
         ),
     ] = None,
     speed: Annotated[

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track --film strip.png",
     "fifthwheel simulate run.parquet --model nonlinear --manoeuvre everyday --sensors sensors.toml --all-truth",
     "fifthwheel simulate wet.csv --model nonlinear --with friction=0.6 --with 'bank=2 deg'",
+    "fifthwheel simulate rough.csv --model nonlinear --manoeuvre straight --with roughness=B",
     "fifthwheel simulate drive.csv --model longitudinal --duration 600",
     "fifthwheel simulate brake.csv --model nonlinear --manoeuvre single_sine --braking 3",
 )
@@ -60,7 +61,7 @@ def simulate(
         float | None,
         typer.Option(help="Deceleration from 1 s on, m/s^2, up to 5; the speed falls to 6 m/s; nonlinear only."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise and of random courses.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Seed of the sensor noise, of random courses and rough roads.")] = 0,
     yaw_only: Annotated[bool, typer.Option("--yaw-only", help="No roll; linear model only.")] = False,
     sensors: Annotated[
         Path | None,

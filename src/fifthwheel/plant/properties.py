@@ -15,11 +15,14 @@ UNITS = {
     "bounce_frequency": "Hz",
     "landing_leg": "m",
     "bank": "rad",
+    "roughness": "m^3",
     "roll_centre": "m",
     "lash": "rad",
     "steering_lag": "s",
 }
 """SI unit of the properties whose text may carry a unit; all others are numbers in SI."""
+ROAD_CLASSES: Mapping[str, float] = {name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")}
+"""Roughness of the middle of each class of ISO 8608, m^3."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +72,8 @@ class Properties:
     """Factor on the friction of every tyre: 0.6 for a wet road."""
     bank: float = 0.0
     """Bank angle of the road, rad; positive tilts the truck to the right, as a positive roll angle does."""
+    roughness: float = 0.0
+    """Roughness of the road: G_d(n_0) of ISO 8608, m^3, such as 64e-6 for the middle of class B, see rough_road.py."""
     brakes: Mapping[str, float] = field(default_factory=dict)
     """Fraction of the braking force on an axle group, such as {"tractor.drive": 1.0} for a retarder; groups that it
     does not name do not brake. Empty: all groups brake in proportion to their static loads."""
@@ -108,6 +113,10 @@ class Properties:
             raise VehicleError(
                 f"bank: expected a magnitude below 0.3 rad, got {self.bank}; give the unit if it is in degrees, '2 deg'"
             )
+        if not 0 <= self.roughness < 1:
+            raise VehicleError(
+                f"roughness: expected 0 or more and below 1 m^3, got {self.roughness}; class B of ISO 8608 has 64e-6"
+            )
         if self.brakes and not (min(self.brakes.values()) >= 0 and 0 < sum(self.brakes.values()) < 1e6):
             raise VehicleError(f"brakes: expected fractions of 0 or more, one above 0, got {self.brakes}; correct them")
         if self.frame_torsion is not None and not self.frame_torsion > 0:
@@ -120,7 +129,7 @@ def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properti
     """A copy with some properties changed, those of single axle groups by "property.group".
 
     {"bank": "2 deg", "roll_steer.semitrailer": 0.1}: a value is a number in SI, or a text with a unit where `UNITS` has
-    one. A VehicleError for an unknown property, or a value outside its range.
+    one, or as roughness a class of ISO 8608. A VehicleError for an unknown property, or a value outside its range.
     """
     names = [f.name for f in fields(Properties) if f.name != "tyre"]
     values: dict[str, Any] = {}
@@ -137,8 +146,10 @@ def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properti
             values[name] = tuple(value.split(",") if isinstance(value, str) else value)
             continue
         try:
-            number = quantity(value, UNITS.get(name, "1"))
+            in_class = ROAD_CLASSES.get(value) if name == "roughness" and isinstance(value, str) else None
+            number = quantity(value, UNITS.get(name, "1")) if in_class is None else in_class
         except (SignalError, TypeError, ValueError) as error:
-            raise VehicleError(f"{key}: {error}") from None
+            or_class = "; or give a class of ISO 8608, A to H" if name == "roughness" else ""
+            raise VehicleError(f"{key}: {error}{or_class}") from None
         values[name] = {**values.get(name, getattr(properties, name)), group: number} if by_group else number
     return replace(properties, **values)

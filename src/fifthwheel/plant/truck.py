@@ -29,6 +29,7 @@ from fifthwheel.plant.powered import (
 )
 from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.plant.properties import Properties
+from fifthwheel.plant.rough_road import RoughRoad
 from fifthwheel.plant.sensors import Sensor, article_sensors, bus_sensors, measure
 from fifthwheel.plant.truth import ROLLOVER_ANGLE, true_signals
 from fifthwheel.record import Record
@@ -125,7 +126,7 @@ class Plant:
             driven: engine, gears and driver that accelerate and brake the truck, with the hills and the wind; its mass,
                 tyres, drag and rolling resistance are those of the vehicle and its properties. None: a controller
                 keeps the speed, on a level road without wind.
-            seed: seed of hills and gusts; a truck without `driven` has none.
+            seed: seed of the profile of a rough road, and of hills and gusts, which a truck without `driven` lacks.
             name: name of the run; by default that of the course.
             progress: called once per second of the run.
             until_rollover: the run ends before a unit rolls over, which then is no error.
@@ -141,7 +142,7 @@ class Plant:
         simulation = Simulation(self, course, driven, seed)
         layout = self.multibody.layout
         count = math.floor(course.duration / TIME_STEP / steps) + 1
-        sensed = np.full((count, layout.sensed + len(layout.steered)), np.nan)
+        sensed = np.full((count, simulation.measured.size), np.nan)
         wheels = np.full((count, layout.wheel_outputs), np.nan)
         longitudinal = np.full((count, len(LONGITUDINAL)), np.nan)
         for k in range(-round(SETTLING_TIME / TIME_STEP), (count - 1) * steps + 1):
@@ -154,7 +155,7 @@ class Plant:
                 count = max(k // steps, 0)
                 break
             if k >= 0 and k % steps == 0:
-                sensed[k // steps] = simulation.sample
+                sensed[k // steps] = simulation.measured
                 wheels[k // steps] = simulation.wheel_outputs
                 if simulation.powered:
                     longitudinal[k // steps] = simulation.powered.row
@@ -227,8 +228,8 @@ class Simulation:
         self.output = np.zeros(forces.n_output)
         self.wheel_outputs = self.output[forces.n_output - layout.wheel_outputs :]
         self._pointers = [a.ctypes.data for a in (self.carry, self.sample, multibody.constants, self.output)]
-        self._sensed = self.sample[: layout.sensed]
-        self._steer = self.sample[layout.sensed :]
+        self.measured, self._road_inputs = np.split(self.sample, [layout.sensed + len(layout.steered)])
+        self._sensed, self._steer = np.split(self.measured, [layout.sensed])
         self._wrench = self.output[: 6 * layout.rows].reshape(-1, 6)
         self._steer_increment = np.zeros(len(layout.steered))  # per time step, rad
         self._bodies = list(layout.bodies)
@@ -247,19 +248,28 @@ class Simulation:
         self.data.qvel[self._spin] = self._start_speed / properties.wheel_radius
         self.model.dof_armature[self._spin] = 0.0  # a former run may have left its engine
         self.model.opt.gravity[:] = gravity(0.0, properties.bank, 0.0)
+        self.road = self._rough_road(list(layout.axles), seed) if properties.roughness else None
+        self._road_ahead = iter(())
+
+    def _rough_road(self, axles: list[int], seed: int) -> RoughRoad:
+        properties = self.plant.properties
+        mujoco().mj_kinematics(self.model, self.data)
+        return RoughRoad(properties.roughness, 2 * properties.half_track, self.data.xpos[axles, 0].copy(), seed)
 
     def _address(self, joint: str) -> int:
         number = mujoco().mj_name2id(self.model, mujoco().mjtObj.mjOBJ_JOINT, joint)
         return int(self.model.jnt_dofadr[number])
 
     def command(self, time: float, *, settling: bool) -> None:
-        """Set steer rate and wheel torques until the next command, and the direction of gravity on a sloping road.
+        """Set steer rate, wheel torques and the road until the next command, and the direction of gravity on a slope.
 
         While settling, the truck goes straight ahead at the initial speed of the course.
         """
         pose = self.pose()
         steer, speed = (0.0, self._start_speed) if settling else self.driver(time, pose)
         self._steer_increment[0] = (steer - self._steer[0]) / STEPS_PER_COMMAND
+        if self.road:
+            self._road_ahead = iter(self.road.ahead(pose.speed, TIME_STEP, STEPS_PER_COMMAND))
         if self.powered is None:
             self._torques = self.speed_controller(speed - pose.speed)
         else:
@@ -287,6 +297,8 @@ class Simulation:
         """Update the sensed values and the tyre forces."""
         self._step1(self.model, self.data)
         self._sensed[:] = self.data.sensordata
+        if self.road:
+            self._road_inputs[:] = next(self._road_ahead)
         self._run_forces(1, 1, *self._pointers)
 
     @property

@@ -1,9 +1,10 @@
 """Forces of tyres, drag, rolling resistance and suspension lash in one step, compiled to machine code.
 
-The motion of every axle, as MuJoCo senses it, gives the velocity of each contact patch. The transient slip follows the
-steady slip over the relaxation length. The Magic Formula gives the forces, which act on the body of the wheel as a
-force and a torque about its centre. Castor wheels turn at once towards the direction of motion of the middle of their
-axle; the heading of the unit against that in front turns the wheels of a command-steered axle.
+The motion of every axle, as MuJoCo senses it, gives the velocity of each contact patch; a rough road moves it up and
+down, and has no other effect. The transient slip follows the steady slip over the relaxation length. The Magic Formula
+gives the forces, which act on the body of the wheel as a force and a torque about its centre. Castor wheels turn at
+once towards the direction of motion of the middle of their axle; the heading of the unit against that in front turns
+the wheels of a command-steered axle.
 """
 
 from dataclasses import dataclass
@@ -102,15 +103,16 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
     """The compiled step.
 
     carry = [transient slip and longitudinal slip of every wheel, steer angle and aligning moment of every steered
-    axle]; sample = [sensed values, steer angles]; constant = constants(); output = [force and torque on every body,
-    then `WHEEL_OUTPUTS` of every wheel].
+    axle]; sample = [sensed values, steer angles, height of the road under every wheel, its rate]; constant =
+    constants(); output = [force and torque on every body, then `WHEEL_OUTPUTS` of every wheel].
     """
     axles = [axle for body in bodies for axle in body.axles]
     units = [i for i, body in enumerate(bodies) for _ in body.axles]
     tyre: MagicFormula = properties.tyre
     n_wheels, n_steered = 2 * len(axles), len(layout.steered)
     carry = ca.SX.sym("carry", 2 * n_wheels + 2 * n_steered)
-    sample = ca.SX.sym("sample", layout.sensed + n_steered)
+    sample = ca.SX.sym("sample", layout.sensed + n_steered + 2 * n_wheels)
+    road_height, road_rate = ca.vertsplit(sample[layout.sensed + n_steered :], n_wheels)
     of_axle, of_truck = _of_axle(axles[0], properties), _of_truck(properties, 0.0)
     constant = ca.SX.sym("constant", len(of_axle) * len(axles) + len(of_truck))
     common = {name: constant[len(of_axle) * len(axles) + i] for i, name in enumerate(of_truck)}
@@ -156,13 +158,13 @@ def forces(layout: StepLayout, bodies: tuple[SprungBody, ...], properties: Prope
         for j, sign in enumerate(SIDES.values()):
             wheel = 2 * i + j
             centre = position + sign * common["half_track"] * y_axis + (common["radius"] - axle["roll_centre"]) * z_axis
-            arm = ca.vertcat(0, 0, -centre[2])  # from the wheel centre down to the road
+            height = centre[2] - road_height[wheel]
+            arm = ca.vertcat(0, 0, -height)  # from the wheel centre down to the road
             centre_velocity = velocity + ca.cross(angular_velocity, centre - position)
             contact_velocity = velocity + ca.cross(angular_velocity, centre + arm - position)
-            load = (
-                axle["tyre_stiffness"] * (axle["free_radius"] - centre[2])
-                - axle["tyres_per_side"] * common["tyre_damping"] * centre_velocity[2]
-            )
+            load = axle["tyre_stiffness"] * (axle["free_radius"] - height) - axle["tyres_per_side"] * common[
+                "tyre_damping"
+            ] * (centre_velocity[2] - road_rate[wheel])
             load = ca.fmax(load, 1.0)
             tyre_load = load / axle["tyres_per_side"]
             v_x = ca.fmax(ca.dot(contact_velocity[:2], forward), 0.5)

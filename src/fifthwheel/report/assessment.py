@@ -142,6 +142,7 @@ def explanations(assessment: Assessment) -> list[str]:
     sigma = body.half_track_sigma or None
     overhang = "rear overhang unknown" if body.rear_overhang is None else f"rear overhang {body.rear_overhang:g} m"
     others = "".join(f", {name} {value:g} m" for name, value in body.between.items())
+    others += "".join(f", brakes.{path} {fraction:g}" for path, fraction in body.brakes.items())
     notes = [
         *assessment.notes,
         f"Sigma: from {assessment.origin}.",
@@ -150,8 +151,8 @@ def explanations(assessment: Assessment) -> list[str]:
         "--body.",
         "Thresholds: strictest level that is met of the Australian performance-based standards (2008), or of the "
         "source that is named; not confirmed: check the number in the current rules. "
-        "The linear model decides; probability: that the truck meets it, given the sigma. A number without a unit is a "
-        "ratio.",
+        "The linear model decides, of the tracking ability with what the roughness adds to the nonlinear truck; "
+        "probability: that the truck meets it, given the sigma. A number without a unit is a ratio.",
     ]
     if sampled := [m.title for m in assessment if m.order == "sampled"]:
         notes.append(f"Sampled, because not linear in the parameters: {enumerated(sampled)}.")
