@@ -18,6 +18,7 @@ from tests.evaluate.conftest import NOISE, STEER, U
 from tests.evaluate.test_evaluate import MANOEUVRES
 from tests.evaluate.test_steady_state import steady_turns
 
+GYROS = {name: NOISE[name] for name in NOISE if name.startswith("yaw_rate")}
 QUIET = {name: 1e-4 * variance for name, variance in NOISE.items()}
 
 
@@ -157,6 +158,38 @@ def test_what_only_one_record_has_is_noted(truck):
     other = log.with_signals({"sideslip.tractor": 0.01 * log.signals["yaw_rate.tractor"]})
     with pytest.raises(SignalError, match="results: no measure of Steady-state circular test in common"):
         fw.validate(other, more, "steady_state")
+
+
+@pytest.mark.parametrize("test", ["step", "steady_state", "frequency_response"])
+def test_an_inverted_roll_angle_is_refused(truck, test):
+    log = simulated(truck, test, noise=GYROS).cut(0.0, 120.0)
+    rolls = {name: values for name, values in log.reference.items() if name.startswith("roll.")}
+    inverted = log.with_signals({name: -values for name, values in rolls.items()})
+    message = r"roll\.tractor and roll\.semitrailer of the results: opposite sign of the log; .* sign = -1"
+    for measured in (log, log.with_signals(rolls)):
+        with pytest.raises(SignalError, match=message):
+            fw.validate(inverted, measured, test, vehicle=truck)
+    if test == "frequency_response":  # 180 degrees of phase are a sign, whatever the gain
+        return
+    weak = log.with_signals({name: -0.5 * values for name, values in rolls.items()})
+    assert fw.validate(weak, log, test, vehicle=truck).verdict == "outside"  # more than a sign is wrong
+
+
+def test_an_inverted_articulation_angle_is_refused(truck):
+    log = simulated(truck, "pulse", noise=QUIET)
+    angle = log.reference["articulation.semitrailer"]
+    with pytest.raises(SignalError, match=r"articulation\.semitrailer.*sign"):
+        fw.validate(log.with_signals({"articulation.semitrailer": -angle}), log, "pulse", vehicle=truck)
+
+
+def test_reference_signals_have_no_sigma_in_the_table(truck):
+    log = simulated(truck, "step", noise=GYROS)
+    found = fw.validate(log, log, "step", vehicle=truck)
+    rows = {row[0]: row[1:4] for row in found.table().rows}
+    for name, has_sigma in (("steady_gain.yaw_rate.tractor", True), ("steady_gain.roll.tractor", False)):
+        assert {"±" in str(cell) for cell in rows[found.log[name].title]} == {has_sigma}
+        assert (found.log[name].sigma is not None) == has_sigma
+    assert {m.name: m.verdict for m in found.measures}["steady_gain.roll.tractor"] == "inside"
 
 
 def test_wrong_records_and_arguments_are_refused(truck):

@@ -21,7 +21,7 @@ from fifthwheel.checks import Fault, check, raise_errors
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.conditions import SPEED
 from fifthwheel.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
-from fifthwheel.evaluate.evaluate import method_of, with_references
+from fifthwheel.evaluate.evaluate import method_of, with_references, without_sigma
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.tolerances import Tolerance, require_used, tolerance_of
 from fifthwheel.formatting import approximate, enumerated, percent, with_sigma
@@ -44,7 +44,8 @@ class ComparedMeasure:
     log: float
     results: float
     sigma: float | None
-    """Of the difference, by both records; None where one of them has none."""
+    """Of the difference, by both records, on which the verdict depends: of a reference signal by the scatter alone,
+    which no table shows; None where one of them has none."""
     tolerance: Tolerance
 
     @property
@@ -114,13 +115,17 @@ class Validation:
                 m.title,
                 with_sigma(m.log, self.log[m.name].sigma, m.unit),
                 with_sigma(m.results, self.results[m.name].sigma, m.unit),
-                with_sigma(m.results - m.log, m.sigma, m.unit),
+                with_sigma(m.results - m.log, m.sigma if self._has_sigma(m.name) else None, m.unit),
                 f"± {approximate(m.limit, m.unit)} ({m.tolerance.text})",
                 mark(m.verdict),
             )
             for m in self.measures
         ]
         return pages.Table(heads, rows, label="Measures")
+
+    def _has_sigma(self, name: str) -> bool:
+        """Whether a measure is of sensors in both records."""
+        return None not in (self.log[name].sigma, self.results[name].sigma)
 
     def curve_table(self) -> pages.Table:
         """The curves."""
@@ -196,29 +201,41 @@ def validate(
     stated = dict(tolerances or {})
     if vehicle is not None:
         vehicle = vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
-    of_results, of_log = (_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log)))
+    evaluated = [_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log))]
+    of_results, of_log = (evaluation for evaluation, _ in evaluated)
     measures = tuple(_measures(of_results, of_log, stated))
     curves = tuple(compared_curves(of_results, of_log, stated))
     names = [*(m.name for m in measures), *(c.name for c in curves)]
     require_used(stated, names)
+    _require_signs(curves)
     if not measures:
         raise SignalError(
             f"results: no measure of {of_log.title} in common with the log, which has "
             f"{enumerated([m.name for m in of_log])}; map the same signals in both records"
         )
     notes = [*_of_inputs(results, log, curves), *_of_evaluations(of_results, of_log, names)]
+    of_results, of_log = (without_sigma(*pair) for pair in evaluated)
     return Validation(results=of_results, log=of_log, measures=measures, curves=curves, notes=tuple(notes))
 
 
-def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> Evaluation:
-    """The evaluation of a record, without faults of its signal map."""
+def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> tuple[Evaluation, frozenset[str]]:
+    """The evaluation of a record, without faults of its signal map, and its reference signals."""
     expect(role, record, Record)
     try:
-        evaluation, _ = with_references(record, test, vehicle, check=False)
+        evaluated = with_references(record, test, vehicle, check=False)
         raise_errors(finding for finding in check(record) if finding.fault in WRONG)
     except SignalError as error:
         raise SignalError(f"{role}, {error}") from None
-    return evaluation
+    return evaluated
+
+
+def _require_signs(curves: tuple[ComparedCurve, ...]) -> None:
+    """Refuse angles whose sign is another one in both records."""
+    if inverted := [curve.name.removeprefix("phase.") for curve in curves if curve.is_inverted]:
+        raise SignalError(
+            f"{enumerated(inverted)} of the results: opposite sign of the log; in a left turn roll is positive and "
+            "articulation negative; invert the wrong one in its signals.toml: sign = -1, or no sign if it has one"
+        )
 
 
 def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedMeasure]:
