@@ -109,14 +109,14 @@ class Validation:
 
     def table(self) -> pages.Table:
         """The measures."""
-        heads = ("Measure|name", "Log>", "Results>", "Difference ± sigma>", "Tolerance>", "Verdict")
+        heads = ("Measure|name", "Log>", "Results>", "Difference ± sigma>", "Tolerance", "Verdict")
         rows = [
             (
                 m.title,
                 with_sigma(m.log, self.log[m.name].sigma, m.unit),
                 with_sigma(m.results, self.results[m.name].sigma, m.unit),
                 with_sigma(m.results - m.log, m.sigma if self._has_sigma(m.name) else None, m.unit),
-                f"± {approximate(m.limit, m.unit)} ({m.tolerance.text})",
+                _band(m.limit, m.unit, m.tolerance),
                 mark(m.verdict),
             )
             for m in self.measures
@@ -129,13 +129,13 @@ class Validation:
 
     def curve_table(self) -> pages.Table:
         """The curves."""
-        heads = ("Curve|name", "Inside>", "Largest exceedance>", "Tolerance>", "Covered>", "Verdict")
+        heads = ("Curve|name", "Inside>", "Largest exceedance>", "Tolerance", "Covered>", "Verdict")
         rows = [
             (
                 c.title,
                 percent(c.inside, round_down=True),
                 approximate(c.exceedance, c.unit),
-                f"± {approximate(float(c.limit.max(initial=0.0)), c.unit)} ({c.tolerance.text})",
+                _band(float(c.limit.max(initial=0.0)), c.unit, c.tolerance),
                 percent(c.covered, round_down=True),
                 mark(c.verdict),
             )
@@ -156,6 +156,12 @@ class Validation:
     def _document(self) -> pages.Document:
         blocks: list[pages.Block] = [self.table(), self.curve_table(), pages.Items(self.notes)]
         return pages.Document(f"{self.log.title}, {self.results.log} against {self.log.log}: {self.verdict}", blocks)
+
+
+def _band(limit: float, unit: str, tolerance: Tolerance) -> str:
+    """Half of the width of a band and what was stated, which a narrow column breaks between the numbers."""
+    stated = tolerance.text.replace(" ", "\u00a0").replace("+\u00a0", "+ ")
+    return f"±\u00a0{approximate(limit, unit)} ({stated})"
 
 
 def mark(verdict: Judgement) -> pages.Mark:
