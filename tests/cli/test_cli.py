@@ -761,3 +761,8 @@ def test_wrong_usage_names_the_help_of_the_command(arguments, help, monkeypatch,
         cli.main()
     assert stop.value.code == 2
     assert capsys.readouterr().err.endswith(" ".join(f"See fifthwheel {help} --help".split()) + "\n")
+
+
+def test_an_unknown_option_names_the_option_for_numbers(run):
+    refused(run("identify", "run.csv", "--friction", "0.3"), r"No such option: --friction\. A number is stated by --set friction=VALUE")
+    refused(run("check", "run.csv", "--friction", "0.3"), r"No such option: --friction See fifthwheel check --help")
