@@ -764,5 +764,10 @@ def test_wrong_usage_names_the_help_of_the_command(arguments, help, monkeypatch,
 
 
 def test_an_unknown_option_names_the_option_for_numbers(run):
-    refused(run("identify", "run.csv", "--friction", "0.3"), r"No such option: --friction\. A number is stated by --set friction=VALUE")
-    refused(run("check", "run.csv", "--friction", "0.3"), r"No such option: --friction See fifthwheel check --help")
+    refused(
+        run("identify", "run.csv", "--friction", "0.3"),
+        r"No such option: --friction\. A number is stated by --set friction=VALUE",
+    )
+    refused(
+        run("evaluate", "run.csv", "--frict", "0.3"), r"No such option: --frict [^.]*See fifthwheel evaluate --help"
+    )
