@@ -22,11 +22,13 @@ MANOEUVRES = {
     "sine_with_dwell": "sine_with_dwell",
 }
 
+ONE = {"lane_changes": {"count": 1}}
+
 
 @pytest.fixture(scope="module")
 def logs(truck):
     return {
-        test: fw.simulate(truck, manoeuvre=name, speed=U, count=1, sensors=NOISE, rate=50.0)
+        test: fw.simulate(truck, manoeuvre=name, speed=U, sensors=NOISE, rate=50.0, **ONE.get(name, {}))
         for test, name in MANOEUVRES.items()
     }
 

@@ -15,7 +15,7 @@ from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 from tests.evaluate.conftest import NOISE, STEER, U
-from tests.evaluate.test_evaluate import MANOEUVRES
+from tests.evaluate.test_evaluate import MANOEUVRES, ONE
 from tests.evaluate.test_steady_state import steady_turns
 
 GYROS = {name: NOISE[name] for name in NOISE if name.startswith("yaw_rate")}
@@ -24,7 +24,14 @@ QUIET = {name: 1e-4 * variance for name, variance in NOISE.items()}
 
 def simulated(truck, test, seed=1, noise=NOISE):
     duration = 600.0 if test == "frequency_response" else None  # in 120 s, sigma of some gains is above a default
-    settings = {"speed": U, "count": 1, "sensors": noise, "rate": 50.0, "seed": seed, "duration": duration}
+    settings = {
+        "speed": U,
+        **ONE.get(MANOEUVRES[test], {}),
+        "sensors": noise,
+        "rate": 50.0,
+        "seed": seed,
+        "duration": duration,
+    }
     return fw.simulate(truck, manoeuvre=MANOEUVRES[test], **settings)
 
 
