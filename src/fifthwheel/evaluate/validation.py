@@ -240,7 +240,8 @@ def _require_signs(curves: tuple[ComparedCurve, ...]) -> None:
     if inverted := [curve.name.removeprefix("phase.") for curve in curves if curve.is_inverted]:
         raise SignalError(
             f"{enumerated(inverted)} of the results: opposite sign of the log; in a left turn roll is positive and "
-            "articulation negative; invert the wrong one in its signals.toml: sign = -1, or no sign if it has one"
+            "articulation negative; invert the wrong one: sign = -1 in its signals.toml (no sign if it has one), or in "
+            "the FMU"
         )
 
 
