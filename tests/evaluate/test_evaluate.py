@@ -222,3 +222,17 @@ def _rows(log, rows):
 def _with_pause(log):
     time = log.time + 5.0 * (log.time > log.time[len(log) // 2])
     return Record(time=time, signals=log.signals, name=log.name)
+
+
+def test_a_spike_is_left_out_and_noted(truck, logs):
+    log = logs["step"]
+    spiky = log.signals["yaw_rate.tractor"].copy()
+    spiky[len(log) // 2] = 0.9  # rad/s
+    found, clean = (
+        fw.evaluate(record, "step", vehicle=truck) for record in (log.with_signals({"yaw_rate.tractor": spiky}), log)
+    )
+    assert found["overshoot.yaw_rate.tractor"].value == pytest.approx(
+        clean["overshoot.yaw_rate.tractor"].value, abs=0.2 * clean["overshoot.yaw_rate.tractor"].sigma
+    )
+    assert "Spikes are left out: yaw_rate.tractor." in found.notes
+    assert not any("pike" in note for note in clean.notes)
