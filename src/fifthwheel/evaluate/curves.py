@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, CHANNELS, ROLL, is_of
+from fifthwheel.channels import CHANNELS
 from fifthwheel.evaluate.diagrams import AXES, TITLES
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.motion import gain_unit
@@ -30,9 +30,6 @@ MARGIN = 3.0
 """Of the points of a curve, in sigma: by two, 5 % of them would be outside by noise alone."""
 COVERED = 0.5
 """Least fraction of the log's points at which the results have a value, for a judgement."""
-
-INVERTED = 0.7
-"""How well, from 0 to 1, an inverted curve fits at least, for its sign to be wrong and not the model."""
 
 
 def judged(is_inside: bool, is_outside: bool) -> Judgement:
@@ -89,16 +86,6 @@ class ComparedCurve:
         inside = self._fraction(self._difference + MARGIN * self.sigma <= self.limit)
         outside = self._fraction(self._difference - MARGIN * self.sigma > self.limit)
         return judged(inside >= ENOUGH, outside > 1 - ENOUGH)
-
-    @property
-    def is_inverted(self) -> bool:
-        """Whether a roll or articulation angle of the results fits the log only with the opposite sign."""
-        kind, _, signal = self.name.partition(".")
-        if not is_of(signal if kind == "phase" else self.name, ROLL, ARTICULATION) or not self.same_input:
-            return False
-        if kind == "phase":
-            return self.x.size > 0 and float(np.median(np.cos(self.results - self.log))) < -INVERTED
-        return bool(np.linalg.norm(self.results + self.log) < (1 - INVERTED) * np.linalg.norm(self.log))
 
     @property
     def _difference(self) -> Array:

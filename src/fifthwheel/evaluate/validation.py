@@ -10,14 +10,17 @@ of 2, since it has many points.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._arguments import expect, expect_optional
+from fifthwheel._types import Array
+from fifthwheel.channels import ARTICULATION, ROLL, YAW_RATE, names_of
 from fifthwheel.checks import Fault, check, raise_errors
+from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.conditions import SPEED
 from fifthwheel.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
@@ -32,6 +35,10 @@ from fifthwheel.vehicle import Vehicle
 
 WRONG = (Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL, Fault.OUT_OF_RANGE, Fault.SWAPPED_SIGN)
 """Faults of a signal that are refused: they are of the signal map, not of the model."""
+
+CORRELATED, STEP, DELAYS = 0.5, 0.05, range(-20, 21, 2)
+"""For the sign of an angle to be clear: its least correlation with the yaw rate, at the delay, in steps of so many s,
+at which that of the log is largest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -209,11 +216,11 @@ def validate(
         vehicle = vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
     evaluated = [_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log))]
     of_results, of_log = (evaluation for evaluation, _ in evaluated)
+    _require_signs(results, log)
     measures = tuple(_measures(of_results, of_log, stated))
     curves = tuple(compared_curves(of_results, of_log, stated))
     names = [*(m.name for m in measures), *(c.name for c in curves)]
     require_used(stated, names)
-    _require_signs(curves)
     if not measures:
         raise SignalError(
             f"results: no measure of {of_log.title} in common with the log, which has "
@@ -235,14 +242,35 @@ def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) ->
     return evaluated
 
 
-def _require_signs(curves: tuple[ComparedCurve, ...]) -> None:
-    """Refuse angles whose sign is another one in both records."""
-    if inverted := [curve.name.removeprefix("phase.") for curve in curves if curve.is_inverted]:
+def _require_signs(results: Record, log: Record) -> None:
+    """Refuse roll and articulation angles that follow the yaw rate with another sign in the results than in the log."""
+    found, inverted = [_with_yaw_rate(record) for record in (results, log)], []
+    for name in found[0].keys() & found[1].keys():
+        of_results, of_log = (correlations[name] for correlations in found)
+        k = int(np.abs(of_log).argmax())
+        if of_results[k] * np.sign(of_log[k]) < -CORRELATED < CORRELATED < abs(of_log[k]):
+            inverted.append(name)
+    if inverted:
         raise SignalError(
-            f"{enumerated(inverted)} of the results: opposite sign of the log; in a left turn roll is positive and "
-            "articulation negative; invert the wrong one: sign = -1 in its signals.toml (no sign if it has one), or in "
-            "the FMU"
+            f"{enumerated(sorted(inverted))} of the results: opposite sign of the log; in a left turn roll is positive "
+            "and articulation negative; invert the wrong one: sign = -1 in its signals.toml (no sign if it has one), "
+            "or in the FMU"
         )
+
+
+def _with_yaw_rate(record: Record) -> dict[str, Array]:
+    """Correlation of each angle with the first yaw rate of `DELAYS` steps before, (n,)."""
+    record = replace(record, signals={**record.reference, **record.signals})
+    rates = names_of(YAW_RATE, record.signals)
+    if not rates:
+        return {}
+    time = common_time(record, STEP)
+    rate, has_rate = at_common_time(record, rates[0], time)
+    found = {}
+    for name in names_of(ROLL, record.signals) + names_of(ARTICULATION, record.signals):
+        angle, has_angle = at_common_time(record, name, time)
+        found[name] = np.array([correlation(rate, angle, has_rate & has_angle, shift) for shift in DELAYS])
+    return found
 
 
 def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedMeasure]:
