@@ -99,7 +99,7 @@ def test_other_sensors(truck):
 
 @pytest.mark.parametrize("manoeuvre", LINEAR_MANOEUVRES)
 def test_equal_seeds_give_equal_records(truck, manoeuvre):
-    record, same, other = (simulate(truck, manoeuvre=manoeuvre, count=1, seed=seed) for seed in (4, 4, 5))
+    record, same, other = (simulate(truck, manoeuvre=manoeuvre, duration=8.0, seed=seed) for seed in (4, 4, 5))
     assert record == same
     for name in RATES:
         difference = record.signals[name] - other.signals[name]
@@ -110,7 +110,7 @@ def test_equal_seeds_give_equal_records(truck, manoeuvre):
 
 @pytest.mark.parametrize("manoeuvre", LINEAR_MANOEUVRES)
 def test_reference_channels(truck, manoeuvre):
-    record = simulate(truck, manoeuvre=manoeuvre, count=1)
+    record = simulate(truck, manoeuvre=manoeuvre, duration=8.0)
     states = {f"{q}.{u}" for q in ("sideslip", "roll") for u in ("tractor", "semitrailer")}
     assert set(record.reference) == states | {"articulation.semitrailer"}
     for values in record.reference.values():
@@ -172,9 +172,10 @@ def test_rate_duration_speed_and_name(truck):
 
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "sweep", "random"])
 def test_simulated_records_are_plausible(truck, manoeuvre):
+    count = {"count": 3} if manoeuvre == "lane_changes" else {}
     for name in ("cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"):
         vehicle = get(name)
-        assert check(simulate(vehicle, manoeuvre=manoeuvre, count=3), wheelbase=vehicle.wheelbase) == ()
+        assert check(simulate(vehicle, manoeuvre=manoeuvre, **count), wheelbase=vehicle.wheelbase) == ()
 
 
 def test_manoeuvres_stay_in_the_linear_range(truck):
@@ -224,3 +225,9 @@ def test_a_sweep_is_finite_at_any_rate_and_duration(truck):
 def test_an_unknown_sensor(truck, name):
     with pytest.raises(SignalError, match=rf"^{name}: "):
         simulate(truck, sensors={name: 1e-4}, count=1)
+
+
+@pytest.mark.parametrize("manoeuvre", sorted({*LINEAR_MANOEUVRES} - {"lane_changes"}))
+def test_a_number_of_lane_changes_is_refused_where_there_are_none(truck, manoeuvre):
+    with pytest.raises(SignalError, match=f"count: {manoeuvre} does not have it, got 3; leave it out"):
+        simulate(truck, manoeuvre=manoeuvre, count=3)

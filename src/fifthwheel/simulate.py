@@ -21,7 +21,7 @@ def simulate(
     vehicle: Vehicle,
     *,
     manoeuvre: str = "lane_changes",
-    count: int = 15,
+    count: int | None = None,
     speed: float = 88 / 3.6,
     rate: float = 100.0,
     duration: float | None = None,
@@ -35,7 +35,7 @@ def simulate(
     Args:
         vehicle: truck, stable at this speed.
         manoeuvre: one of `manoeuvres.LINEAR_MANOEUVRES`.
-        count: number of lane changes, to the left and to the right in turn.
+        count: number of lane changes, to the left and to the right in turn. Default: 15; other manoeuvres have none.
         speed: constant, m/s.
         rate: sampling rate, Hz.
         duration: s; by default that of the manoeuvre, or 60 s.
@@ -45,7 +45,8 @@ def simulate(
         name: name of the record.
 
     Raises:
-        SignalError: the speed is out of range, or the linear model does not have the manoeuvre or a sensor.
+        SignalError: the speed is out of range, or the linear model does not have the manoeuvre or a sensor, or the
+            manoeuvre no `count`.
         VehicleError: `vehicle` is not one, or unstable at this speed.
 
     Example:
@@ -55,7 +56,8 @@ def simulate(
     """
     expect("vehicle", vehicle, Vehicle)
     require_roll(vehicle.steering, roll)
-    expect_number("count", count, ge=1, whole=True)
+    if count is not None:
+        expect_number("count", count, ge=1, whole=True)
     expect_number("rate", rate, ge=5, le=1000, unit="Hz")
     expect_number("seed", seed, ge=0, whole=True)
     if duration is not None:

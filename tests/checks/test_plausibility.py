@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.checks import Fault, Finding, check, raise_errors
-from fifthwheel.checks.samples import remove_input_spikes
+from fifthwheel.checks.samples import remove_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.signal_map import SignalSource
@@ -315,7 +315,7 @@ def test_messages_that_come_in_bursts_are_complete(weaving):
 def test_spikes_of_inputs_are_marked_as_missing(weaving):
     steer = weaving.signals[STEER].copy()
     steer[700] = 1.6
-    clean = remove_input_spikes(weaving.with_signals({STEER: steer}))
+    clean = remove_spikes(weaving.with_signals({STEER: steer}))
     assert np.flatnonzero(np.isnan(clean.signals[STEER])).tolist() == [700]
     assert np.array_equal(clean.signals[RATE], weaving.signals[RATE])
-    assert remove_input_spikes(weaving) is weaving
+    assert remove_spikes(weaving) is weaving

@@ -9,7 +9,7 @@ from fifthwheel.checks import Fault, check
 from fifthwheel.checks.samples import (
     dropouts,
     impossible_samples,
-    remove_input_spikes,
+    remove_spikes,
     spike_mask,
     spikes,
     stuck,
@@ -128,7 +128,7 @@ def test_spikes_up_to_a_tenth_of_the_samples(name, count, found):
         assert f"{count} spike{'s' * (count > 1)}, the first 0.5" in finding.message
         assert "at 0.10 s" in finding.message
         assert ("repair them" in finding.message) == (name == STEER)
-    repaired = remove_input_spikes(record).signals[name]
+    repaired = remove_spikes(record).signals[name]
     assert np.isnan(repaired).sum() == (count if found and name == STEER else 0)
     assert np.array_equal(repaired, np.where(np.isnan(repaired), np.nan, values), equal_nan=True)
 

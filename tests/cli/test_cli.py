@@ -173,8 +173,17 @@ def test_the_next_command_takes_what_identify_wrote(identified, folder, run):
     assert (outcome.code, outcome.err) == (0, "")
     found = outcome.json()
     assert found["version"] == fifthwheel.__version__
-    assert sorted(path.name for path in Path("o").iterdir()) == ["report.html", "run.json", "states.parquet"]
-    assert found["files"] == {name: str(Path("o") / name) for name in ("states.parquet", "report.html")}
+    assert sorted(path.name for path in Path("o").iterdir()) == [
+        "report.html",
+        "run.json",
+        "states.json",
+        "states.parquet",
+    ]
+    assert found["files"] == {name: str(Path("o") / name) for name in ("states.json", "states.parquet", "report.html")}
+    verified = {Path(file["path"]).name: file["state"] for file in run("verify", "o", "--json").json()["files"]}
+    assert verified == dict.fromkeys(
+        ("report.html", "states.json", "states.parquet", "first.csv", "vehicle.toml"), "same"
+    )
     (log,) = found["logs"]
     assert (log["name"], log["samples"]) == ("first", 1600)
     status = log["status"]
@@ -761,3 +770,13 @@ def test_wrong_usage_names_the_help_of_the_command(arguments, help, monkeypatch,
         cli.main()
     assert stop.value.code == 2
     assert capsys.readouterr().err.endswith(" ".join(f"See fifthwheel {help} --help".split()) + "\n")
+
+
+def test_an_unknown_option_names_the_option_for_numbers(run):
+    refused(
+        run("identify", "run.csv", "--friction", "0.3"),
+        r"No such option: --friction\. A number is stated by --set friction=VALUE",
+    )
+    refused(
+        run("evaluate", "run.csv", "--frict", "0.3"), r"No such option: --frict [^.]*See fifthwheel evaluate --help"
+    )

@@ -67,7 +67,10 @@ def test_results_are_replaced_by_the_same_command_only(place, run):  # noqa: F81
     for _ in range(2):
         assert run(*states).code == 0
     manifest = json.loads((place / "out" / MANIFEST).read_text())
-    assert (manifest["command"], sorted(manifest["files"])) == ("states", ["report.html", "states.parquet"])
+    assert (manifest["command"], sorted(manifest["files"])) == (
+        "states",
+        ["report.html", "states.json", "states.parquet"],
+    )
     (place / "out" / "notes.txt").write_text("mine")
     refused(run("identify", *states[1:]), r"out: contains the results of fifthwheel states; ")
     (place / "out" / "report.html").write_text("edited")

@@ -78,7 +78,10 @@ def test_inputs_and_outputs_have_the_units_of_the_fmu_and_the_times_of_the_log(u
     np.testing.assert_allclose(found.signals["yaw_rate.tractor"][late], 20 * delayed[late], rtol=1e-3)
     assert model.called["output"] == ["yaw_rate.tractor", "roll.tractor"]
     assert found.signals[STEER][7] == pytest.approx(0.02)
-    assert found.notes == ("truck.fmu: inputs that are not in the log keep their start value: bank.road.",)
+    assert found.notes == (
+        "truck.fmu: inputs that are not in the log keep their start value: bank.road.",
+        "truck.fmu: outputs that are not evaluated: engine.torque.",
+    )
 
 
 @pytest.mark.parametrize(
@@ -86,7 +89,10 @@ def test_inputs_and_outputs_have_the_units_of_the_fmu_and_the_times_of_the_log(u
     [
         ({"inputs": {"speed": "m/s", "delta": "rad"}}, rf"truck\.fmu: no input {STEER}.*has speed, delta; rename"),
         ({"inputs": {}}, "it has no inputs"),
-        ({"outputs": {"psi_dot": "rad/s"}}, r"no output has the name of a signal, such as yaw_rate\.tractor; rename"),
+        (
+            {"outputs": {"psi_dot": "rad/s"}},
+            r"with the name of a signal \(yaw_rate\.<unit>, .*\), got psi_dot; rename its outputs",
+        ),
         ({"outputs": {"yaw_rate.tractor": "kg"}}, r"yaw_rate\.tractor: unit kg.*change it in the FMU"),
         ({"inputs": {**INPUTS, "measured.yaw_rate.tractor": "rad/s"}}, "input of an observer; export the truck"),
     ],

@@ -22,11 +22,13 @@ MANOEUVRES = {
     "sine_with_dwell": "sine_with_dwell",
 }
 
+ONE = {"lane_changes": {"count": 1}}
+
 
 @pytest.fixture(scope="module")
 def logs(truck):
     return {
-        test: fw.simulate(truck, manoeuvre=name, speed=U, count=1, sensors=NOISE, rate=50.0)
+        test: fw.simulate(truck, manoeuvre=name, speed=U, sensors=NOISE, rate=50.0, **ONE.get(name, {}))
         for test, name in MANOEUVRES.items()
     }
 
@@ -220,3 +222,17 @@ def _rows(log, rows):
 def _with_pause(log):
     time = log.time + 5.0 * (log.time > log.time[len(log) // 2])
     return Record(time=time, signals=log.signals, name=log.name)
+
+
+def test_a_spike_is_left_out_and_noted(truck, logs):
+    log = logs["step"]
+    spiky = log.signals["yaw_rate.tractor"].copy()
+    spiky[len(log) // 2] = 0.9  # rad/s
+    found, clean = (
+        fw.evaluate(record, "step", vehicle=truck) for record in (log.with_signals({"yaw_rate.tractor": spiky}), log)
+    )
+    assert found["overshoot.yaw_rate.tractor"].value == pytest.approx(
+        clean["overshoot.yaw_rate.tractor"].value, abs=0.2 * clean["overshoot.yaw_rate.tractor"].sigma
+    )
+    assert "Spikes are left out: yaw_rate.tractor." in found.notes
+    assert not any("pike" in note for note in clean.notes)

@@ -87,7 +87,7 @@ def test_the_delay_of_a_long_combination_does_not_reduce_its_gain(name):
 
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "straight"])
 def test_single_manoeuvres_are_refused(truck, manoeuvre):
-    log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U, count=8)
+    log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U)
     with pytest.raises(SignalError, match=r"the truck is steered for .* at least 40 % needed; steer continuously"):
         fw.evaluate(log, "frequency_response", vehicle=truck)
 

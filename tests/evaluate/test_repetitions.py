@@ -1,5 +1,7 @@
 """Open-loop manoeuvres: measures against the response of the linear system, noise, repetitions, and wrong logs."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -215,3 +217,23 @@ def test_without_an_estimate_of_the_noise_one_manoeuvre_has_no_sigma_and_says_wh
     assert (one.sigma, one.reason) == (None, "too short a log for the sensor noise")
     three = fw.evaluate(repeated([log(truck, "pulse", seed=k) for k in range(3)]), "pulse", vehicle=truck)
     assert three["yaw_damping"].sigma > 0
+
+
+def test_a_difference_of_left_and_right_is_noted(truck):
+    """The sensor of the steer angle has 8 % more to the left: 8 % less gain."""
+    steps = repeated([log(truck, "step", seed=seed, duration=12.0, rate=50.0) for seed in range(4)])
+    uneven = np.where(steps.signals[STEER] > 0.004, 1.08, 1.0) * (steps.signals[STEER] - 0.004)
+    for record, expected in ((steps, 0), (steps.with_signals({STEER: uneven}), 1)):
+        notes = fw.evaluate(record, "step", vehicle=truck).notes
+        found = [note for note in notes if note.startswith("Left less right, significant: ")]
+        assert len(found) == expected
+    gain = linear_system(truck, U, ["yaw_rate.tractor"]).gain()[0, 0]
+    (difference,) = re.findall(r"steady gain, yaw rate of the tractor −(.*?) ±", found[0])
+    assert float(difference) == pytest.approx(gain * (1 - 1 / 1.08), abs=0.06)
+
+
+@pytest.mark.parametrize("sensors", [dict.fromkeys(NOISE, 0.0), NOISE], ids=["exact", "noisy"])
+def test_left_and_right_of_a_symmetrical_truck_do_not_differ(truck, sensors):
+    record = log(truck, "lane_changes", sensors=sensors, count=6, rate=50.0)
+    notes = fw.evaluate(record, "lane_change", vehicle=truck).notes
+    assert not [note for note in notes if note.startswith("Left less right")]

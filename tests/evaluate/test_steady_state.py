@@ -114,7 +114,7 @@ def test_one_acceleration_only_is_refused(truck):
 
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "straight", "step", "random"])
 def test_logs_without_slow_turns_are_refused(truck, manoeuvre):
-    log = fw.simulate(truck, manoeuvre=manoeuvre, count=6, duration=20 if manoeuvre == "step" else None)
+    log = fw.simulate(truck, manoeuvre=manoeuvre, duration=20 if manoeuvre == "step" else 48)
     with pytest.raises(SignalError, match=r"quasi-steady motion with a range of lateral acceleration .* steer slowly"):
         fw.evaluate(log, "steady_state", vehicle=truck)
 

@@ -15,15 +15,23 @@ from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 from tests.evaluate.conftest import NOISE, STEER, U
-from tests.evaluate.test_evaluate import MANOEUVRES
+from tests.evaluate.test_evaluate import MANOEUVRES, ONE
 from tests.evaluate.test_steady_state import steady_turns
 
+GYROS = {name: NOISE[name] for name in NOISE if name.startswith("yaw_rate")}
 QUIET = {name: 1e-4 * variance for name, variance in NOISE.items()}
 
 
 def simulated(truck, test, seed=1, noise=NOISE):
     duration = 600.0 if test == "frequency_response" else None  # in 120 s, sigma of some gains is above a default
-    settings = {"speed": U, "count": 1, "sensors": noise, "rate": 50.0, "seed": seed, "duration": duration}
+    settings = {
+        "speed": U,
+        **ONE.get(MANOEUVRES[test], {}),
+        "sensors": noise,
+        "rate": 50.0,
+        "seed": seed,
+        "duration": duration,
+    }
     return fw.simulate(truck, manoeuvre=MANOEUVRES[test], **settings)
 
 
@@ -157,6 +165,29 @@ def test_what_only_one_record_has_is_noted(truck):
     other = log.with_signals({"sideslip.tractor": 0.01 * log.signals["yaw_rate.tractor"]})
     with pytest.raises(SignalError, match="results: no measure of Steady-state circular test in common"):
         fw.validate(other, more, "steady_state")
+
+
+@pytest.mark.parametrize("test", METHODS)
+def test_inverted_angles_of_the_results_are_refused(truck, test):
+    log = simulated(truck, test, noise=GYROS).cut(0.0, 120.0)
+    angles = {name: log.reference[name] for name in ("roll.tractor", "articulation.semitrailer")}
+    for name, angle in angles.items():
+        inverted = replace(log, reference=log.reference | {name: -0.5 * angle})  # the check of signals leaves it alone
+        for measured in (log, log.with_signals(angles)):
+            with pytest.raises(SignalError, match=rf"^{name} of the results: opposite sign of the log; .* sign = -1"):
+                fw.validate(inverted, measured, test, vehicle=truck)
+    same = replace(log, reference={name: 0.5 * values for name, values in log.reference.items()})
+    assert fw.validate(same, log, test, vehicle=truck).verdict in ("inside", "outside", "undecided")
+
+
+def test_reference_signals_have_no_sigma_in_the_table(truck):
+    log = simulated(truck, "step", noise=GYROS)
+    found = fw.validate(log, log, "step", vehicle=truck)
+    rows = {row[0]: row[1:4] for row in found.table().rows}
+    for name, has_sigma in (("steady_gain.yaw_rate.tractor", True), ("steady_gain.roll.tractor", False)):
+        assert {"±" in str(cell) for cell in rows[found.log[name].title]} == {has_sigma}
+        assert (found.log[name].sigma is not None) == has_sigma
+    assert {m.name: m.verdict for m in found.measures}["steady_gain.roll.tractor"] == "inside"
 
 
 def test_wrong_records_and_arguments_are_refused(truck):

@@ -545,3 +545,21 @@ def test_wheel_speeds_are_kinematic_and_follow_the_rolling_radius() -> None:
             assert 2 * (right - left) / (right + left) == pytest.approx(expected, rel=5e-3)
             assert (left + right) / 2 == pytest.approx(speed, rel=5e-3)
             assert transfer > 0.1
+
+
+def test_a_body_whose_principal_axes_are_inclined_is_compiled_or_refused():
+    """The sprung tractor has 3000 and 12 583 kg m^2, so that a product up to 6144 kg m^2 can be; the file has 701 more.
+
+    Above 4077 the moments of a rigid body require more pitch inertia than the yaw inertia.
+    """
+    inclined, more = (TRUCK.replace({"tractor.sprung.roll_yaw_product": value}) for value in (5701.0, 6601.0))
+    plant = Plant(inclined)
+    steady = plant.drive(straight(duration=1.0))
+    assert np.all(np.isfinite(steady.truth["roll.tractor"]))
+    moments = plant.multibody.model.body("tractor").inertia
+    assert max(moments) <= sum(moments) - max(moments)
+    Plant(more).multibody  # noqa: B018 - compiles it
+    with pytest.raises(
+        VehicleError, match=r"no rigid body has these masses .*tractor.*; correct mass, .*roll_yaw_product"
+    ):
+        Plant(more, Properties(frame_torsion=1e5)).multibody  # noqa: B018 - each half has less yaw inertia

@@ -9,7 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.report import write_report
+import fifthwheel as fw
+from fifthwheel.report import write_assessment_report, write_report
+from fifthwheel.report.evaluation import write_evaluation_report
+from fifthwheel.report.evidence import TruckEvidence, write_evidence
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [
@@ -100,11 +103,11 @@ def report(result, tmp_path_factory) -> Path:
     return path
 
 
-def open_page(report: Path, width: int, *flags: str) -> Observation:
+def open_page(report: Path, width: int, *flags: str, probe: str = PROBE) -> Observation:
     """Open a copy with a probe in a frame, because a headless window is at least 500 px wide."""
     folder = report.parent
     text = report.read_text(encoding="utf-8")
-    (folder / "probe.html").write_text(text.replace("</head>", PROBE + "</head>"), encoding="utf-8")
+    (folder / "probe.html").write_text(text.replace("</head>", probe + "</head>"), encoding="utf-8")
     frame = f'<title>-</title><iframe src="probe.html" style="width:{width}px;height:900px;border:0"></iframe>'
     (folder / "frame.html").write_text(frame, encoding="utf-8")
     ran = browse(
@@ -161,3 +164,40 @@ def test_it_prints_at_once_what_is_not_folded(report, flags):
     assert data.startswith(b"%PDF")
     assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 6
     assert len(data) > 1e5, "the plots are not in it"
+
+
+TABLES = r"""
+<script>
+addEventListener("load", () => {
+  const wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
+  parent.document.title = JSON.stringify({ wide, page: document.documentElement.scrollWidth });
+});
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def measures(tmp_path_factory) -> dict[str, Path]:
+    """Pages of measures."""
+    names = ("validation", "evaluation", "assessment", "evidence")
+    found = {name: tmp_path_factory.mktemp(name) / "page.html" for name in names}
+    truck = fw.vehicle("cheng_cebon_2011")
+    quiet = {f"yaw_rate.{unit}": 1e-6 for unit in ("tractor", "semitrailer")}
+    sensors = {**quiet, "roll.tractor": 1e-7, "roll.semitrailer": 1e-7}
+    log = fw.simulate(truck, manoeuvre="slowly_increasing_steer", sensors=sensors, seed=1)
+    write_evaluation_report(found["validation"], fw.validate(log, log, "steady_state", vehicle=truck))
+    write_evaluation_report(found["evaluation"], fw.evaluate(log, "steady_state", vehicle=truck))
+    assessment = fw.assess(truck, cheap=True, nonlinear=False)
+    write_assessment_report(found["assessment"], assessment)
+    contents = found["evidence"].with_suffix(".json")
+    contents.write_text("{}")
+    write_evidence(found["evidence"], TruckEvidence(assessment=assessment), contents)
+    return found
+
+
+@pytest.mark.parametrize("width", [390, 1000])
+@pytest.mark.parametrize("name", ["validation", "evaluation", "assessment", "evidence"])
+def test_tables_of_measures_fit_the_screen(measures, name, width):
+    state = open_page(measures[name], width, probe=TABLES).state
+    assert state["wide"] == 0, "a table has to be scrolled sideways"
+    assert state["page"] <= width

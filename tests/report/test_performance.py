@@ -56,6 +56,17 @@ def test_notes_name_the_assumed_dimensions_and_the_origin_of_sigma(assessment):
         assert text in notes
 
 
+@pytest.mark.parametrize(
+    ("linear", "nonlinear", "models"),
+    [(0.5, 0.5, None), (0.5, 0.61, "(nonlinear)"), (0.7, None, "(linear)"), (0.7, 0.61, "(linear and nonlinear)")],
+)
+def test_a_note_explains_a_dynamic_threshold_above_the_static_one(assessment, linear, nonlinear, models):
+    static = replace(assessment.measures[0], value=0.63, nonlinear=0.60)
+    dynamic = replace(static, name="rollover_threshold_dynamic", value=linear, nonlinear=nonlinear)
+    notes = [note for note in explanations(replace(assessment, measures=(static, dynamic))) if "above" in note]
+    assert [models in note for note in notes] == ([True] if models else [])
+
+
 def test_the_page_has_every_measure_and_every_figure(assessment, tmp_path):
     path = tmp_path / "assess.html"
     written = write_assessment_report(path, assessment, figures="svg")

@@ -1,6 +1,7 @@
 """The files of a result and those that it was made from, compared with their recorded digests."""
 
 import json
+from pathlib import Path
 
 import pytest
 
@@ -76,6 +77,20 @@ def test_a_result_that_grows_replaces_its_earlier_files(made):
         ("out/identification.json", "replaced"),
         ("run.csv", "same"),
     ]
+
+
+@pytest.mark.parametrize("damage", [b"", b"[1]", b"\xff\x00", b'{"provenance": {"files": 3}}'])
+def test_a_damaged_file_of_a_result_differs(made, damage):
+    (made / "identification.json").write_bytes(damage)
+    found = verify(made)
+    assert [(Path(file.path).name, file.state) for file in found.failed] == [("identification.json", "differs")]
+    assert not any("does not record" in getattr(block, "text", "") for block in found.document().blocks)
+
+
+def test_a_damaged_manifest_is_named(made):
+    (made / "run.json").write_text("")
+    with pytest.raises(FifthwheelError, match=r"out: run\.json in it is damaged"):
+        verify(made)
 
 
 def test_what_has_no_digests_is_refused(tmp_path):

@@ -133,7 +133,7 @@ def test_states_with_the_sensor_errors_of_each_log(run, tmp_path, capsys):
             np.testing.assert_allclose(states.states[k].values[name], values, rtol=1e-6, atol=1e-9)
     assert states.uncertain == stored.covariance.names
     assert capsys.readouterr() == ("", "")
-    assert set(write_results(states, tmp_path)) == {"states.parquet", "report.html"}
+    assert set(write_results(states, tmp_path)) == {"states.json", "states.parquet", "report.html"}
 
 
 def test_states_of_a_log_without_information_on_its_sensors(run, tmp_path):

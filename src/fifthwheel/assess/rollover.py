@@ -87,7 +87,10 @@ def measure_effective_track(truck: Truck) -> Values:
 
 
 def stability_factor(truck: Truck, units: list[int]) -> float:
-    """Half the track over the CoG height of a roll-coupled set of units, g: neither springs nor tyres yield."""
+    """Half the track over the CoG height of a roll-coupled set of units, g: neither springs nor tyres yield.
+
+    Axles and wheels, the mass of a unit less its sprung mass, count at the height of the roll axis.
+    """
     p, members = truck.vehicle.parameters(), [truck.vehicle.units[i] for i in units]
     height = sum(unit.mass * unit_cog_height(p, unit) for unit in members) / sum(unit.mass for unit in members)
     return float(truck.body.half_track / height)

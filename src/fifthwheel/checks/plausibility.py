@@ -5,7 +5,6 @@ from itertools import combinations
 
 import numpy as np
 
-from fifthwheel._types import Array
 from fifthwheel.channels import (
     DRIVING,
     MEASURED,
@@ -25,6 +24,7 @@ from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import enumerated
 from fifthwheel.record.record import Record
+from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.record.timestamps import is_hour
 
 MIN_SPEED = 5.0
@@ -34,8 +34,8 @@ _MAX_STEERING_WHEEL = 16.0
 """rad; a steering wheel turns by up to 2.5 revolutions to either side."""
 _MAX_RATE = 2e4
 """Hz; no log of a truck has a higher sampling rate."""
-_SAME = (0.9999, 0.999)
-"""Least correlation of two signals with the same samples, and of their differences from sample to sample."""
+_OWN_NOISE = 0.3
+"""Of the noise of one signal, what a copy of it has of its own: two sensors differ by more than the noise of one."""
 _DEFAULT_WHEELBASE = 4.5
 """m"""
 
@@ -108,20 +108,25 @@ def _duplicates(record: Record) -> Iterator[Finding]:
     """Signals of one quantity of two units with the same samples, noise included."""
     names = [name for name in record.signals if is_of(name, *MEASURED)]
     for one, other in combinations(names, 2):
-        if channel_of(one) is not channel_of(other):
-            continue
-        a, b = record.signals[one], record.signals[other]
-        both = np.isfinite(a) & np.isfinite(b)
-        a, b = a[both], b[both]
-        pairs = ((a, b), (np.diff(a), np.diff(b)))  # the differences contain the noise
-        if all(x.size > 100 and _same(x, y, least) for (x, y), least in zip(pairs, _SAME, strict=True)):
+        if channel_of(one) is channel_of(other) and _is_copy(record, one, other):
             problem = f"the same samples as {one}; map another column to one of them in signals.toml"
             yield error(other, Fault.DUPLICATE, problem, others=(one,))
 
 
-def _same(a: Array, b: Array, least: float) -> bool:
-    """Whether two variables (n,) vary, and are correlated by at least `least`."""
-    return float(np.std(a)) > 1e-9 < float(np.std(b)) and float(np.corrcoef(a, b)[0, 1]) > least
+def _is_copy(record: Record, one: str, other: str) -> bool:
+    """Whether two signals are equal to rounding, or by a gain and an offset to less than the noise of one.
+
+    Coupled units roll almost in proportion, so signals without noise are copies only if they are equal.
+    """
+    both = np.isfinite(record.signals[one]) & np.isfinite(record.signals[other])
+    a, b = record.signals[one][both], record.signals[other][both]
+    if a.size <= 100 or min(np.std(a), np.std(b)) < 1e-9:
+        return False
+    if np.allclose(a, b, rtol=0.0, atol=1e-6 * float(np.std(a))):
+        return True
+    gain, offset = np.polyfit(a, b, 1)
+    noise = estimate_noise_variance(record.time[both], a)
+    return noise is not None and gain > 0 and float(np.std(b - gain * a - offset)) < _OWN_NOISE * gain * noise**0.5
 
 
 def _wheel_speeds(record: Record) -> Iterator[Finding]:

@@ -1,7 +1,7 @@
 """Faults that a channel shows on its own: missing samples, spikes and constant values."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -92,12 +92,15 @@ def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
     return mask
 
 
-def remove_input_spikes(record: Record) -> Record:
-    """The record with the spikes of speed and steer angles marked as missing: no filter gates the inputs of a model."""
+def remove_spikes(record: Record, of: Callable[[str], bool] = is_input) -> Record:
+    """The record with the spikes of some signals marked as missing.
+
+    By default those of speed and steer angles: no filter gates the inputs of a model.
+    """
     repaired = {}
     for name in record.signals:
         limit = limit_of(name)
-        if limit is None or not is_input(name):
+        if limit is None or not of(name):
             continue
         time, values = present_samples(record, name)
         mask = spike_mask(time, values, limit.jump)

@@ -65,7 +65,7 @@ def main() -> None:
             sys.exit(2)
         context: Any = getattr(error, "ctx", None)
         words = context.command_path.removeprefix(context.find_root().command_path) if context else ""
-        _refuse(f"{error.format_message()} See fifthwheel{words} --help")
+        _refuse(f"{error.format_message()}{_of_numbers(error, context)} See fifthwheel{words} --help")
     except FifthwheelError as error:
         _refuse(str(error))
     except FileExistsError as error:
@@ -76,6 +76,14 @@ def main() -> None:
         gc.freeze()  # at its end the interpreter would search all objects for cycles
         for number, handler in previous.items():
             signal.signal(number, handler)
+
+
+def _of_numbers(error: Any, context: Any) -> str:
+    """The option for all numbers, where an unknown option may be the name of one."""
+    flags = [flag for parameter in context.command.params for flag in parameter.opts] if context else []
+    if type(error).__name__ != "NoSuchOption" or "--set" not in flags:
+        return ""
+    return f". A number is stated by --set {error.option_name.lstrip('-').replace('-', '_')}=VALUE."
 
 
 def _refuse(message: str) -> None:

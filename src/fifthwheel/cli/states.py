@@ -45,7 +45,9 @@ def states(
     force: options.ForceOption = False,
     as_json: options.JsonOption = False,
 ) -> None:
-    """Estimate sideslip, roll, articulation and load transfer of a known vehicle: states.parquet and report.html.
+    """Estimate sideslip, roll, articulation and load transfer of a known vehicle.
+
+    Writes states.parquet, states.json (a summary, and the digests of the files that were read) and report.html.
 
     The columns of states.parquet are time, every state and its sigma (SI), status, nis and log. nis is the health of
     the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements

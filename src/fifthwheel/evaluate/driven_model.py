@@ -57,9 +57,14 @@ def fmu_results(path: str | Path, log: Record) -> Record:
     inputs = [v.name for v in description.modelVariables if v.causality == "input"]
     known = [n for n in inputs if n in log.signals]
     _check_inputs(name, inputs, log)
-    outputs = [v.name for v in description.modelVariables if v.causality == "output" and is_of(v.name, *RESULTS)]
+    every = [v.name for v in description.modelVariables if v.causality == "output"]
+    outputs = [n for n in every if is_of(n, *RESULTS)]
     if not outputs:
-        raise SignalError(f"{name}: no output has the name of a signal, such as yaw_rate.tractor; rename its outputs")
+        names = ", ".join(f"{channel.quantity}.<unit>" for channel in EVALUATED)
+        raise SignalError(
+            f"{name}: expected an output with the name of a signal ({names}), got {', '.join(every) or 'none'}; rename "
+            "its outputs, or run it in its tool and give the results, with --results-signals"
+        )
     units = {n: _factor(name, variables[n]) for n in (*known, *outputs)}
     time = _times(log)
     step = 1 / log.rate / np.ceil(1 / log.rate / LONGEST_STEP)
@@ -71,8 +76,11 @@ def fmu_results(path: str | Path, log: Record) -> Record:
         )
     at = log.time - log.time[0] + APPROACH
     signals = {n: np.interp(at, found["time"], found[n]) * units[n] for n in outputs}
-    kept = [n for n in inputs if n not in log.signals]
-    notes = (f"{name}: inputs that are not in the log keep their start value: {enumerated(kept)}.",) if kept else ()
+    apart = {
+        "inputs that are not in the log keep their start value": [n for n in inputs if n not in log.signals],
+        "outputs that are not evaluated": [n for n in every if n not in outputs],
+    }
+    notes = tuple(f"{name}: {what}: {enumerated(names)}." for what, names in apart.items() if names)
     driven = {n: log.input(n) for n in known}
     return Record(time=log.time, signals=signals | driven, name=Path(path).stem, notes=notes)
 

@@ -11,7 +11,7 @@ from fifthwheel.checks import Fault, Finding, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
-from fifthwheel.evaluate.evaluation import EvaluatedMeasure, Evaluation, MethodResult
+from fifthwheel.evaluate.evaluation import Evaluation, MethodResult
 from fifthwheel.evaluate.motion import MeasuredMotion, motion
 from fifthwheel.record import Record
 from fifthwheel.time_bases import check_signals
@@ -95,13 +95,7 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check
     """
     expect("record", record, Record)
     expect_optional("vehicle", vehicle, Vehicle)
-    found, references = with_references(record, test, vehicle, check=check)
-    unknown = {f"gain_sigma.{name}" for name in references}
-    return replace(
-        found,
-        measures=tuple(_without_sigma(m) if references & set(m.signals) else m for m in found.measures),
-        arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
-    )
+    return without_sigma(*with_references(record, test, vehicle, check=check))
 
 
 def with_references(
@@ -129,9 +123,17 @@ def with_references(
     return evaluation, frozenset(driven.references)
 
 
-def _without_sigma(measure: EvaluatedMeasure) -> EvaluatedMeasure:
-    """The measure of a reference signal, whose noise is not that of a sensor."""
-    return replace(measure, sigma=None, reason="no sigma: from a reference signal")
+def without_sigma(found: Evaluation, references: frozenset[str]) -> Evaluation:
+    """The evaluation without a sigma of reference signals, whose noise is not that of a sensor."""
+    unknown = {f"gain_sigma.{name}" for name in references}
+    reason = "no sigma: from a reference signal"
+    return replace(
+        found,
+        measures=tuple(
+            replace(m, sigma=None, reason=reason) if references & set(m.signals) else m for m in found.measures
+        ),
+        arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
+    )
 
 
 def _is_steady_steer(finding: Finding) -> bool:

@@ -18,6 +18,7 @@ from fifthwheel.channels import (
     SignalName,
     is_of,
 )
+from fifthwheel.checks.samples import remove_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated
 from fifthwheel.record import Record
@@ -90,7 +91,7 @@ def gain_unit(output: str) -> str:
 
 
 def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> MeasuredMotion:
-    """The motion in a record, as measured; reference signals count where the log has no other.
+    """The motion in a record, as measured, without spikes; reference signals count where the log has no other.
 
     Args:
         record: one run without a pause.
@@ -112,6 +113,8 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Measu
         )
     if len(record.segments()) > 1:
         raise SignalError(f"{record.name}: has a pause of more than 1 s; cut the record to one run with start and stop")
+    given, record = record.signals, remove_spikes(record, of=lambda _: True)
+    spiky = [name for name, values in given.items() if np.isnan(record.signals[name]).sum() > np.isnan(values).sum()]
     steer_name = first_steer(record, vehicle)
     grid = first + np.arange(np.floor((last - first) * record.rate + 1e-6) + 1) / record.rate
 
@@ -132,7 +135,8 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Measu
                 signals[name] = on_grid(name)
             except SignalError as error:
                 left_out[name] = str(error)
-    notes = [*record.notes, *(f"left out: {message}" for message in left_out.values())]
+    notes = [f"Spikes are left out: {enumerated(spiky)}."] if spiky else []
+    notes += [*record.notes, *(f"left out: {message}" for message in left_out.values())]
     references = {name for name in referred if name in signals}
     for name in [name for name in signals if is_of(name, LATERAL_VELOCITY)]:
         angle = f"{SIDESLIP.quantity}.{SignalName.of(name).unit}"

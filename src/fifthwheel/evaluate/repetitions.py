@@ -16,7 +16,7 @@ from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.evaluate.motion import MeasuredMotion, gain_unit
-from fifthwheel.formatting import approximate, enumerated
+from fifthwheel.formatting import approximate, enumerated, with_sigma
 from fifthwheel.spoken_names import named
 
 ACTIVE = 0.1
@@ -34,6 +34,8 @@ WIDTH = 0.3
 LARGE = 0.5
 """Fraction of the largest steer angle above which steering is more than a correction."""
 DRAWS = 40
+CHANCE, LEAST = 0.01, 0.01
+"""Of a difference of left and right: fraction of the logs of a symmetrical truck that have one, and of the mean."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,6 +51,11 @@ class Response:
     """Time of the last steering, s."""
     noise: Mapping[str, float]
     """Standard deviation of the noise that remains after smoothing, by signal; "steer" too."""
+
+    @property
+    def is_left(self) -> bool:
+        """Whether it begins to the left."""
+        return bool(self.lobes[0][0] > 0)
 
     @property
     def lobes(self) -> list[Array]:
@@ -118,7 +125,7 @@ def findings(
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
         noise={motion.steer_name: remaining.pop("steer"), **remaining},
-        notes=tuple(_notes(kept, [text for text in faults if text], missing)),
+        notes=(*_notes(kept, [text for text in faults if text], missing), *_sides(kept, values, draws, words)),
     )
 
 
@@ -154,7 +161,7 @@ def _repeated(
 
 def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterable[str]) -> Iterator[str]:
     """How often and to which side the manoeuvre was driven, and what was left out."""
-    n, left = len(responses), sum(response.lobes[0][0] > 0 for response in responses)
+    n, left = len(responses), sum(response.is_left for response in responses)
     yield f"{n} manoeuvre{'s' * (n > 1)}: {left} to the left, {n - left} to the right."
     if n == 1:
         yield "Sigma has the sensor noise only, and no scatter, which needs more manoeuvres."
@@ -162,6 +169,32 @@ def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterab
         yield f"{len(faults)} more left out: {enumerated(faults)}."
     if titles := list(missing):
         yield f"Not determined, because of noise or no such instant: {enumerated(titles)}."
+
+
+def _sides(
+    responses: Sequence[Response], values: Mapping[str, Array], draws: Mapping[str, Array], words: Mapping[str, Words]
+) -> Iterator[str]:
+    """The measures whose means to the left and to the right differ significantly, by Student's t of their scatter and
+    by the noise, and by `LEAST` of their mean; by chance in `CHANCE` of the logs. Each side needs two or more."""
+    from scipy.special import ndtri, stdtrit  # slow to import
+
+    left = np.array([response.is_left for response in responses])
+    sides, n = (left, ~left), len(left)
+    if min(side.sum() for side in sides) < 2:
+        return
+    certain = 1 - CHANCE / 2 / max(len(values), 1)
+    found = []
+    for name, value in values.items():
+        difference = value[left].mean() - value[~left].mean()
+        squares = sum(float(np.var(value[side])) * side.sum() for side in sides) / (n - 2)
+        scatter = np.sqrt(squares * sum(1 / side.sum() for side in sides))
+        noise = np.sqrt(sum(np.mean(np.nanvar(draws[name][side], axis=1)) / side.sum() for side in sides))
+        least = LEAST * abs(value.mean())
+        if abs(difference) > max(stdtrit(n - 2, certain) * scatter, ndtri(certain) * noise, least):
+            unit = words[name.partition(".")[0]].unit or gain_unit(name.partition(".")[2])
+            found.append(f"{_title(name, words)} {with_sigma(difference, max(scatter, noise), unit)}")
+    if found:
+        yield f"Left less right, significant: {enumerated(found)}: uneven steering, load to one side, bank or wind."
 
 
 def _title(name: str, words: Mapping[str, Words]) -> str:

@@ -10,18 +10,21 @@ of 2, since it has many points.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._arguments import expect, expect_optional
+from fifthwheel._types import Array
+from fifthwheel.channels import ARTICULATION, ROLL, YAW_RATE, names_of
 from fifthwheel.checks import Fault, check, raise_errors
+from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.conditions import SPEED
 from fifthwheel.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
-from fifthwheel.evaluate.evaluate import method_of, with_references
+from fifthwheel.evaluate.evaluate import method_of, with_references, without_sigma
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.tolerances import Tolerance, require_used, tolerance_of
 from fifthwheel.formatting import approximate, enumerated, percent, with_sigma
@@ -32,6 +35,10 @@ from fifthwheel.vehicle import Vehicle
 
 WRONG = (Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL, Fault.OUT_OF_RANGE, Fault.SWAPPED_SIGN)
 """Faults of a signal that are refused: they are of the signal map, not of the model."""
+
+CORRELATED, STEP, DELAYS = 0.5, 0.05, range(-20, 21, 2)
+"""For the sign of an angle to be clear: its least correlation with the yaw rate, at the delay, in steps of so many s,
+at which that of the log is largest."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +51,8 @@ class ComparedMeasure:
     log: float
     results: float
     sigma: float | None
-    """Of the difference, by both records; None where one of them has none."""
+    """Of the difference, by both records, on which the verdict depends: of a reference signal by the scatter alone,
+    which no table shows; None where one of them has none."""
     tolerance: Tolerance
 
     @property
@@ -108,29 +116,33 @@ class Validation:
 
     def table(self) -> pages.Table:
         """The measures."""
-        heads = ("Measure|name", "Log>", "Results>", "Difference ± sigma>", "Tolerance>", "Verdict")
+        heads = ("Measure|name", "Log>", "Results>", "Difference ± sigma>", "Tolerance", "Verdict")
         rows = [
             (
                 m.title,
                 with_sigma(m.log, self.log[m.name].sigma, m.unit),
                 with_sigma(m.results, self.results[m.name].sigma, m.unit),
-                with_sigma(m.results - m.log, m.sigma, m.unit),
-                f"± {approximate(m.limit, m.unit)} ({m.tolerance.text})",
+                with_sigma(m.results - m.log, m.sigma if self._has_sigma(m.name) else None, m.unit),
+                _band(m.limit, m.unit, m.tolerance),
                 mark(m.verdict),
             )
             for m in self.measures
         ]
         return pages.Table(heads, rows, label="Measures")
 
+    def _has_sigma(self, name: str) -> bool:
+        """Whether a measure is of sensors in both records."""
+        return None not in (self.log[name].sigma, self.results[name].sigma)
+
     def curve_table(self) -> pages.Table:
         """The curves."""
-        heads = ("Curve|name", "Inside>", "Largest exceedance>", "Tolerance>", "Covered>", "Verdict")
+        heads = ("Curve|name", "Inside>", "Largest exceedance>", "Tolerance", "Covered>", "Verdict")
         rows = [
             (
                 c.title,
                 percent(c.inside, round_down=True),
                 approximate(c.exceedance, c.unit),
-                f"± {approximate(float(c.limit.max(initial=0.0)), c.unit)} ({c.tolerance.text})",
+                _band(float(c.limit.max(initial=0.0)), c.unit, c.tolerance),
                 percent(c.covered, round_down=True),
                 mark(c.verdict),
             )
@@ -151,6 +163,12 @@ class Validation:
     def _document(self) -> pages.Document:
         blocks: list[pages.Block] = [self.table(), self.curve_table(), pages.Items(self.notes)]
         return pages.Document(f"{self.log.title}, {self.results.log} against {self.log.log}: {self.verdict}", blocks)
+
+
+def _band(limit: float, unit: str, tolerance: Tolerance) -> str:
+    """Half of the width of a band and what was stated, which a narrow column breaks between the numbers."""
+    stated = tolerance.text.replace(" ", "\u00a0").replace("+\u00a0", "+ ")
+    return f"±\u00a0{approximate(limit, unit)} ({stated})"
 
 
 def mark(verdict: Judgement) -> pages.Mark:
@@ -196,7 +214,9 @@ def validate(
     stated = dict(tolerances or {})
     if vehicle is not None:
         vehicle = vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0))
-    of_results, of_log = (_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log)))
+    evaluated = [_evaluated(*pair, test, vehicle) for pair in (("results", results), ("log", log))]
+    of_results, of_log = (evaluation for evaluation, _ in evaluated)
+    _require_signs(results, log)
     measures = tuple(_measures(of_results, of_log, stated))
     curves = tuple(compared_curves(of_results, of_log, stated))
     names = [*(m.name for m in measures), *(c.name for c in curves)]
@@ -207,18 +227,50 @@ def validate(
             f"{enumerated([m.name for m in of_log])}; map the same signals in both records"
         )
     notes = [*_of_inputs(results, log, curves), *_of_evaluations(of_results, of_log, names)]
+    of_results, of_log = (without_sigma(*pair) for pair in evaluated)
     return Validation(results=of_results, log=of_log, measures=measures, curves=curves, notes=tuple(notes))
 
 
-def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> Evaluation:
-    """The evaluation of a record, without faults of its signal map."""
+def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) -> tuple[Evaluation, frozenset[str]]:
+    """The evaluation of a record, without faults of its signal map, and its reference signals."""
     expect(role, record, Record)
     try:
-        evaluation, _ = with_references(record, test, vehicle, check=False)
+        evaluated = with_references(record, test, vehicle, check=False)
         raise_errors(finding for finding in check(record) if finding.fault in WRONG)
     except SignalError as error:
         raise SignalError(f"{role}, {error}") from None
-    return evaluation
+    return evaluated
+
+
+def _require_signs(results: Record, log: Record) -> None:
+    """Refuse roll and articulation angles that follow the yaw rate with another sign in the results than in the log."""
+    found, inverted = [_with_yaw_rate(record) for record in (results, log)], []
+    for name in found[0].keys() & found[1].keys():
+        of_results, of_log = (correlations[name] for correlations in found)
+        k = int(np.abs(of_log).argmax())
+        if of_results[k] * np.sign(of_log[k]) < -CORRELATED < CORRELATED < abs(of_log[k]):
+            inverted.append(name)
+    if inverted:
+        raise SignalError(
+            f"{enumerated(sorted(inverted))} of the results: opposite sign of the log; in a left turn roll is positive "
+            "and articulation negative; invert the wrong one: sign = -1 in its signals.toml (no sign if it has one), "
+            "or in the FMU"
+        )
+
+
+def _with_yaw_rate(record: Record) -> dict[str, Array]:
+    """Correlation of each angle with the first yaw rate of `DELAYS` steps before, (n,)."""
+    record = replace(record, signals={**record.reference, **record.signals})
+    rates = names_of(YAW_RATE, record.signals)
+    if not rates:
+        return {}
+    time = common_time(record, STEP)
+    rate, has_rate = at_common_time(record, rates[0], time)
+    found = {}
+    for name in names_of(ROLL, record.signals) + names_of(ARTICULATION, record.signals):
+        angle, has_angle = at_common_time(record, name, time)
+        found[name] = np.array([correlation(rate, angle, has_rate & has_angle, shift) for shift in DELAYS])
+    return found
 
 
 def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedMeasure]:

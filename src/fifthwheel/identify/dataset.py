@@ -22,7 +22,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks import Finding, raise_errors
-from fifthwheel.checks.samples import remove_input_spikes
+from fifthwheel.checks.samples import remove_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
@@ -257,4 +257,4 @@ def _without_empty_channels(record: Record) -> Record:
 
 
 def _log_data(record: Record, settings: CommonSettings) -> LogData:
-    return LogData(name=record.name, segments=segments_above(remove_input_spikes(record), settings.min_speed))
+    return LogData(name=record.name, segments=segments_above(remove_spikes(record), settings.min_speed))

@@ -89,7 +89,7 @@ def linear_course(
     *,
     speed: float,
     rate: float = 100.0,
-    count: int = 1,
+    count: int | None = None,
     duration: float | None = None,
     seed: int = 0,
     roll: bool = True,
@@ -101,15 +101,18 @@ def linear_course(
         vehicle: truck, stable at this speed.
         speed: constant, m/s.
         rate: sampling rate, Hz.
-        count: number of lane changes; other manoeuvres do not use it.
+        count: number of lane changes. Default: 15; other manoeuvres do not have it.
         duration: s; by default that of the manoeuvre, or 60 s.
         seed: seed of the random manoeuvre; others do not use it.
         roll: invert the yaw-roll model, or the yaw model.
 
     Raises:
-        SignalError: the manoeuvre is unknown, or the linear model does not have it.
+        SignalError: the manoeuvre is unknown, the linear model does not have it, or it has no `count`.
     """
     manoeuvre = _manoeuvre(name, LINEAR_MANOEUVRES)
+    if count is not None and name != "lane_changes":
+        raise SignalError(f"count: {name} does not have it, got {count}; leave it out (lane_changes has it)")
+    count = 15 if count is None else count
     if manoeuvre.open_loop and not manoeuvre.acceleration:
         given = {} if duration is None else {"duration": duration}
         driven = manoeuvre.open_loop(vehicle, speed=speed, **given)

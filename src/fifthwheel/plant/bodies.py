@@ -98,10 +98,16 @@ def _body(unit: Unit, vehicle: Vehicle, properties: Properties, loads: dict[str,
         name=unit.name,
         mass=mass,
         cog=(x, height),
-        inertia=(xx, max(zz, xx), zz, product),
+        inertia=(xx, pitch_inertia(max(zz, xx), xx, zz, product), zz, product),
         axles=axles,
         raised=tuple((a.position, axle_mass, axle_yaw_inertia) for a in unit.axles if a.lifted),
     )
+
+
+def pitch_inertia(yy: float, xx: float, zz: float, product: float) -> float:
+    """A pitch inertia, or if it is larger the least that a rigid body with these other moments can have, kg m^2: the
+    difference of the principal moments in its plane of symmetry."""
+    return max(yy, math.hypot(xx - zz, 2 * product) * (1 + 1e-9))
 
 
 def _axle(

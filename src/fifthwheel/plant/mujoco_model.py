@@ -9,7 +9,7 @@ of tyres, air and road come from outside, see tyre_forces.py.
 
 from xml.etree import ElementTree as Xml
 
-from fifthwheel.plant.bodies import BeamAxle, SprungBody
+from fifthwheel.plant.bodies import BeamAxle, SprungBody, pitch_inertia
 from fifthwheel.plant.properties import Properties
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Coupling, Vehicle
@@ -102,7 +102,8 @@ def _add_halves(front: Xml.Element, body: SprungBody, torsion: float, height: fl
     """Split a body into two halves with a torsion spring, the front one into `front`; the rear half."""
     xx, yy, zz, product = body.inertia
     distance = 0.5 * (zz / body.mass) ** 0.5  # of each half from the CoG of the body, m
-    half = (xx / 2, (yy - body.mass * distance**2) / 2, (zz - body.mass * distance**2) / 2, product / 2)
+    yy, zz = (moment - body.mass * distance**2 for moment in (yy, zz))
+    half = (xx / 2, pitch_inertia(yy, xx, zz, product) / 2, zz / 2, product / 2)
     _add_inertia(front, body.mass / 2, (body.cog[0] + distance, 0.0, body.cog[1]), half)
     rear = Xml.SubElement(front, "body", name=f"{body.name}.rear_frame", pos="0 0 0")
     _add_hinge(rear, f"{body.name}.frame", "1 0 0", f"0 0 {height!r}", torsion, 0.01 * torsion)

@@ -11,7 +11,7 @@ import numpy as np
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import Course
 from fifthwheel.plant import tyre_forces
 from fifthwheel.plant.bodies import SprungBody, sprung_bodies
@@ -183,10 +183,22 @@ class Multibody:
     def __init__(self, vehicle: Vehicle, properties: Properties) -> None:
         bodies = sprung_bodies(vehicle, properties)
         self.axles = tuple(axle for body in bodies for axle in body.axles)
-        self.model = mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+        self.model = _compiled(vehicle, bodies, properties)
         self.layout = _layout(self.model, bodies)
         self.forces = tyre_forces.forces(self.layout, bodies, properties)
         self.constants = tyre_forces.constants(bodies, properties, TIME_STEP)
+
+
+def _compiled(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Properties) -> Any:
+    """MuJoCo's model; a VehicleError if a body cannot be rigid."""
+    try:
+        return mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+    except ValueError as error:
+        reason = " ".join(str(error).removeprefix("Error: ").split())
+        raise VehicleError(
+            f"{vehicle.name}: no rigid body has these masses and inertias ({reason}); correct mass, sprung.mass, "
+            "yaw_inertia, sprung.roll_inertia and sprung.roll_yaw_product of that unit"
+        ) from None
 
 
 def mujoco() -> Any:

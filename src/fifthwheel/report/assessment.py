@@ -11,7 +11,7 @@ from fifthwheel._types import Array
 from fifthwheel.assess import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
-from fifthwheel.assess.measures import SCHEME
+from fifthwheel.assess.measures import DYNAMIC, ROLLOVER, SCHEME
 from fifthwheel.assess.rollover import Rollover, rollover
 from fifthwheel.assess.truck import Truck
 from fifthwheel.errors import FifthwheelError
@@ -145,6 +145,7 @@ def explanations(assessment: Assessment) -> list[str]:
     others += "".join(f", brakes.{path} {fraction:g}" for path, fraction in body.brakes.items())
     notes = [
         *assessment.notes,
+        *_above_static(assessment),
         f"Sigma: from {assessment.origin}.",
         f"Body: half track {with_sigma(body.half_track, sigma, 'm')}, width {body.width:g} m, front overhang "
         f"{body.front_overhang:g} m, {overhang}{others}. A vehicle file does not have these numbers: give them by "
@@ -159,6 +160,20 @@ def explanations(assessment: Assessment) -> list[str]:
     if unknown := [m.title for m in assessment if m.sigma is None]:
         notes.append(f"Without sigma, because not every truck within the uncertainty has them: {enumerated(unknown)}.")
     return notes
+
+
+def _above_static(assessment: Assessment) -> Iterator[str]:
+    """Why a dynamic rollover threshold is above the static one of its model."""
+    found = {m.name: (m.value, m.nonlinear) for m in assessment if m.name in (ROLLOVER, DYNAMIC)}
+    if len(found) < 2:
+        return
+    pairs = zip(("linear", "nonlinear"), found[ROLLOVER], found[DYNAMIC], strict=True)
+    if above := [model for model, static, dynamic in pairs if static and dynamic and dynamic > static]:
+        yield (
+            f"The dynamic rollover threshold ({' and '.join(above)}) is above the static one, which then limits: it is "
+            "the acceleration of the front axle, and at this speed the units behind have less, or have theirs later. "
+            "It is extrapolated from 0.15 g in proportion, without wheels that lift before."
+        )
 
 
 def _lane_change(runs: Runs) -> Iterator[pages.Block]:

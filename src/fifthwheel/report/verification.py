@@ -57,7 +57,7 @@ class Verification:
         table = pages.Table(("File|name", "State"), [(pages.Code(file.path), file.state) for file in self.files])
         hint = "A path is relative to the current folder. Give the folder of a missing file: --files FOLDER."
         hints = [pages.Hint(hint)] if any(file.state == "missing" for file in self.files) else []
-        if not self.has_inputs:
+        if not self.has_inputs and self.is_intact:
             hints.append(pages.Hint("The result does not record the files that it was made from."))
         return pages.Document(self.result, [pages.Headline(f"{self.result}: {words}.", self.is_intact), table, *hints])
 
@@ -78,9 +78,14 @@ def verify(result: Path, folders: Sequence[Path] = ()) -> Verification:
     if not result.is_dir():
         own = {name: digest for name, digest in own.items() if name == result.name}
     elif not own:
-        raise FifthwheelError(f"{result}: no {MANIFEST} in it; give a result folder, or a JSON file of a result")
+        lacks = f"{MANIFEST} in it is damaged" if (folder / MANIFEST).exists() else f"no {MANIFEST} in it"
+        raise FifthwheelError(f"{result}: {lacks}; give a result folder, or a JSON file of a result")
     documents = [folder / name for name in own if name.endswith(".json")] if result.is_dir() else [result]
-    origins = [Provenance.read(path) for path in documents if path.is_file() or path == result]
+    origins = [
+        _origin(path, own.get(path.relative_to(folder).as_posix()))
+        for path in documents
+        if path.is_file() or path == result
+    ]
     inputs = dict.fromkeys((file.path, file.sha256) for origin in origins if origin for file in origin.files)
     if not (own or inputs):
         raise FifthwheelError(f"{result}: has no digests; give a result folder, or a JSON file of a result")
@@ -94,6 +99,16 @@ def verify(result: Path, folders: Sequence[Path] = ()) -> Verification:
         newer.add(Path(path).resolve())
         files.append(file)
     return Verification(result=str(result), files=tuple(files), has_inputs=bool(inputs))
+
+
+def _origin(path: Path, digest: str | None) -> Provenance | None:
+    """The provenance in a JSON file; None of a damaged one that differs from its recorded digest, which says enough."""
+    try:
+        return Provenance.read(path)
+    except FifthwheelError:
+        if digest is None or not path.is_file() or file_digest(path) == digest:
+            raise
+        return None
 
 
 def _compared(path: str, digest: str, places: Sequence[Path]) -> VerifiedFile:

@@ -122,9 +122,9 @@ def _origin(provenance: Provenance | None) -> dict[str, Any]:
     return {} if provenance is None else {"provenance": provenance.as_dict()}
 
 
-STATES_FILES = ("states.parquet", "report.html")
-"""Results of a run, besides figures."""
-IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", KNOWLEDGE, *STATES_FILES)
+STATES_FILES = ("states.json", "states.parquet", "report.html")
+"""Results of a run with a known vehicle, besides figures."""
+IDENTIFICATION_FILES = ("identification.json", "vehicle.toml", KNOWLEDGE, *STATES_FILES[1:])
 
 
 def write_results(
@@ -136,13 +136,13 @@ def write_results(
     vehicle_text: str | None = None,
     name: str = "",
 ) -> dict[str, Path]:
-    """Write states.parquet and report.html; of an identification also identification.json, vehicle.toml and
-    knowledge.json.
+    """Write states.parquet and report.html; of a known vehicle also states.json, and of an identification
+    identification.json, vehicle.toml and knowledge.json.
 
     Args:
         run: what to write.
         folder: an existing folder.
-        provenance: command, input files and versions, for the report.
+        provenance: command, input files and versions, for the report and the JSON file.
         figures: "svg", "png" or "pdf" to write every figure of the report into the folder figures.
         vehicle_text: the vehicle file of the identification, whose comments vehicle.toml then has.
         name: of the result, which the report shows behind the name of the vehicle.
@@ -157,6 +157,7 @@ def write_results(
     report = folder / "report.html"
     write_states(run.states, folder / "states.parquet")
     if isinstance(run, StatesRun):
+        write_json(folder / STATES_FILES[0], run.as_dict() | _origin(provenance))
         drawn = write_states_report(
             report,
             run.states,
