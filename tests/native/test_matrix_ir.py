@@ -100,6 +100,18 @@ def test_functions_of_single_elements() -> None:
     compare(results, 4, 2, 2)
 
 
+def test_matrices_without_elements() -> None:
+    x, y = ca.SX.sym("x", 3), ca.SX.sym("y", 0)
+    f = ca.Function("f", [x, y], [2 * x, y])
+
+    def results(carry: ca.MX, sample: ca.MX, constant: ca.MX) -> list[ca.MX]:
+        empty = ca.reshape(constant, 3, 0)
+        value, nothing = f(carry, constant)
+        return [carry / 2, value, nothing, sample.T @ empty, ca.sumsqr(empty) + sample]
+
+    compare(results, 3, 3, 0)
+
+
 def test_groups_are_independent_and_a_copy_is_compiled_again() -> None:
     carry, sample, constant = ca.MX.sym("carry", 9), ca.MX.sym("sample", 3), ca.MX.sym("constant", 3)
     matrix = ca.reshape(carry, 3, 3)
