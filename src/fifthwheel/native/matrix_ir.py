@@ -269,7 +269,8 @@ def _without_loops(called: ca.Function, name: str, declared: set[str]) -> str:
     declared |= emitter.intrinsics
     layouts = [ArrayLayout(f"a{i}", "double", "0") for i in range(called.n_in())]
     layouts += [ArrayLayout(f"r{i}", "double", "0") for i in range(called.n_out())]
-    return function(name, emitter, layouts)
+    # to optimise them takes the compiler four times as long, and does not make a sample faster
+    return function(name, emitter, layouts, attributes=" optnone noinline")
 
 
 def matrix_module(step: ca.Function) -> str:
