@@ -6,6 +6,7 @@ import pytest
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.tyre_law import Tyres
 
 OUTPUTS = ("yaw_rate.tractor", "roll_rate.semitrailer")
 FREE = ("tractor.front.cornering_stiffness", "semitrailer.payload.height", "steer.tractor.front.delay")
@@ -41,3 +42,23 @@ def test_trapezoidal_rule_gives_the_parameter_derivatives_of_a_step(model: Chain
     actual, expected = dt / 2 * (F @ first + last), np.array(exact(x, dt, d, p, c))
     largest = np.abs(expected).max(axis=0)
     np.testing.assert_allclose(actual / largest, expected / largest, atol=0.01)
+
+
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+def test_sensitivities_of_the_rates_are_their_derivatives(tyres: Tyres) -> None:
+    """Without those of the inverse mass matrix; of an extended model, whose stiffness depends on the slip."""
+    truck = vehicle.get("cheng_cebon_2011").with_logged_steering({"steer.tractor.front"}, "the test")
+    free = (*FREE, "tractor.mass", "tractor.cog", "semitrailer.yaw_inertia", "tractor.front.softening")
+    model = dynamics.model(truck, OUTPUTS, roll=True, bank=True, free=free, extended=True, tyres=tyres)
+    values = dynamics.all_parameters(truck, OUTPUTS, extended=True, tyres=tyres) | {"tractor.front.softening": 2.0}
+    n, k = len(model.states), 2 * len(model.inputs)
+    d, rng = np.zeros(k), np.random.default_rng(2)
+    d[[0, k // 2]], d[[1, k // 2 + 1]] = (20.0, 20.5), (0.01, 0.012)
+    symbols = [ca.SX.sym("a", size) for size in (n, n, 1, k, len(free), len(model.known))]
+    exact = ca.Function("exact", symbols, [ca.jacobian(rate, symbols[4]) for rate in model.rates(*symbols)])
+    at = 0.02 * rng.normal(size=n), 0.02 * rng.normal(size=n), 0.01, d, model.free_values(values)
+    for actual, expected in zip(
+        model.rate_sensitivities(*at, model.known_values(values)), exact(*at, model.known_values(values)), strict=True
+    ):
+        size = np.abs(np.array(expected)).max(axis=0) + 1e-12
+        np.testing.assert_allclose(np.array(actual) / size, np.array(expected) / size, atol=1e-10)

@@ -66,7 +66,7 @@ def replayed(program: Path, learner: Learner, record: Record, *saved: str) -> tu
 def pushed(learner: Learner, record: Record) -> tuple[np.ndarray, Estimates]:
     """The same by `push`, with a copy of the learner; samples that it refuses are left out."""
     learner = copy.copy(learner)
-    states = [name for name, _ in learner.live.view.names]
+    states = learner.live.view.names
     names = ("learning", *states, *[f"{name}.sigma" for name in states])
     rows = []
     for k, time in enumerate(record.time.tolist()):

@@ -61,17 +61,17 @@ def rows() -> Array:
 
 
 def run(rows: Array, base: Array, n_z: int = 2) -> tuple[Array, Array]:
-    """Carries (N, n_carry, LANES) and outputs after every row, from x = 0, z = 0 with covariance 1."""
+    """Carries (N, 2, n_carry) of both filters and outputs after every row, from x = 0, z = 0 with covariance 1."""
     layout = JointLayout(3, n_z, 2 - n_z)
     scan = joint.joint_step(MODEL, SCALING.logarithmic, n_z)
-    carry = np.zeros((layout.size, 2))
-    carry[layout.P], carry[layout.Pz] = pack_array(np.eye(3))[:, None], pack_array(np.eye(n_z))[:, None]
+    carry = np.zeros((2, layout.size))
+    carry[:, layout.P], carry[:, layout.Pz] = pack_array(np.eye(3)), pack_array(np.eye(n_z))
     constant = joint.constants(C, NOISE, SCALING, np.zeros(n_z))
-    samples = np.repeat(np.column_stack([rows, np.tile(base, (len(rows), 1))])[:, :, None], 2, axis=2).copy()
+    samples = np.repeat(np.column_stack([rows, np.tile(base, (len(rows), 1))])[:, None, :], 2, axis=1)
     carries, outputs = [], []
     for sample in samples:
-        output = np.empty((scan.n_output, 2))
-        scan.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
+        output = np.empty((2, scan.n_output))
+        scan.single(1, 2, *[a.ctypes.data for a in (carry, sample, constant, output)])
         carries.append(carry.copy())
         outputs.append(output)
     return np.array(carries), np.array(outputs)
@@ -115,15 +115,15 @@ def test_equals_the_kalman_filter_of_the_augmented_state_with_optional_learning(
     """The gains ignore a considered parameter, and the covariance includes it."""
     carries, _ = run(rows, np.zeros(n_z), n_z)
     for carry, (mean, P) in zip(carries, kalman(rows, np.arange(2) < n_z), strict=True):
-        actual, covariance = augmented(carry[:, 0], n_z)
+        actual, covariance = augmented(carry[0], n_z)
         np.testing.assert_allclose(actual, mean, atol=1e-12)
         np.testing.assert_allclose(covariance, P, atol=1e-12)
 
 
 def test_linearisation_point_has_no_effect_on_a_linear_model(rows: Array) -> None:
     carries, outputs = run(rows, np.array([1.7, -0.6]))
-    np.testing.assert_allclose(carries[:, :, 1], carries[:, :, 0], atol=1e-12)
-    np.testing.assert_allclose(outputs[..., 1], outputs[..., 0], atol=1e-12)
+    np.testing.assert_allclose(carries[:, 1], carries[:, 0], atol=1e-12)
+    np.testing.assert_allclose(outputs[:, 1], outputs[:, 0], atol=1e-12)
 
 
 def test_score_is_that_of_all_innovations(rows: Array) -> None:
@@ -145,7 +145,7 @@ def test_score_is_that_of_all_innovations(rows: Array) -> None:
         return total
 
     layout, step = JointLayout(3, 1, 1), 0.1
-    last = run(rows, np.zeros(1), 1)[0][-1, :, 0]
+    last = run(rows, np.zeros(1), 1)[0][-1, 0]
     lower, middle, upper = (loss(c) for c in (-step, 0.0, step))
     assert last[layout.gradient][0] == pytest.approx((upper - lower) / (2 * step))
     assert last[layout.information][0] == pytest.approx((upper - 2 * middle + lower) / step**2)
@@ -156,11 +156,11 @@ def test_variance_grows_towards_that_of_the_prior(rows: Array) -> None:
     carry = run(rows, np.zeros(2))[0][-1].copy()
     scan, row = joint.joint_step(MODEL, SCALING.logarithmic, 2), np.zeros(rows.shape[1] + 2)
     row[0] = 0.01
-    sample, output = np.repeat(row[:, None], 2, axis=1).copy(), np.empty((scan.n_output, 2))
+    sample, output = np.tile(row, (2, 1)), np.empty((2, scan.n_output))
     constant = joint.constants(C, NOISE, SCALING, np.array([0.0, 3.0]))
-    before = unpack_array(carry[layout.Pz, 0], 2)
-    scan.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
-    growth = unpack_array(carry[layout.Pz, 0], 2) - before
+    before = unpack_array(carry[0, layout.Pz], 2)
+    scan.single(1, 2, *[a.ctypes.data for a in (carry, sample, constant, output)])
+    growth = unpack_array(carry[0, layout.Pz], 2) - before
     np.testing.assert_allclose(growth, np.diag([0.0, 0.03 * (1 - before[1, 1])]), atol=1e-15)
 
 
@@ -170,15 +170,15 @@ def test_diverged_state_is_reported_and_changes_no_parameter(rows: Array, bad: f
     layout = JointLayout(3, 2, 0)
     scan = joint.joint_step(MODEL, SCALING.logarithmic, 2)
     carry = run(rows, np.zeros(2))[0][-1].copy()
-    z, Pz = carry[layout.z].copy(), carry[layout.Pz].copy()
-    carry[0] = bad
-    sample = np.repeat(np.concatenate([rows[0], np.zeros(2)])[:, None], 2, axis=1).copy()
-    constant, output = joint.constants(C, NOISE, SCALING, np.zeros(2)), np.empty((scan.n_output, 2))
-    scan.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
-    assert (output[-1] == 1.0).all()
+    z, Pz = carry[:, layout.z].copy(), carry[:, layout.Pz].copy()
+    carry[:, 0] = bad
+    sample = np.tile(np.concatenate([rows[0], np.zeros(2)]), (2, 1))
+    constant, output = joint.constants(C, NOISE, SCALING, np.zeros(2)), np.empty((2, scan.n_output))
+    scan.single(1, 2, *[a.ctypes.data for a in (carry, sample, constant, output)])
+    assert (output[:, -1] == 1.0).all()
     assert np.isfinite(carry).all()
-    np.testing.assert_array_equal(carry[layout.z], z)
-    np.testing.assert_array_equal(carry[layout.Pz], Pz)
+    np.testing.assert_array_equal(carry[:, layout.z], z)
+    np.testing.assert_array_equal(carry[:, layout.Pz], Pz)
 
 
 def test_an_estimate_that_is_not_a_number_is_not_taken_over(rows: Array) -> None:
@@ -188,8 +188,8 @@ def test_an_estimate_that_is_not_a_number_is_not_taken_over(rows: Array) -> None
     broken = rows[:1].copy()
     broken[0, 0] = np.nan
     carries, outputs = run(np.vstack([rows, broken]), np.zeros(1), 1)
-    np.testing.assert_array_equal(carries[-1][layout.estimate], before[layout.estimate])
-    assert (outputs[-1, -1] == 1.0).all()
+    np.testing.assert_array_equal(carries[-1][:, layout.estimate], before[:, layout.estimate])
+    assert (outputs[-1, :, -1] == 1.0).all()
 
 
 REPORT = example(
@@ -202,7 +202,7 @@ REPORT = example(
 )
 
 
-def test_reported_signals_contain_the_variance_of_all_unknowns() -> None:
+def test_sigma_of_reported_signals_contains_all_unknowns() -> None:
     """Of the first states, with P, Pz and B of a joint covariance of [x, z, c] that is built from them.
 
     One unknown is estimated, the other is considered and stays at 0.
@@ -211,14 +211,11 @@ def test_reported_signals_contain_the_variance_of_all_unknowns() -> None:
     layout, step = JointLayout(3, 1, 1), joint.state_view(MODEL, REPORT, scaling.logarithmic, 1)
     x, z, d = rng.normal(size=3), rng.normal(size=1), rng.normal(size=1)
     root, V, B, Pz = rng.normal(size=(3, 3)), rng.normal(size=(3, 2)), rng.normal(size=(1, 1)), np.array([[0.7]])
-    carry = np.zeros((layout.size, 2))
+    carry = np.zeros(layout.size)
     parts = {"x": x, "P": pack_array(root @ root.T), "V": V.ravel(order="F"), "z": z, "Pz": pack_array(Pz), "B": B[0]}
     for name, values in parts.items():
-        carry[getattr(layout, name)] = values[:, None]
-    constant = np.repeat(np.concatenate([C, scaling.centre, scaling.scale])[:, None], 2, axis=1)
-    output = np.empty((step.n_output, 2))
-    sample = np.repeat(d[:, None], 2, axis=1)
-    step.vector(1, 1, *[a.ctypes.data for a in (carry, sample, constant, output)])
+        carry[getattr(layout, name)] = values
+    _, (output,) = step(carry, d[None], np.concatenate([C, scaling.centre, scaling.scale, [4.0]]))
 
     def reported(v: Array) -> Array:
         return np.array(REPORT.observation(v[:2], d, scaling.to_p(v[3:]), C)).ravel()
@@ -236,6 +233,5 @@ def test_reported_signals_contain_the_variance_of_all_unknowns() -> None:
         [[root @ root.T, np.zeros((3, 2))], [np.zeros((1, 3)), Pz, np.zeros((1, 1))], [np.zeros((1, 4)), np.eye(1)]]
     )
     expected = slopes @ errors @ independent @ errors.T @ slopes.T
-    for lane in output.T:
-        np.testing.assert_allclose(lane[:3], reported(at), rtol=1e-12)
-        np.testing.assert_allclose(lane[3:], np.diag(expected), rtol=1e-6)
+    np.testing.assert_allclose(output[::2], reported(at), rtol=1e-12)
+    np.testing.assert_allclose(output[1::2], 2 * np.sqrt(np.diag(expected)), rtol=1e-6)

@@ -37,7 +37,7 @@ def linear_filter(**settings: float) -> RelinearisedFilter:
 
 
 def advance(made: RelinearisedFilter, row: Array, in_segment: bool) -> tuple[bool, bool]:
-    made.sample[: len(row) - 1, 0] = row[:-1]
+    made.sample[0, : len(row) - 1] = row[:-1]
     return made.advance(in_segment, bool(row[-1]))
 
 
@@ -96,7 +96,7 @@ def learn(made: RelinearisedFilter, rows: Array) -> bool:
     """Give a filter rows [d, y] of one segment; whether the state must be started again."""
     restart = False
     for d, y in rows:
-        made.sample[:4, 0] = 0.0, d, y, 1.0
+        made.sample[0, :4] = 0.0, d, y, 1.0
         restart |= made.advance(True, True)[1]
     return restart
 
@@ -105,7 +105,7 @@ def pause(made: RelinearisedFilter, count: int) -> bool:
     """Samples outside of a segment, without measurements."""
     restart = False
     for _ in range(count):
-        made.sample[:4, 0] = 0.0
+        made.sample[0, :4] = 0.0
         restart |= made.advance(False, False)[1]
     return restart
 
@@ -240,10 +240,10 @@ def test_three_segments_as_iterated_filters(
         pause(made, idle)
         if idle == 70:
             assert made._count == 0
-            np.testing.assert_array_equal(made.carry[made.layout.estimate, 0], made.estimate().vector())
+            np.testing.assert_array_equal(made.carry[0, made.layout.estimate], made.estimate().vector())
     made.end_segment()
     np.testing.assert_allclose(made.estimate().z, z, rtol=1e-9, atol=1e-10)
-    np.testing.assert_array_equal(made.carry[made.layout.z, 0], made.estimate().z)
+    np.testing.assert_array_equal(made.carry[0, made.layout.z], made.estimate().z)
 
 
 def test_a_segment_of_the_largest_length_is_followed_by_another() -> None:
@@ -266,13 +266,13 @@ def test_a_new_start_of_the_state_ends_the_segment() -> None:
     made = logarithmic_filter(first_pass_limit=0.0, pass_limit=0.1)
     learn(made, data(6, seed=5))
     expected = made.estimate()
-    assert expected.z != pytest.approx(made.carry[made.layout.z, 0], abs=1e-3)
+    assert expected.z != pytest.approx(made.carry[0, made.layout.z], abs=1e-3)
     made.start(np.ones(1), np.full((1, 1), 1e-12), np.zeros((1, 2)), np.zeros(1))
     np.testing.assert_array_equal(made.estimate().z, expected.z)
-    np.testing.assert_array_equal(made.carry[made.layout.z, 0], expected.z)
+    np.testing.assert_array_equal(made.carry[0, made.layout.z], expected.z)
     pause(made, 9)
     np.testing.assert_array_equal(made.estimate().z, expected.z)
-    np.testing.assert_array_equal(made.carry[made.layout.x, 0], 1.0)
+    np.testing.assert_array_equal(made.carry[0, made.layout.x], 1.0)
 
 
 @pytest.mark.parametrize("stepwise", [True, False])
@@ -286,9 +286,9 @@ def test_the_state_changes_with_the_estimate(stepwise: bool) -> None:
         made = logarithmic_filter(V, pass_limit=limit, **settings)
         assert not learn(made, data(3, seed=6))
         layout = made.layout
-        before, slope = made.carry[:, 0].copy(), made.carry[layout.V, 0][:2]
+        before, slope = made.carry[0].copy(), made.carry[0, layout.V][:2]
         restart = pause(made, 4) if stepwise else made.end_segment()
-        after, estimate = made.carry[:, 0], made.estimate()
+        after, estimate = made.carry[0], made.estimate()
         change = estimate.z - before[layout.z]
         moved = float((np.abs(change) / np.sqrt(np.diag(estimate.Pz))).max())
         assert after[layout.x] - before[layout.x] == pytest.approx(slope @ change, rel=1e-9)

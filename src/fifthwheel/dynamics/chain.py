@@ -34,7 +34,7 @@ import casadi as ca
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import unit_equations
 from fifthwheel.dynamics.steering import SteeringSlopes, linear_slopes, own_states, wheel_signals
-from fifthwheel.dynamics.symbolic import Expressions, solve_positive_definite
+from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 
@@ -107,6 +107,18 @@ class Equations:
     def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
         return self._at_speed(speed, *map(self._solve_E, (self.A0, self.A1, self.A2, self.B0, self.B2)))
+
+    def rates(self, speed: ca.SX, x: ca.SX, steer: ca.SX, value: ca.SX, stages: Stages) -> ca.SX:
+        """x' (n,) with the rates of the generalised velocities as a variable of stages; `value` is x' without stages.
+
+        A derivative of A and B contains those of the inverse mass matrix, which the variable avoids.
+        """
+        F, G = self.implicit(speed)
+        right, rows = ca.densify(F @ x + G @ steer), list(self.velocities)
+        for symbol, factor in self.factors:
+            right = ca.substitute(right, symbol, factor)
+        right[rows] = stages.solved(self.mass, right[rows], value[rows])
+        return right
 
     def implicit(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
         """F (n, n) and G (n, k) of E x' = F x + G d at a speed, m/s."""

@@ -80,13 +80,19 @@ class ChainModel:
         """(x, dt, d, p, c) -> x+, the state dt seconds later."""
         s, m = self._symbols, self._motion
         change = m.B @ (s.steering.end - s.steering.start)
-        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self._order), "x_next")
+        return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self.order), "x_next")
 
     @lazy
     def state_jacobian(self) -> ca.Function:
         """(x, dt, d, p, c) -> dx+/dx (n, n), the state transition matrix."""
         s = self._symbols
-        return s.step("state_jacobian", transition_matrix(self._motion.A, s.duration, self._order), "F")
+        return s.step("state_jacobian", transition_matrix(self._motion.A * s.duration, self.order), "F")
+
+    @lazy
+    def exponent(self) -> ca.Function:
+        """(x, dt, d, p, c) -> M (n, n), of which `state_jacobian` is the `transition_matrix` of the model's order."""
+        s = self._symbols
+        return s.step("exponent", self._motion.A * s.duration, "M")
 
     @lazy
     def steer_offset_jacobian(self) -> ca.Function:
@@ -94,7 +100,7 @@ class ChainModel:
         s, m = self._symbols, self._motion
         rate = -m.B @ ca.diag(s.steering.gain)
         nothing = ca.SX(*rate.shape)
-        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self._order), "F_steer")
+        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self.order), "F_steer")
 
     @lazy
     def rates(self) -> ca.Function:
@@ -102,6 +108,13 @@ class ChainModel:
         s, rates = self._symbols, list(map(ca.densify, self._motion.rates))
         arguments, names = [s.x, s.later, s.dt, s.d, s.p, s.c], ["x", "x_next", "dt", "d", "p", "c"]
         return ca.Function("rates", arguments, rates, names, ["rate", "rate_next"])
+
+    @lazy
+    def rate_sensitivities(self) -> ca.Function:
+        """(x, x+, dt, d, p, c) -> derivatives (n, n_p) of both `rates` with respect to p."""
+        s, m = self._symbols, self._motion
+        slopes = [m.rate_stages.jacobian(rate, s.p) for rate in m.staged_rates]
+        return ca.Function("rate_sensitivities", [s.x, s.later, s.dt, s.d, s.p, s.c], slopes)
 
     @lazy
     def observation(self) -> ca.Function:
@@ -134,7 +147,8 @@ class ChainModel:
         return ca.vertcat(ca.SX(0, 1), *[sensors.sensor_output(self._motion.sensed, name) for name in self.outputs])
 
     @property
-    def _order(self) -> int:
+    def order(self) -> int:
+        """Order of the Taylor series of a step."""
         return ORDER[self.roll, bool(chain.relaxation_groups(self.vehicle))]
 
     def known_values(self, values: Mapping[str, float]) -> Array:
@@ -285,6 +299,8 @@ class _Motion(NamedTuple):
     A: ca.SX  # (n, n)
     B: ca.SX  # (n, m)
     rates: tuple[ca.SX, ca.SX]  # x' at the beginning and at the end (n,)
+    staged_rates: tuple[ca.SX, ca.SX]  # the same with variables of stages, for derivatives
+    rate_stages: Stages
     sensed: sensors.SensorInputs
     stages: Stages  # of what sensors see
 
@@ -367,13 +383,15 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    A, B = equations.state_space((s.d[0] + now) / 2)
-    stages = Stages()
+    A, B = equations.state_space(mean := (s.d[0] + now) / 2)
+    stages, rate_stages = Stages(), Stages()
     sensed = sensors.sensor_inputs(
         softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning, stages=stages
     )
     rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
-    return _Motion(A, B, rates, sensed, stages)
+    first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages)
+    last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages)
+    return _Motion(A, B, rates, (first, last), rate_stages, sensed, stages)
 
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
@@ -423,7 +441,7 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         ahead=now.stages.ahead(s.x, now.rates + last.rates),
     )
     rates = first + before.rates, end.stages.expanded(end.rates) + after.rates
-    return _Motion(A, B, rates, sensed, now.stages)
+    return _Motion(A, B, rates, rates, Stages(), sensed, now.stages)
 
 
 def _by_name(model: ChainModel, x: ca.SX) -> dict[str, ca.SX]:

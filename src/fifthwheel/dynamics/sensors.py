@@ -123,7 +123,8 @@ def sensor_inputs(
     motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
     angles = chain.linear_wheels(p, vehicle, x, speed, steer, roll=roll, bank=bank)
     slip = chain.slip_angles(p, vehicle, x, speed, angles, roll=roll)
-    velocity_rates = rate[list(equations.velocities)]
+    staged = equations.rates(speed, x, steer, rate, stages)
+    velocity_rates = staged[list(equations.velocities)]
     centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
     return SensorInputs(
         p=p,
@@ -136,7 +137,7 @@ def sensor_inputs(
         load_change={},
         roll=roll,
         own=chain.own_values(vehicle, x, roll=roll, bank=bank),
-        rate_of=stages.rate(ca.vertcat(x, turning[0]), ca.vertcat(rate, turning[1])),
+        rate_of=stages.rate(ca.vertcat(x, turning[0]), ca.vertcat(staged, turning[1])),
         ahead=stages.ahead(x, rate),
     )
 

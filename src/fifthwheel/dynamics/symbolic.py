@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
 
 Expressions = Mapping[str, ca.SX]
 """By name; often numbers are possible, too."""
+Matrix = TypeVar("Matrix", ca.SX, ca.MX)
 STEP_AHEAD = 0.3
 """Longest step of a prediction, s; a laden truck rolls with a period of 1.2 s or more."""
 
@@ -88,21 +89,23 @@ def taylor(A: ca.SX, x: ca.SX, rate: ca.SX, change: ca.SX, dt: ca.SX, order: int
     return ca.densify(total)
 
 
-def transition_matrix(A: ca.SX, dt: ca.SX, order: int) -> ca.SX:
-    """Taylor series of exp(A dt) (n, n), the derivative of `taylor` with respect to x.
+def transition_matrix(M: Matrix, order: int) -> Matrix:
+    """Taylor series of exp(M) (n, n); with M = A dt the derivative of `taylor` with respect to x.
 
     Paterson and Stockmeyer (1973): I + M + M^2/2 + M^3 (I/3! + M/4! + M^2/5! + M^3 (I/6! + ...)), which needs few
     products of matrices.
     """
-    n = A.shape[0]
-    M = A * dt
-    powers = [ca.SX.eye(n), M, M @ M]
+    n, kind = M.shape[0], type(M)
+    powers = [kind.eye(n), M, M @ M]
     cube = powers[2] @ M
-    total = ca.SX(n, n)
+    total = kind(n, n)
     for first in reversed(range(0, order + 1, 3)):
         last = min(first + 2, order)
-        terms = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), ca.SX(n, n))
-        total = terms + (cube @ total if last < order else 0)
+        terms = sum((powers[k - first] / math.factorial(k) for k in range(first, last + 1)), kind(n, n))
+        if last < order:
+            # of the highest power a multiple of the identity may be left, which needs no product of matrices
+            terms += cube / math.factorial(order) if first + 3 == order else cube @ total
+        total = terms
     return ca.densify(total)
 
 

@@ -7,7 +7,16 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import state_names
-from fifthwheel.filters.joint import Carried, JointChannel, bounds, correct, linearise, reported_values
+from fifthwheel.filters.joint import (
+    Carried,
+    JointChannel,
+    bounds,
+    correct,
+    linearise,
+    packed,
+    reported_values,
+    transition_matrix,
+)
 from fifthwheel.filters.model import sizes, split
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations
@@ -33,7 +42,10 @@ def linearisation(live: LiveFilter) -> Slopes:
     n_x, n_d, *_ = sizes(live.model)
     x, z, step = ca.SX.sym("x", n_x), ca.SX.sym("z", len(setup.estimated_unknowns)), ca.SX.sym("step", 1 + n_d)
     given = _numbers(live.filter.c, scaling.centre, scaling.scale)
-    later, F, slopes, predicted, H, direct = linearise(live.model, scaling.logarithmic, x, z, step[0], step[1:], *given)
+    later, parts, slopes, predicted, H, direct = linearise(
+        live.model, scaling.logarithmic, x, z, step[0], step[1:], *given
+    )
+    F = transition_matrix(live.model, parts)
     pattern = (slopes[0].sparsity() + slopes[1].sparsity()).T.T
     first, last = (ca.project(slope, pattern).nz[:] for slope in slopes)
     results = [later, by_rows(F), first, last, predicted, by_rows(H), by_rows(direct)]
@@ -54,7 +66,7 @@ def channel_update(live: LiveFilter) -> ca.Function:
     lower, upper = _numbers(*bounds(live.setup.scaling, n_z))
     carried = Carried.of(carry, layout)
     new, accepted, innovation = correct(carried, measured, before, base_z, learn, limit, (lower, upper))
-    return symbolic("channel", [carry, channel], [new.vector(), ca.vertcat(accepted, innovation)])
+    return symbolic("channel", [carry, channel], [ca.vertcat(*packed(new)), ca.vertcat(accepted, innovation)])
 
 
 def health(live: LiveFilter) -> ca.Function:

@@ -65,7 +65,7 @@ def _header(learner: Learner) -> str:
         "SAVED_COUNT": (saved, "numbers in a saved state"),
         "HEALTH_COUNT": (len(START), "numbers that its health remembers"),
     }
-    return c_text.header(live.stream.settings, [name for name, _ in live.view.names], sizes, ESTIMATE=estimates)
+    return c_text.header(live.stream.settings, live.view.names, sizes, ESTIMATE=estimates)
 
 
 def _sizes_and_limits(learner: Learner, slopes: int) -> str:

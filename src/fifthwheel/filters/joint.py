@@ -13,25 +13,23 @@ This filter adds:
 * The score test of each considered parameter (Rao 1948; `identify.doubts`): with rho the derivative of an innovation
   with respect to c, and S its variance, the gradient is - sum rho e / S and the information sum rho^2 / S.
 * walk: the variance of an estimated z grows towards that of its prior with this rate, 1/s.
-* zl: the point of linearisation of the second lane. The first lane linearises at its own z. The second lane repeats
-  samples with a better linearisation, which is an iteration of the filter (Bell and Cathey 1993).
+* zl: another point of linearisation than the filter's own z. A second filter repeats samples with a better
+  linearisation, which is an iteration of the filter (Bell and Cathey 1993).
 """
 
 import functools
+from collections.abc import Callable, Sequence
 from itertools import accumulate, pairwise
-from typing import NamedTuple, Self
+from typing import Generic, NamedTuple
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.filters.kalman import Noise, gate, joseph, observe, predict
-from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, split, unpack
+from fifthwheel.filters.model import Matrix, Model, pack, packed_size, sizes, split, unpack
 from fifthwheel.filters.scaling import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.native import Scan, compiled
-
-LANES = 2
-"""The filter and the filter that repeats its samples; in one vector register they cost little more than one filter."""
 
 MAX_STATE = 1e3
 """Limit of the norm of state, standard deviations and sensitivities, SI; beyond it the filter has diverged."""
@@ -58,41 +56,42 @@ class JointLayout:
         """All that does not belong to the state."""
 
 
-class Carried(NamedTuple):
+class Carried(NamedTuple, Generic[Matrix]):
     """The carry within a step, as matrices; see `JointLayout`."""
 
-    x: ca.SX
-    P: ca.SX
-    V: ca.SX
-    z: ca.SX
-    Pz: ca.SX
-    B: ca.SX
-    gradient: ca.SX
-    information: ca.SX
+    x: Matrix
+    P: Matrix
+    V: Matrix
+    z: Matrix
+    Pz: Matrix
+    B: Matrix
+    gradient: Matrix
+    information: Matrix
 
     @classmethod
-    def of(cls, carry: ca.SX, layout: JointLayout) -> Self:
+    def of(cls, carry: Matrix, layout: JointLayout) -> "Carried[Matrix]":
         """The parts of a carry."""
         n_x, n_z, n_c = layout.n_x, layout.n_z, layout.n_c
         x, P, V, z, Pz, B, gradient, information = split(carry, layout.lengths)
         V, B = ca.reshape(V, n_x, n_z + n_c), ca.reshape(B, n_z, n_c)
-        return cls(x, unpack(P, n_x), V, z, unpack(Pz, n_z), B, gradient, information)
-
-    def vector(self) -> ca.SX:
-        """The inverse of `of`."""
-        x, P, V, z, Pz, B, gradient, information = self
-        return ca.vertcat(x, pack(P), ca.vec(V), z, pack(Pz), ca.vec(B), gradient, information)
+        return Carried(x, unpack(P, n_x), V, z, unpack(Pz, n_z), B, gradient, information)
 
 
-class JointChannel(NamedTuple):
+def packed(carried: Carried[Matrix]) -> list[Matrix]:
+    """The inverse of `Carried.of`, in parts."""
+    x, P, V, z, Pz, B, gradient, information = carried
+    return [x, pack(P), ca.vec(V), z, pack(Pz), ca.vec(B), gradient, information]
+
+
+class JointChannel(NamedTuple, Generic[Matrix]):
     """A measurement and its prediction."""
 
-    y: ca.SX
-    weight: ca.SX
-    noise: ca.SX  # variance
-    predicted: ca.SX
-    row: ca.SX  # of H (1, n_x)
-    direct: ca.SX  # derivative with respect to the parameters (1, n_p)
+    y: Matrix
+    weight: Matrix
+    noise: Matrix  # variance
+    predicted: Matrix
+    row: Matrix  # of H (1, n_x)
+    direct: Matrix  # derivative with respect to the parameters (1, n_p)
 
 
 def linearise(
@@ -105,12 +104,13 @@ def linearise(
     c: ca.SX,
     centre: ca.SX,
     scale: ca.SX,
-) -> tuple[ca.SX, ca.SX, list[ca.SX], ca.SX, ca.SX, ca.SX]:
+) -> tuple[ca.SX, list[ca.SX], list[ca.SX], ca.SX, ca.SX, ca.SX]:
     """The model at a state x and estimates z; considered parameters are 0.
 
-    It gives the state after dt (n_x,); F (n_x, n_x); derivatives with respect to z and the considered parameters
-    (n_x, n_p), of x' at both ends of the step if the model has `rates`, else of the state after dt; predicted
-    measurements (n_y,); H (n_y, n_x), and their derivatives with respect to the parameters (n_y, n_p).
+    It gives the state after dt (n_x,); the parts of F (n_x, n_x), see `transition_matrix`; derivatives with respect to
+    z and the considered parameters (n_x, n_p), of x' at both ends of the step if the model has `rates`, else of the
+    state after dt; predicted measurements (n_y,); H (n_y, n_x), and their derivatives with respect to the parameters
+    (n_y, n_p).
     """
     n_p = len(logarithmic)
     point = ca.vertcat(z, ca.SX.zeros(n_p - z.shape[0]))
@@ -118,30 +118,47 @@ def linearise(
     p_of_z = symbolic_to_p(logarithmic, symbol, centre, scale)
     p = ca.substitute(p_of_z, symbol, point)
 
-    def wrt_z(function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
-        """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state."""
+    by_z = ca.substitute(ca.jacobian(p_of_z, symbol), symbol, point)
+
+    def wrt_z(name: str, function: ca.Function, *arguments: ca.SX) -> list[ca.SX]:
+        """Derivatives of the outputs of a function of (*arguments, p, c) with respect to z at a fixed state; `name` is
+        that of a function of the model that gives those with respect to p."""
+        by_p: ca.Function | None = getattr(model, name, None)
+        if by_p is not None:
+            return [slope @ by_z for slope in by_p.call([*arguments, p, c])]
         outputs = function.call([*arguments, p_of_z, c])
         return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [point])
 
     n_x = x.shape[0]
-    later, _, F = predict(model, x, ca.SX(n_x, n_x), dt, d, p, c, ca.SX(n_x, n_x))
+    parts: ca.Function | None = getattr(model, "transition_parts", None)
+    if parts is None:
+        later, _, F = predict(model, x, ca.SX(n_x, n_x), dt, d, p, c, ca.SX(n_x, n_x))
+        of_F = [F]
+    else:
+        later, of_F = model.transition(x, dt, d, p, c), list(parts.call([x, dt, d, p, c]))
     # the derivatives of x' need fewer operations than those of the transition; the trapezoidal rule integrates them
     rates: ca.Function | None = getattr(model, "rates", None)
-    slopes = wrt_z(model.transition, x, dt, d) if rates is None else wrt_z(rates, x, later, dt, d)
+    slopes = wrt_z("", model.transition, x, dt, d) if rates is None else wrt_z("rate_slopes", rates, x, later, dt, d)
     predicted, H = observe(model, later, d, p, c)
-    (direct,) = wrt_z(model.observation, later, d)
-    return later, F, slopes, predicted, H, direct
+    (direct,) = wrt_z("observation_slopes", model.observation, later, d)
+    return later, of_F, slopes, predicted, H, direct
+
+
+def transition_matrix(model: Model, parts: Sequence[Matrix]) -> Matrix:
+    """F (n_x, n_x) from its parts in `linearise`."""
+    build: Callable[..., Matrix] | None = getattr(model, "transition_matrix", None)
+    return parts[0] if build is None else build(*parts)
 
 
 def correct(
-    carried: Carried,
-    channel: JointChannel,
-    before: ca.SX,
-    base_z: ca.SX,
-    learn: ca.SX,
-    limit: ca.SX,
-    bounds: tuple[ca.SX, ca.SX],
-) -> tuple[Carried, ca.SX, ca.SX]:
+    carried: Carried[Matrix],
+    channel: JointChannel[Matrix],
+    before: Matrix,
+    base_z: Matrix,
+    learn: Matrix,
+    limit: Matrix,
+    bounds: tuple[Matrix, Matrix],
+) -> tuple[Carried[Matrix], Matrix, Matrix]:
     """The update by one channel: the carry, whether it is accepted, and the innovation over its standard deviation.
 
     The prediction is that of the state `before` (n_x,) and of the estimates `base_z` (n_z,). z is corrected if `learn`
@@ -163,29 +180,20 @@ def correct(
     # without learning, the gain of the state is optimal for P + V Pz V'
     uncertain = 1 - learn
     gain = accepted * (cross + uncertain * (V[:, :n_z] @ cross_z)) / (of_state + uncertain * of_parameters)
+    noise_gain = (of_parameters + noise_z) * gain_z
     evidence = accepted * learn * rho.T / (of_state + of_parameters)
     corrected = Carried(
         x=x + gain * innovation_at_base,
         P=joseph(P, cross, gain, row, r),
-        V=V - gain @ both,
+        V=ca.mac(-gain, both, V),
         z=ca.fmin(ca.fmax(z + gain_z * innovation, bounds[0]), bounds[1]),
-        Pz=_corrected_covariance(Pz, cross_z, gain_z, of_parameters + noise_z),
-        B=B - gain_z @ rho,
+        # (I - K h) P (I - K h)' + K r K' for any gain K, expanded: a third of the operations of Joseph's form
+        Pz=ca.mac(noise_gain - cross_z, gain_z.T, ca.mac(-gain_z, cross_z.T, Pz)),
+        B=ca.mac(-gain_z, rho, B),
         gradient=gradient - evidence * innovation,
         information=information + evidence * rho.T,
     )
     return corrected, accepted, channel.weight * innovation / ca.sqrt(total)
-
-
-def _corrected_covariance(covariance: ca.SX, cross: ca.SX, gain: ca.SX, variance: ca.SX) -> ca.SX:
-    """(I - K h) P (I - K h)' + K r K' for any gain K, expanded: a third of the operations of Joseph's form."""
-    n = covariance.shape[0]
-    difference = cross - variance * gain
-    corrected = ca.SX(n, n)
-    for j in range(n):
-        for i in range(j, n):
-            corrected[i, j] = corrected[j, i] = covariance[i, j] - gain[i] * cross[j] - difference[i] * gain[j]
-    return corrected
 
 
 def reported_values(
@@ -202,7 +210,7 @@ def reported_values(
     return values, slopes
 
 
-@compiled(functools.partial(Scan, lanes=LANES))
+@compiled(functools.partial(Scan, matrices=True))
 def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
     """The compiled step of the joint filter.
 
@@ -213,10 +221,10 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     """
     n_x, n_d, n_p, n_c, n_y = sizes(model)
     layout = JointLayout(n_x, n_z, n_p - n_z)
-    carry = ca.SX.sym("carry", layout.size)
+    carry = ca.MX.sym("carry", layout.size)
     x, P, V, z, Pz, B, gradient, information = Carried.of(carry, layout)
-    sample, dt, d, y, weight, learn, given_z = partitioned("sample", 1, n_d, n_y, n_y, 1, n_z)
-    constant, c, q, r, limit, centre, scale, lower, upper, walk, use_given = partitioned(
+    sample, dt, d, y, weight, learn, given_z = _symbols("sample", 1, n_d, n_y, n_y, 1, n_z)
+    constant, c, q, r, limit, centre, scale, lower, upper, walk, use_given = _symbols(
         "constant", n_c, packed_size(n_x), n_y, 1, n_p, n_p, n_z, n_z, n_z, 1
     )
     diverged = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= MAX_STATE**2)  # also if not a number
@@ -226,9 +234,12 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     base_z = z + use_given * (given_z - z)
     # the state that belongs to base_z; the end of the step returns to that of z
     x_base = x + V[:, :n_z] @ (base_z - z)
-    before, F, slopes, predicted, H, direct = linearise(model, logarithmic, x_base, base_z, dt, d, c, centre, scale)
-    P = ca.mtimes([F, P, F.T]) + unpack(q, n_x) * dt
-    V = F @ (V + dt / 2 * slopes[0]) + dt / 2 * slopes[1] if len(slopes) == 2 else F @ V + slopes[0]
+    linearised = _linearisation(model, logarithmic, n_z).call([x_base, base_z, dt, d, c, centre, scale])
+    before, predicted, H, direct, *rest = map(ca.densify, linearised)
+    count = 1 if getattr(model, "rates", None) is None else 2
+    slopes, F = rest[:count], ca.densify(transition_matrix(model, rest[count:]))
+    P = ca.mac(F, P @ F.T, unpack(q, n_x) * dt)
+    V = ca.mac(F, V + dt / 2 * slopes[0], dt / 2 * slopes[1]) if len(slopes) == 2 else ca.mac(F, V, slopes[0])
     Pz = Pz + ca.diag(walk * dt * ca.fmax(1 - ca.diag(Pz), 0))
     carried = Carried(before, P, V, z, Pz, B, gradient, information)
     used, normalised = [], []
@@ -238,25 +249,38 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
         used.append(accepted)
         normalised.append(innovation)
     x = carried.x + carried.V[:, :n_z] @ (carried.z - base_z)
-    result = carried._replace(x=x).vector()
-    estimate, least = result[layout.estimate], ca.mmin(ca.diag(carried.Pz))
-    valid = ca.logic_and(ca.sumsqr(estimate) <= MAX_ESTIMATE**2, least > 0)  # false if not a number
-    result[layout.estimate] = ca.if_else(valid, estimate, carry[layout.estimate])
-    output = ca.densify(ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid))))
-    return ca.Function("joint", [carry, sample, constant], [ca.densify(result), output], {"cse": True})
+    result = packed(carried._replace(x=x))
+    estimate, least = result[3:], ca.mmin(ca.diag(carried.Pz))
+    valid = ca.logic_and(sum(map(ca.sumsqr, estimate)) <= MAX_ESTIMATE**2, least > 0)  # false if not a number
+    kept = [ca.if_else(valid, *parts) for parts in zip(estimate, split(carry, layout.lengths)[3:], strict=True)]
+    output = ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid)))
+    return ca.Function("joint", [carry, sample, constant], [ca.vertcat(*result[:3], *kept), output], {"cse": True})
+
+
+def _symbols(name: str, *lengths: int) -> list[ca.MX]:
+    """`partitioned` for a step of matrices."""
+    vector = ca.MX.sym(name, sum(lengths))
+    return [vector, *split(vector, lengths)]
+
+
+def _linearisation(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
+    """(x, z, dt, d, c, centre, scale) -> (x', predictions, H, direct, slopes, parts of F); see `linearise`."""
+    n_x, n_d, n_p, n_c, _ = sizes(model)
+    arguments = [ca.SX.sym("a", size) for size in (n_x, n_z, 1, n_d, n_c, n_p, n_p)]
+    later, of_F, slopes, predicted, H, direct = linearise(model, logarithmic, *arguments)
+    return ca.Function("linearise", arguments, [later, predicted, H, direct, *slopes, *of_F], {"cse": True})
 
 
 def constants(c: Array, noise: Noise, scaling: Scaling, walk: Array) -> Array:
-    """Constant of the step, (n_constant, LANES). The first lane linearises at its own z, the second lane at zl.
+    """Constants of two filters, (2, n_constant). The first filter linearises at its own z, the second one at zl.
 
     c (n_c,) are the parameters of the model that are not in z; the scaling is that of all parameters, the estimated
     ones first. The variance of each estimated z grows towards that of its prior with the rate `walk` (n_z,), 1/s.
     """
     parts = c, noise.vector(), scaling.centre, scaling.scale, *bounds(scaling, len(walk)), walk, [0.0]
-    first = np.concatenate(parts)
-    second = first.copy()
-    second[-1] = 1.0
-    return np.column_stack([first, second])
+    both = np.tile(np.concatenate(parts), (2, 1))
+    both[1, -1] = 1.0
+    return both
 
 
 def bounds(scaling: Scaling, n_z: int) -> tuple[Array, Array]:
@@ -264,30 +288,34 @@ def bounds(scaling: Scaling, n_z: int) -> tuple[Array, Array]:
     return scaling.to_z(scaling.lower)[:n_z], scaling.to_z(scaling.upper)[:n_z]
 
 
-@compiled(functools.partial(Scan, lanes=LANES))
+@compiled(functools.partial(Scan, matrices=True))
 def state_view(
     model: Model, report: Model, logarithmic: tuple[bool, ...], n_z: int, correlated: bool = False
 ) -> ca.Function:
-    """The compiled outputs of `report` at the filter's state, with variances that contain those of the parameters.
+    """The compiled outputs of `report` at the filter's state, and their sigmas, which contain those of the parameters.
 
     carry = `JointLayout`, unchanged; sample = d; constant = [c of the report, centre, scale, L by columns, if
-    `correlated`]; output = [reported, their variances]. `report` is a model of the first states of `model`, with the
-    same free parameters; the other arguments are those of `joint_step`.
+    `correlated`, factor of the variances]; output = [reported, its sigma] of each. `report` is a model of the first
+    states of `model`, with the same free parameters; the other arguments are those of `joint_step`.
     """
     n_x, n_d, n_p, *_ = sizes(model)
     n_states, n_c = sizes(report)[0], sizes(report)[3]
     layout = JointLayout(n_x, n_z, n_p - n_z)
-    carry, d = ca.SX.sym("carry", layout.size), ca.SX.sym("d", n_d)
+    carry, d = ca.MX.sym("carry", layout.size), ca.MX.sym("d", n_d)
     x, P, V, z, Pz, B, _, _ = Carried.of(carry, layout)
     lower = ca.Sparsity.lower(n_p - n_z)
-    constant, c, centre, scale, factor = partitioned("constant", n_c, n_p, n_p, lower.nnz() if correlated else 0)
-    reported, slopes = reported_values(report, logarithmic, x[:n_states], z, d, c, centre, scale)
-    variances = []
-    for i in range(reported.shape[0]):
-        row = slopes[i, :n_states]
-        psi = row @ V[:n_states, :] + slopes[i, n_states:]
-        rho = psi[n_z:] + psi[:n_z] @ B
-        rho = rho @ ca.SX(lower, factor) if correlated else rho
-        variances.append(row @ P[:n_states, :n_states] @ row.T + psi[:n_z] @ Pz @ psi[:n_z].T + ca.sumsqr(rho))
-    output = ca.densify(ca.vertcat(reported, *variances))
+    constant, c, centre, scale, factor, excess = _symbols(
+        "constant", n_c, n_p, n_p, lower.nnz() if correlated else 0, 1
+    )
+    symbols = [ca.SX.sym("a", size) for size in (n_states, n_z, n_d, n_c, n_p, n_p)]
+    of_report = ca.Function("report", symbols, [*reported_values(report, logarithmic, *symbols)], {"cse": True})
+    reported, slopes = map(ca.densify, of_report.call([x[:n_states], z, d, c, centre, scale]))
+    rows = slopes[:, :n_states]
+    psi = rows @ V[:n_states, :] + slopes[:, n_states:]
+    rho = psi[:, n_z:] + psi[:, :n_z] @ B
+    rho = rho @ ca.densify(ca.MX(lower, factor)) if correlated else rho
+    by_matrix = ((rows, P[:n_states, :n_states]), (psi[:, :n_z], Pz))
+    variances = sum((ca.sum2((left @ covariance) * left) for left, covariance in by_matrix), ca.sum2(rho**2))
+    sigmas = ca.sqrt(ca.if_else(variances < 0, 0, excess * variances))  # not a number remains so
+    output = ca.densify(ca.vec(ca.horzcat(reported, sigmas).T))
     return ca.Function("view", [carry, d, constant], [carry, output], {"cse": True})

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
+from fifthwheel.filters.model import Matrix, Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.native import Scan, compiled
 
 
@@ -126,13 +126,13 @@ def correct_channel(
     return x + gain * innovation, covariance, considered - gain @ effect, channel, gain
 
 
-def joseph(covariance: ca.SX, cross: ca.SX, gain: ca.SX, row: ca.SX, noise: ca.SX) -> ca.SX:
+def joseph(covariance: Matrix, cross: Matrix, gain: Matrix, row: Matrix, noise: Matrix) -> Matrix:
     """Joseph's form (I - K h) P (I - K h)' + K r K' for a channel y = h x + v, with cross = P h' and noise = r."""
     left = covariance - gain @ cross.T
     return left - (left @ row.T - noise * gain) @ gain.T
 
 
-def gate(innovation: ca.SX, variance: ca.SX, weight: ca.SX, limit: ca.SX) -> ca.SX:
+def gate(innovation: Matrix, variance: Matrix, weight: Matrix, limit: Matrix) -> Matrix:
     """1 if the channel is measured (weight 1) and its innovation is within the squared gate `limit`, else 0."""
     return weight * (innovation * innovation <= limit * variance)
 

@@ -2,12 +2,14 @@
 
 import itertools
 from collections.abc import Hashable, Sequence
-from typing import Protocol, cast
+from typing import Protocol, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
+
+Matrix = TypeVar("Matrix", ca.SX, ca.MX)
 
 
 class Model(Hashable, Protocol):
@@ -19,8 +21,12 @@ class Model(Hashable, Protocol):
     Some attributes are optional. `sizes` are those of the function `sizes`. `identity`, plain values, identifies the
     model for the cache of machine code (`native.step`). `state_jacobian`, with the arguments of the transition, gives
     dx+/dx, and `observation_jacobian`, with those of the observation, dy/dx, with fewer operations than automatic
-    differentiation. `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step, gives dx+/dp by the
-    trapezoidal rule with few operations.
+    differentiation. In place of `state_jacobian` a model may have `transition_parts`, with the same arguments, and a
+    method `transition_matrix` that makes dx+/dx of their results by a few products of matrices.
+
+    `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step, gives dx+/dp by the trapezoidal rule
+    with few operations. `rate_slopes` and `observation_slopes`, with the arguments of the rates and of the observation,
+    give their derivatives with respect to p.
     """
 
     @property
@@ -42,22 +48,16 @@ def packed_size(n: int) -> int:
     return n * (n + 1) // 2
 
 
-def pack(matrix: ca.SX) -> ca.SX:
+def pack(matrix: Matrix) -> Matrix:
     """Lower triangle by columns, (n(n+1)/2,); a covariance stored in this form is exactly symmetric."""
     n = matrix.shape[0]
-    return ca.vertcat(*[matrix[i, j] for j in range(n) for i in range(j, n)])
+    return ca.vec(matrix)[[i + n * j for j in range(n) for i in range(j, n)]]
 
 
-def unpack(vector: ca.SX, n: int) -> ca.SX:
+def unpack(vector: Matrix, n: int) -> Matrix:
     """The symmetric matrix (n, n) of a lower triangle from `pack`."""
-    matrix = ca.SX(n, n)
-    k = 0
-    for j in range(n):
-        for i in range(j, n):
-            matrix[i, j] = vector[k]
-            matrix[j, i] = vector[k]
-            k += 1
-    return matrix
+    first = [j * (2 * n - j - 1) // 2 for j in range(n)]  # place of (i, j) less i
+    return ca.reshape(vector[[first[min(i, j)] + max(i, j) for j in range(n) for i in range(n)]], n, n)
 
 
 def pack_array(matrix: Array) -> Array:
@@ -75,7 +75,7 @@ def unpack_array(vector: Array, n: int) -> Array:
     return matrix
 
 
-def split(vector: ca.SX, lengths: Sequence[int]) -> list[ca.SX]:
+def split(vector: Matrix, lengths: Sequence[int]) -> list[Matrix]:
     """Split a column vector into consecutive vectors of these lengths."""
     edges = [0, *itertools.accumulate(lengths)]
     return [vector[a:b] for a, b in itertools.pairwise(edges)]

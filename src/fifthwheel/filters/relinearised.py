@@ -9,7 +9,7 @@ Bell and Cathey 1993). The first filter then continues from this result.
 
 Later segments are linearised at the same point as long as the result stays near it: gradients from many points appear
 to contain information in directions in which no single one does (Huang, Mourikis and Roumeliotis 2010). Memory and time
-per sample are bounded. The two filters are lanes of one compiled step.
+per sample are bounded. One compiled step advances both filters.
 """
 
 import copy
@@ -97,10 +97,11 @@ class JointEstimate:
 class RelinearisedFilter:
     """Both filters of a model.
 
-    The first lane of `carry`, `sample` and `output` belongs to the first filter, the second lane to the second filter.
-    Of the first filter, `row` is the memory of its sample, `weights` of the weights there, and `innovations` of the
-    innovations over their standard deviations; Python accesses these views ten times as fast as an array. For c, noise,
-    scaling and walk see `joint.constants`; `correlation` is that of the considered parameters (n_c, n_c).
+    The first row of `carry`, `sample` and `output` belongs to the first filter, the second row to the second filter.
+    Of the first filter, `row` is the memory of its sample, `weights` of the weights there, `z` of its estimates, and
+    `innovations` of the innovations over their standard deviations; Python accesses these views ten times as fast as an
+    array. For c, noise, scaling and walk see `joint.constants`; `correlation` is that of the considered parameters
+    (n_c, n_c).
     """
 
     def __init__(
@@ -120,23 +121,23 @@ class RelinearisedFilter:
         self.scan = joint.joint_step(model, scaling.logarithmic, n_z)
         self.c, self.noise, self.walk, self.settings = c, noise, walk, settings
         self.correlation = correlation
-        self.carry = carry = np.zeros((layout.size, joint.LANES))
-        self.sample = sample = np.zeros((self.scan.n_sample, joint.LANES))
-        self.output = output = np.zeros((self.scan.n_output, joint.LANES))
+        self.carry = carry = np.zeros((2, layout.size))
+        self.sample = sample = np.zeros((2, self.scan.n_sample))
+        self.output = output = np.zeros((2, self.scan.n_output))
         self.constant = joint.constants(c, noise, scaling, walk)
         self._addresses = tuple(a.ctypes.data for a in (carry, sample, self.constant, output))
-        self.row: Any = sample[:, 0].data
-        self.weights: Any = sample[1 + n_d + n_y : 1 + n_d + 2 * n_y, 0].data
-        self.innovations: Any = output[n_y : 2 * n_y, 0].data
-        self._out: Any = output[:, 0].data
+        self.row: Any = sample[0].data
+        self.z: Any = carry[0, layout.z].data
+        self.weights: Any = sample[0, 1 + n_d + n_y : 1 + n_d + 2 * n_y].data
+        self.innovations: Any = output[0, n_y : 2 * n_y].data
+        self._out: Any = output[0].data
         k = 1 + n_d + 2 * n_y + 1  # length of [dt, d, y, weight, learn]
         self._learn, self._n_y = k - 1, n_y
-        # views of what is copied between the lanes
-        self._z, self._estimate = carry[layout.z, 0], carry[layout.estimate, 0]
-        self._second_z = carry[layout.z, 1]
-        self._first_sample, self._second_sample, self._second_base = sample[:k, 0], sample[:k, 1], sample[k:, 1]
-        self._d, self._second_d = sample[1 : 1 + n_d, 0], sample[1 : 1 + n_d, 1]
-        self._second_weight_learn = sample[1 + n_d + n_y :, 1]
+        # views of what is copied between the filters
+        self._z, self._estimate = carry[0, layout.z], carry[0, layout.estimate]
+        self._second_z = carry[1, layout.z]
+        self._first_sample, self._second_sample, self._second_base = sample[0, :k], sample[1, :k], sample[1, k:]
+        self._d = sample[0, 1 : 1 + n_d]
         # the segment: carry of the first filter before it, and its samples
         self._begin = np.zeros(layout.size)
         self._samples = np.zeros((settings.samples, k))
@@ -156,12 +157,11 @@ class RelinearisedFilter:
         The estimate stays. `sample` then contains the inputs d (n_d,), with dt = 0 and without measurements.
         """
         self.end_segment()
-        self.carry[self.layout.x, 0] = x
-        self.carry[self.layout.P, 0] = pack_array(P)
-        self.carry[self.layout.V, 0] = V.ravel(order="F")
-        self.sample[:, 0] = 0.0
+        self.carry[0, self.layout.x] = x
+        self.carry[0, self.layout.P] = pack_array(P)
+        self.carry[0, self.layout.V] = V.ravel(order="F")
+        self.sample[0] = 0.0
         self._d[:] = d
-        self._pause_second()
 
     def estimate(self, *, finished: bool = True) -> JointEstimate:
         """The estimate after all passes over all samples.
@@ -173,7 +173,7 @@ class RelinearisedFilter:
         return JointEstimate.of(vector, self.layout, self.correlation)
 
     def advance(self, in_segment: bool, learn: bool) -> tuple[bool, bool]:
-        """Process the sample in the first lane of `sample`: [dt, d, y, weight]. `in_segment`: it belongs to a segment
+        """Process the sample in the first row of `sample`: [dt, d, y, weight]. `in_segment`: it belongs to a segment
         with excitation; `learn`: the parameters are estimated from it.
 
         It gives whether a measurement was used, and whether the state must be started again.
@@ -184,12 +184,11 @@ class RelinearisedFilter:
             restart = self._store_sample()
         else:
             self._complete = True
-        if self._count:
-            self._advance_second()
-        self.scan.vector(1, 1, *self._addresses)
+        repeats = self._count > 0 and self._next_of_second()
+        self.scan.single(1, 1 + repeats, *self._addresses)
         out = self._out
         if self._count:
-            if self.output[-1, 1]:
+            if repeats and self.output[1, -1]:
                 self._clear_segment()
             elif self._complete and self._position == self._count:
                 restart = self._end_pass()
@@ -212,26 +211,20 @@ class RelinearisedFilter:
         if self._count and (self._complete or self._count == self.settings.samples) and self.end_segment():
             return True
         if not self._count:
-            self._begin[:] = self.carry[:, 1] = self.carry[:, 0]
+            self._begin[:] = self.carry[1] = self.carry[0]
         self._complete = False
         np.copyto(self._sample_views[self._count], self._first_sample)
         self._count += 1
         return False
 
-    def _advance_second(self) -> None:
-        """Give the second filter its next sample."""
-        if self._count - self._position > (0 if self._complete else self.settings.lag):
-            np.copyto(self._second_sample, self._sample_views[self._position])
-            np.copyto(self._second_base, self._z if self._base is None else self._base)
-            self._position += 1
-        else:
-            self._pause_second()
-
-    def _pause_second(self) -> None:
-        """Give the second filter a sample without effect: dt = 0 and no measurements."""
-        self._second_sample[0] = 0.0
-        np.copyto(self._second_d, self._d)
-        self._second_weight_learn[:] = 0.0
+    def _next_of_second(self) -> bool:
+        """Give the second filter its next sample; whether there is one."""
+        if self._count - self._position <= (0 if self._complete else self.settings.lag):
+            return False
+        np.copyto(self._second_sample, self._sample_views[self._position])
+        np.copyto(self._second_base, self._z if self._base is None else self._base)
+        self._position += 1
+        return True
 
     def _clear_segment(self) -> None:
         """Discard the samples of the segment."""
@@ -239,15 +232,14 @@ class RelinearisedFilter:
         self._position = 0  # number of samples that the second filter has processed in this pass
         self._pass = 1  # number of this pass
         self._complete = True  # whether the segment has ended
-        self._pause_second()
 
     def _end_pass(self) -> bool:
         """Begin the next pass, or continue from the result of this one; whether the state must be started again."""
-        if self._is_last(self.carry, self._base, self._pass):
-            return self._continue_from(self.carry[self.layout.estimate, 1].copy(), self._base)
+        if self._is_last(self.carry[1], self._base, self._pass):
+            return self._continue_from(self.carry[1, self.layout.estimate].copy(), self._base)
         self._base = self._second_z.copy()
         self._position, self._pass = 0, self._pass + 1
-        self.carry[:, 1] = self._begin
+        self.carry[1] = self._begin
         return False
 
     def end_segment(self) -> bool:
@@ -256,41 +248,39 @@ class RelinearisedFilter:
 
     def _finish_passes(self) -> tuple[Array, Array | None]:
         """Vector of the estimate, and the point of linearisation after all passes over the segment."""
-        carry, position, number, base = self.carry.copy(), self._position, self._pass, self._base
+        carry, position, number, base = self.carry[1].copy(), self._position, self._pass, self._base
         while self._count:
             samples = self._samples[position : self._count]
             if self._run_second(carry, samples, self._z if base is None else base):
                 break
             if self._is_last(carry, base, number):
-                return carry[self.layout.estimate, 1].copy(), base
-            position, number, base = 0, number + 1, carry[self.layout.z, 1].copy()
-            carry[:, 1] = self._begin
+                return carry[self.layout.estimate].copy(), base
+            position, number, base = 0, number + 1, carry[self.layout.z].copy()
+            carry[:] = self._begin
         return self._estimate.copy(), self._base
 
     def _run_second(self, carry: Array, samples: Array, base: Array) -> bool:
-        """Run the second filter over samples, in place in the second lane of `carry`; whether it diverged."""
-        rows = np.empty((len(samples), *self.sample.shape))
-        rows[:, : samples.shape[1]] = samples[:, :, None]
-        rows[:, samples.shape[1] :] = base[:, None]
-        output = np.empty((len(samples), *self.output.shape))
-        arrays = (carry, rows, self.constant, output)
-        self.scan.vector(len(rows), 1, *[a.ctypes.data for a in arrays])
-        return bool(output[:, -1, 1].any())
+        """Run the second filter over samples, with its carry in place; whether it diverged."""
+        rows = np.hstack([samples, np.broadcast_to(base, (len(samples), len(base)))])
+        output = np.empty((len(samples), self.scan.n_output))
+        arrays = (carry, rows, self.constant[1], output)
+        self.scan.single(len(rows), 1, *[a.ctypes.data for a in arrays])
+        return bool(output[:, -1].any())
 
     def _is_last(self, carry: Array, base: Array | None, number: int) -> bool:
         """Whether the result of a pass is near its point of linearisation, or the pass is the last one allowed."""
-        z, sigma = carry[self.layout.z, 1], np.sqrt(carry[self._variances, 1])
+        z, sigma = carry[self.layout.z], np.sqrt(carry[self._variances])
         point, limit = (self._z, self.settings.first_pass_limit) if base is None else (base, self.settings.pass_limit)
         return number >= self.settings.max_passes or bool((np.abs(z - point) <= limit * sigma).all())
 
     def _continue_from(self, vector: Array, base: Array | None) -> bool:
         """Set the estimate of the first filter, to first order; whether the change is too large for its state."""
         layout, estimate = self.layout, JointEstimate.of(vector, self.layout, self.correlation)
-        V = self.carry[layout.V, 0].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
+        V = self.carry[0, layout.V].reshape(layout.n_x, -1, order="F")[:, : layout.n_z]
         difference = estimate.z - self._z
         change = V @ difference
-        self.carry[layout.x, 0] += change
-        self.carry[layout.P, 0] += pack_array(np.outer(change, change))
+        self.carry[0, layout.x] += change
+        self.carry[0, layout.P] += pack_array(np.outer(change, change))
         restart = bool((np.abs(difference) > self.settings.pass_limit * np.sqrt(np.diag(estimate.Pz))).any())
         self.set_estimate(estimate)
         self._base = estimate.z if base is None else base

@@ -180,12 +180,18 @@ class ArrayLayout(NamedTuple):
 
 
 def function(
-    name: str, emitter: Emitter, layouts: Sequence[ArrayLayout], *, pitch: bool = False, strides: Sequence[str] = ()
+    name: str,
+    emitter: Emitter,
+    layouts: Sequence[ArrayLayout],
+    *,
+    pitch: bool = False,
+    strides: Sequence[str] = (),
+    attributes: str = "",
 ) -> str:
     """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
 
     The emitter has the lines for each group before its loop over the samples, and in the loop. `strides` are lines that
-    compute registers for the layouts of the arrays from `samples` and `pitch`.
+    compute registers for the layouts of the arrays from `samples` and `pitch`; `attributes` are those of LLVM.
     """
     arguments = ["i64 %samples", "i64 %groups", *["i64 %pitch"] * pitch, *(f"ptr noalias %{a.name}" for a in layouts)]
     starts, rows = [], []
@@ -199,7 +205,7 @@ def function(
     newline = "\n"
     loop, last = _in_blocks([*rows, *emitter.loop])
     return f"""
-define void @{name}({", ".join(arguments)}) {{
+define void @{name}({", ".join(arguments)}){attributes} {{
 entry:
   %no.samples = icmp sle i64 %samples, 0
   %no.groups = icmp sle i64 %groups, 0

@@ -14,6 +14,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.native import cache, llvm_ir
+from fifthwheel.native.matrix_ir import matrix_module
 from fifthwheel.native.step import Step, compiling
 
 
@@ -27,14 +28,15 @@ class Scan:
     Args:
         step: CasADi function; its inputs and outputs are dense column vectors.
         lanes: number of vehicles in one vector register in `batch`.
+        matrices: the step is written with `casadi.MX`, and has loops over elements (`matrix_ir`) in place of lanes.
 
     Raises:
         TypeError: the step has other inputs or outputs; for a `Step`, when it is built.
     """
 
-    def __init__(self, step: ca.Function | Step, lanes: int = 4) -> None:
+    def __init__(self, step: ca.Function | Step, lanes: int = 4, *, matrices: bool = False) -> None:
         self._step = Step.of(step)
-        self.lanes = lanes
+        self.lanes, self._matrices = 1 if matrices else lanes, matrices
         self._compiled: dict[int, Any] = {}
         self._engines: list[Any] = []  # they own the memory of the code
         if not isinstance(step, Step):
@@ -128,12 +130,15 @@ class Scan:
         return self._compiled.get(self.lanes) or self._compile(self.lanes)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return Scan, (self.step, self.lanes)
+        return functools.partial(Scan, matrices=self._matrices), (self.step, self.lanes)
 
     def _compile(self, lanes: int) -> Any:
+        def translate() -> list[Any]:
+            return [matrix_module(self.step) if self._matrices else llvm_ir.module(self.step, lanes)]
+
         with compiling:
             if lanes not in self._compiled:
-                program = load(self._step, f"scan {lanes}", lambda: [llvm_ir.module(self.step, lanes)])
+                program = load(self._step, f"scan {lanes}", translate, optimisation=int(self._matrices))
                 self._engines.append(program)
                 prototype = ctypes.CFUNCTYPE(None, *[ctypes.c_int64] * 2, *[ctypes.c_void_p] * 4)
                 self._compiled[lanes] = prototype(program.engine.get_function_address("scan"))

@@ -85,19 +85,19 @@ def test_sigma_of_states_contains_the_joint_covariance(learner: fw.Learner) -> N
     """
     learner.push({"time": 0.0, "speed": 20.0, "steer.tractor.front": 0.02})
     live = learner.live
-    layout, carry = live.filter.layout, live.filter.carry[:, 0]
+    layout, carry = live.filter.layout, live.filter.carry[0]
     V = carry[layout.V].reshape(layout.n_x, -1, order="F")
     unit = np.append(np.ones(layout.n_z), live.considered.sigma)
     _, covariance = live.joint()
     c = covariance / np.outer(unit, unit)
     P = unpack_array(carry[layout.P], layout.n_x) + V @ c @ V.T
-    values, names = live.view.read(), [name for name, _ in live.view.names]
+    values, names = live.view.read(), live.view.names
     states = list(live.model.chain.states)
     shared = [name for name in names if name in states and not name.startswith(("yaw_rate", "roll_rate"))]
     assert len(shared) == 4
     for name in shared:
         i, k = names.index(name), states.index(name)
-        assert values[len(names) + i] == pytest.approx(P[k, k], rel=1e-9)
+        assert values[2 * i + 1] == pytest.approx(np.sqrt(P[k, k]), rel=1e-9)
 
 
 def test_more_driving_does_not_enlarge_sigma(learner: fw.Learner, truck: fw.Vehicle) -> None:

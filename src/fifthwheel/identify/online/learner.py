@@ -5,6 +5,7 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 """
 
 import copy
+import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,7 +17,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from fifthwheel._arguments import expect, expect_known, expect_names, expect_optional, expect_sample
-from fifthwheel.channels import CHANNELS, WHEEL_SPEED_DIFFERENCE, names_of
+from fifthwheel.channels import CHANNELS
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
@@ -140,33 +141,25 @@ class Learner:
             SignalError: time is missing, not finite, or not later than that of the last sample; the learner is
                 unchanged.
         """
-        live, setup = self._live, self._live.setup
+        live = self._live
         try:
-            if differences := names_of(WHEEL_SPEED_DIFFERENCE, setup.outputs):
-                sample = sample_with_differences(sample, differences)
+            if live.differences:
+                sample = sample_with_differences(sample, live.differences)
             get = sample.get
             time = get("time", math.nan)
             if time is None or not math.isfinite(time):
                 raise SignalError(f"time: expected seconds, got {time}; give every sample its time")
             if time <= self._time:
                 raise SignalError(f"time: {time:g} s is not after {self._time:g} s; push samples in the order of time")
-            inputs, outputs = [get(n) for n in setup.inputs], [get(n) for n in setup.outputs]
-            status = live.push(time, inputs, outputs)
+            status = live.push(time, [get(n) for n in live.inputs], [get(n) for n in live.outputs])
         except (AttributeError, TypeError):
             expect_sample(sample)
             raise
         self._time = time
         answer: dict[str, float] = {"time": time, "status": status, "learning": float(live.learning)}
-        names = live.view.names
-        if status in VALID:
-            values, excess = live.view.read(), live.monitor.excess
-            variances = values[len(names) :]
-            for (name, sigma), value, variance in zip(names, values, variances, strict=False):
-                answer[name] = value
-                answer[sigma] = math.sqrt(max(variance * excess, 0.0))
-        else:
-            for name, sigma in names:
-                answer[name] = answer[sigma] = math.nan
+        keys = live.view.keys
+        values = live.view.read(live.monitor.excess) if status in VALID else itertools.repeat(math.nan, len(keys))
+        answer.update(zip(keys, values, strict=True))
         return answer
 
     def learn(self, record: Record) -> None:
@@ -207,7 +200,7 @@ class Learner:
     @property
     def reported(self) -> tuple[str, ...]:
         """Names of the states that `push` gives."""
-        return tuple(name for name, _ in self._live.view.names)
+        return self._live.view.names
 
     @property
     def trailer(self) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import WHEEL_SPEED_DIFFERENCE, names_of
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
@@ -57,12 +58,16 @@ class LiveFilter:
         """Whether it learned from the last sample."""
         self.innovations = InnovationStatistics(setup.outputs, learner.innovation_window, setup.settings.gate)
         """Of the samples from which it learned."""
-        inputs = setup.inputs
+        self.inputs, self.outputs = inputs, outputs = setup.inputs, setup.outputs
+        """Names of the signals of a sample; what follows from the vehicle is slow."""
+        self.differences = names_of(WHEEL_SPEED_DIFFERENCE, outputs)
+        """Those of them that follow from the wheel speeds."""
         self.stream = Stream(stream_settings(setup, learner), StepLimit(setup.vehicle, roll=True))
-        self.monitor = Monitor(inputs, len(setup.outputs), setup.settings.gate, ObserverSettings())
+        self.monitor = Monitor(inputs, len(outputs), setup.settings.gate, ObserverSettings())
         self._steering = PlayContacts(len(inputs) - 1)
         estimated = [u.name for u in setup.estimated_unknowns]
-        self._plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
+        plays = [estimated.index(name) for n in inputs[1:] if (name := f"{n}.play") in estimated]
+        self._plays = [(i, float(setup.scaling.scale[i])) for i in plays]
         self._excitation = Excitation(setup.vehicle, len(inputs) - 1, learner, tyres=setup.settings.tyre_law)
         self._in_segment = False  # whether the last sample belongs to a segment with excitation
         self._start_time = -math.inf  # of the state, s
@@ -191,13 +196,12 @@ class LiveFilter:
         A lane change hardly separates the bank from the offset of the steering, and the gains do not allow for
         considered parameters: without a new start, the errors of both would grow from one lane change to the next.
         """
-        return self.view.bank_variance() > self.setup.settings.bank_prior**2
+        return self.view.bank_sigma() > self.setup.settings.bank_prior
 
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
-        scaling, row = self.setup.scaling, self.filter.carry
-        first = self.filter.layout.z.start
-        return [scaling.scale[i] * row[first + i, 0] for i in self._plays]
+        z = self.filter.z
+        return [scale * z[i] for i, scale in self._plays]
 
 
 class InnovationStatistics:
@@ -249,7 +253,7 @@ class InnovationStatistics:
 
 
 class StateView:
-    """The reported states of a filter, whose memory it reads, and their variances with those of the unknowns."""
+    """The reported states of a filter, whose memory it reads, and their sigmas with those of the unknowns."""
 
     def __init__(
         self,
@@ -262,8 +266,10 @@ class StateView:
         vehicle, n_z, correlated = setup.vehicle, len(setup.estimated_unknowns), considered.is_correlated
         bank = model.chain.bank
         signals = reported_signals(vehicle, roll=True, bank=bank)
-        self.names = [(name, f"{name}.sigma") for name in signals]
-        """Names of each reported state and of its sigma."""
+        self.names = tuple(signals)
+        """Names of the reported states."""
+        self.keys = tuple(key for name in signals for key in (name, f"{name}.sigma"))
+        """Names of each state and of its sigma."""
         self.bank = signals.index(BANK) if bank else None
         """Place of the bank of the road among them; None if it is no state."""
         self.report = model_of(setup, signals, discrepancies=False)
@@ -271,22 +277,23 @@ class StateView:
         self.c = self.report.constant(setup.given_to_model(signals), setup.unknowns, math.inf)
         L = np.linalg.cholesky(considered.correlation)
         factor = [L[k:, k] for k in range(len(L))] if correlated else []
-        constant = np.concatenate([self.c, scaling.centre, scaling.scale, *factor])
-        self._constant = np.repeat(constant[:, None], joint.LANES, axis=1)
-        self._output = np.zeros((self._step.n_output, joint.LANES))
-        self._first_lane = self._output[:, 0]
-        self._inputs = joint_filter.sample[1:]
-        arrays = (joint_filter.carry, self._inputs, self._constant, self._output)
+        constant = np.concatenate([self.c, scaling.centre, scaling.scale, *factor, [1.0]])
+        self._excess: Any = constant[-1:].data
+        output = np.zeros(self._step.n_output)
+        self._output: Any = output.data
+        arrays = (joint_filter.carry, joint_filter.sample[0, 1:], constant, output)
         self._addresses = tuple(a.ctypes.data for a in arrays)
+        self._run = self._step.single
 
-    def bank_variance(self) -> float:
-        """Variance of the bank of the road, rad^2; 0 if it is no state."""
-        return 0.0 if self.bank is None else self.read()[len(self.names) + self.bank]
+    def bank_sigma(self) -> float:
+        """Sigma of the bank of the road, rad; 0 if it is no state."""
+        return 0.0 if self.bank is None else self.read()[2 * self.bank + 1]
 
-    def read(self) -> list[float]:
-        """Values of the states, then their variances, SI."""
-        self._step.vector(1, 1, *self._addresses)
-        values: list[float] = self._first_lane.tolist()
+    def read(self, excess: float = 1.0) -> list[float]:
+        """Each state and its sigma, SI; `excess` is a factor of the variances."""
+        self._excess[0] = excess
+        self._run(1, 1, *self._addresses)
+        values: list[float] = self._output.tolist()
         return values
 
 

@@ -11,8 +11,10 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import LEARNED, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
+from fifthwheel.dynamics.symbolic import transition_matrix
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.model import Matrix
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
@@ -40,8 +42,10 @@ class OnlineModel:
     """Their number: that of the channels, or 0."""
     transition: ca.Function
     observation: ca.Function
-    state_jacobian: ca.Function
+    transition_parts: ca.Function
     rates: ca.Function
+    rate_slopes: ca.Function
+    observation_slopes: ca.Function
     identity: tuple[object, ...]
     """Of the model, for the cache of machine code."""
 
@@ -50,6 +54,10 @@ class OnlineModel:
         slopes = [unknowns[i].slopes[name] for name, i in self.slopes]
         given = [values[name] for name in self.given]
         return np.concatenate([self.chain.known_values(values), given, slopes, [time_constant]])
+
+    def transition_matrix(self, exponent: Matrix, decay: Matrix) -> Matrix:
+        """dx+/dx (n, n) from the results of `transition_parts`."""
+        return ca.diagcat(transition_matrix(exponent, self.chain.order), decay * type(decay).eye(self.discrepancies))
 
     def values(self, p: ca.SX, c: ca.SX) -> dict[str, ca.SX]:
         """All parameters of the chain by name, from p and c."""
@@ -128,7 +136,12 @@ def _online_model(
     first, last = chain.rates(x[:n], later[:n], dt, d, chain_p, chain_c)
     none = ca.SX.zeros(m, 1)
     y = chain.observation(x[:n], d, chain_p, chain_c)
-    F = ca.diagcat(chain.state_jacobian(x[:n], dt, d, chain_p, chain_c), decay * ca.SX.eye(m))
+    exponent = chain.exponent(x[:n], dt, d, chain_p, chain_c)
+    # with tyres that saturate, the sensitivity of the chain neglects a derivative
+    exact = chain.observation_sensitivity if chain.tyres == "linear" else _observation_jacobian(chain)
+    by_p = ca.jacobian(chain_p, p)
+    slopes_of_rates = chain.rate_sensitivities(x[:n], later[:n], dt, d, chain_p, chain_c)
+    rate_slopes = [ca.vertcat(slope @ by_p, ca.SX(m, len(unknowns))) for slope in slopes_of_rates]
     transition = ca.vertcat(chain.transition(x[:n], dt, d, chain_p, chain_c), decay * x[n:])
     arguments = [x, dt, d, p, c]
     return OnlineModel(
@@ -140,9 +153,17 @@ def _online_model(
         identity=(chain.identity, unknowns, discrepancies),
         transition=ca.Function("transition", arguments, [transition]),
         observation=ca.Function("observation", [x, d, p, c], [y + x[n:] if m else y]),
-        state_jacobian=ca.Function("state_jacobian", arguments, [F]),
+        transition_parts=ca.Function("transition_parts", arguments, [exponent, decay]),
         rates=ca.Function("rates", [x, later, dt, d, p, c], [ca.vertcat(first, none), ca.vertcat(last, none)]),
+        rate_slopes=ca.Function("rate_slopes", [x, later, dt, d, p, c], rate_slopes),
+        observation_slopes=ca.Function("observation_slopes", [x, d, p, c], [exact(x[:n], d, chain_p, chain_c) @ by_p]),
     )
+
+
+def _observation_jacobian(chain: ChainModel) -> ca.Function:
+    """(x, d, p, c) -> dy/dp of a chain."""
+    arguments = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
+    return ca.Function("dy_dp", arguments, [ca.jacobian(chain.observation(*arguments), arguments[2])])
 
 
 def _values(
