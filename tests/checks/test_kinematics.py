@@ -18,6 +18,8 @@ from fifthwheel.checks.kinematics import (
     relations,
 )
 from fifthwheel.record import Record
+from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import get
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"
 HITCH, ACCELERATION, ROLL = "articulation.semitrailer", "lateral_acceleration.tractor", "roll_rate.semitrailer"
@@ -41,7 +43,8 @@ EDGE = 1e-9
 LIMITS = [
     # signal, fields, changing field, limit, fault below, fault above
     (STEER, {}, "coherence", 0.3, Fault.WRONG_COLUMN, None),
-    (STEER, {}, "correlation", -0.5, Fault.SWAPPED_SIGN, None),
+    (STEER, {"inverted": 1.0}, "correlation", -0.5, Fault.SWAPPED_SIGN, None),
+    (STEER, {"correlation": -0.9}, "inverted", 0.99, None, Fault.SWAPPED_SIGN),
     (RATE2, {}, "lead", 0.4, None, Fault.WRONG_COLUMN),
     (STEER, {}, "gain", 1 / 20, Fault.DEGREES, Fault.GAIN),
     (STEER, {}, "gain", 0.35, Fault.GAIN, None),
@@ -59,7 +62,7 @@ LIMITS = [
     (ACCELERATION, {}, "gain", 0.4, Fault.UNIT, None),
     (ACCELERATION, {}, "gain", 2.5, None, Fault.UNIT),
     (ACCELERATION, {}, "gain", 5, Fault.UNIT, None),
-    (ROLL, {}, "correlation", -0.5, Fault.SWAPPED_SIGN, None),
+    (ROLL, {"inverted": 1.0}, "correlation", -0.5, Fault.SWAPPED_SIGN, None),
     (WHEELS, {"best": 0.0}, "inverted", 0.8, None, Fault.SWAPPED_SIGN),
     (WHEELS, {"inverted": 0.9}, "best", 0.9, Fault.SWAPPED_SIGN, None),
     (WHEELS, {"inverted": 0.9, "best": 0.0}, "gain", 0.4, None, Fault.SWAPPED_SIGN),
@@ -84,7 +87,7 @@ def test_both_sides_of_every_limit(name, fields, field, limit, below, above):
     ("name", "fields", "excited", "otherwise"),
     [
         (STEER, {"coherence": 0.1, "correlation": 0.1}, Fault.WRONG_COLUMN, None),
-        (STEER, {"correlation": -0.9}, Fault.SWAPPED_SIGN, None),
+        (STEER, {"correlation": -0.9, "inverted": 1.0}, Fault.SWAPPED_SIGN, None),
         (RATE2, {"lead": 1.0}, Fault.WRONG_COLUMN, None),
         (STEER, {"lead": 1.0}, None, None),
         (STEER, {"gain": 18}, Fault.STEERING_WHEEL, Fault.STEERING_WHEEL),
@@ -92,11 +95,11 @@ def test_both_sides_of_every_limit(name, fields, field, limit, below, above):
         (STEER, {"gain": 3}, Fault.GAIN, None),
         (RATE2, {"gain": 3}, None, None),
         (HITCH, {"gain": 57}, Fault.DEGREES, Fault.DEGREES),
-        (HITCH, {"gain": 57, "correlation": -0.9}, Fault.SWAPPED_SIGN, Fault.DEGREES),
+        (HITCH, {"gain": 57, "correlation": -0.9, "inverted": 1.0}, Fault.SWAPPED_SIGN, Fault.DEGREES),
         (ACCELERATION, {"gain": 57}, None, None),
         (STEER, {"offset": 1.0}, Fault.OFFSET, None),
         (STEER, {"gain": 0.01}, Fault.DEGREES, Fault.DEGREES),
-        (ROLL, {"correlation": -0.9}, Fault.SWAPPED_SIGN, None),
+        (ROLL, {"correlation": -0.9, "inverted": 1.0}, Fault.SWAPPED_SIGN, None),
         (ROLL, {"gain": 57}, Fault.DEGREES, Fault.DEGREES),
         (ROLL, {"gain": 3, "offset": 1.0, "lead": 1.0, "coherence": 0.1, "correlation": 0.1}, None, None),
     ],
@@ -257,3 +260,12 @@ def test_a_steering_wheel_angle_is_found(weaving):
         scaled = weaving.with_signals({STEER: factor / relation.gain * weaving.signals[STEER]})
         (finding,) = (f for f in check(scaled, wheelbase=4.0) if f.signal == STEER)
         assert finding.fault is Fault.STEERING_WHEEL
+
+
+def test_a_trailer_that_lags_by_half_a_period_is_not_inverted() -> None:
+    truck = get("truck_full_trailer")
+    record = simulate(truck, manoeuvre="sweep", duration=20.0)
+    found = list(relations(record, wheelbase=4.0, min_speed=3.0))
+    trailer = next(relation for relation in found if relation.signal == "yaw_rate.trailer")
+    assert trailer.correlation < -0.5
+    assert not [r.signal for r in found if r.fault in (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN)]

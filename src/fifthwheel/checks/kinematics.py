@@ -90,7 +90,8 @@ class Relation:
             return Fault.SWAPPED_SIGN if self.excited and is_inverted else None
         if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
-        if self.excited and self.correlation < -0.5:
+        # in a sweep, a unit that lags by half a period looks inverted: it agrees better at a delay
+        if self.excited and self.correlation < -0.5 and self.inverted > self.best:
             return Fault.SWAPPED_SIGN
         if self.excited and self.lead > turn.longest_lead:
             return Fault.WRONG_COLUMN
