@@ -77,7 +77,8 @@ class Smoothed:
 def run_smoother(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Smoothed:
     """Filter a record forwards, then smooth it backwards; arguments as in `run_kalman`."""
     constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
-    (smoothed,) = smoother.smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    chunks = smoother.smoothed_chunks(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    smoothed = np.concatenate([chunk for _, (chunk,) in reversed(list(chunks))])
     return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
 
 

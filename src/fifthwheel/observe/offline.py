@@ -27,31 +27,41 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
     points = SigmaPoints.of(observer, _uncertain(record, observer, uncertainty, smooth=smooth))
+    status, output = _outputs(record, observer, points, smooth=smooth)
+    return _states(record, observer, output, status)
+
+
+def _outputs(
+    record: Record, observer: ObserverModel, points: SigmaPoints, *, smooth: bool
+) -> tuple[NDArray[np.int8], Array]:
+    """Status (N,) and outputs of the compiled step (N, n_output) for a record of N samples, NaN where there are none.
+
+    The memory of a long record is that of the outputs and the rows of the step: all else is computed in chunks of rows.
+    """
+    stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
     n, m = len(observer.report.outputs), len(stream.measured)
     output = np.full((len(record.time), observer.scan.n_output), np.nan)
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
     for segment in segments:
-        for part, start, filtered in filtered_parts(observer, segment):
-            samples, rows = part.samples, part.rows
-            output[samples] = filtered[part.sample_indices]
-            rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            reported = partial(reported_states, observer, part, start, output[samples], points)
-            if smooth and is_finite(result := reported(smooth=True)):
-                output[samples, : 2 * n] = result
-            elif smooth or points.steps.size:  # the states of the filter remain where the smoother diverges
-                output[samples, : 2 * n] = reported(smooth=False)
+        for part, start in filtered_parts(observer, segment, output[segment.samples]):
+            filtered = output[part.samples]
+            # smoother and sigma points use the samples that the filter accepted
+            part.rows[part.sample_indices, -m:] = filtered[:, accepted]
+            if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
+                filtered[:, : 2 * n] = smoothed
+            elif points.steps.size:  # the states of the filter remain where the smoother diverges
+                add_parameter_variance(observer, part, start, filtered, points)
             if smooth:  # later samples have agreed with the first ones
-                settling = output[samples, -3]
+                settling = filtered[:, -3]
                 settled = np.flatnonzero(settling == 0)
                 settling[: settled[0] if settled.size else 0] = 0.0
-            del part, filtered, rows, reported  # the memory of a long record
         within, settings = output[segment.samples], observer.settings
         coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
         inconsistent = within[:, -2] > settings.max_nis
         found = {Status.INCONSISTENT: inconsistent, Status.COASTING: coasting, Status.SETTLING: within[:, -3] > 0}
         status[segment.samples] = np.select(list(found.values()), list(found), Status.OK)
-    return _states(record, observer, output, status)
+    return status, output
 
 
 def is_finite(result: Array) -> bool:
@@ -59,34 +69,52 @@ def is_finite(result: Array) -> bool:
     return bool(np.isfinite(result).all() and (np.hsplit(result, 2)[1] >= 0).all())
 
 
-def reported_states(
-    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints, *, smooth: bool
+def smoothed_states(
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints
 ) -> Array:
-    """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
+    """Values and variances (N, 2 n) of the reported signals given all N samples of a part.
 
     Its rows have weights only where the filter accepted the measurement; `start` is the carry before the first row,
     without the monitor, `output` that of the filter (N, n_output).
     """
-    model, n = observer.model, len(observer.report.outputs)
+    model = observer.model
     excess = monitor.excess(output[:, -2:-1])
-    values, raised = output[:, :n], output[:, n : 2 * n]
-    own = raised / excess
-    run = partial(smoother.smoothed_rows, model, observer.report, part.rows)
-    if smooth:
-        start = start[: len(model.states) + packed_size(len(model.states))]
-        values, own = np.hsplit(run(start[None], observer.constant(gate=np.inf)[None])[0, part.sample_indices], 2)
-        raised = own * excess
-    if not points.steps.size:
-        return np.hstack([values, raised])
-    effects = observer.effects(part.first)
-    if smooth:
-        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+    start = start[: len(model.states) + packed_size(len(model.states))]
+    run = partial(smoother.smoothed_chunks, model, observer.report, part.rows)
+    result = np.empty((len(output), 2 * len(observer.report.outputs)))
+    for rows, smoothed in run(start[None], observer.constant(gate=np.inf)[None]):
+        samples, indices = part.samples_of(rows)
+        result[samples] = smoothed[0, indices]
+    values, own = np.hsplit(result, 2)
+    if points.steps.size:
+        effects = observer.effects(part.first)
+        shape = len(part.rows), len(observer.report.outputs)
+        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes, shape)
+        own[:] = _total_variance(own, own * excess, excess, variance[part.sample_indices])
     else:
-        variance = parameter_variance(observer, points, effects, start, part.rows)
-    total = np.maximum(own + variance[part.sample_indices], 0.0)
+        own *= excess
+    return result
+
+
+def add_parameter_variance(
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints
+) -> None:
+    """Add what is uncertain to the variances of the reported signals in the output of a filter (N, n_output).
+
+    Arguments as of `smoothed_states`.
+    """
+    n, effects = len(observer.report.outputs), observer.effects(part.first)
+    for rows, variance in parameter_variance(observer, points, effects, start, part.rows):
+        samples, indices = part.samples_of(rows)
+        excess, raised = monitor.excess(output[samples, -2:-1]), output[samples, n : 2 * n]
+        raised[:] = _total_variance(raised / excess, raised, excess, variance[indices])
+
+
+def _total_variance(own: Array, raised: Array, excess: Array, variance: Array) -> Array:
+    """Variance of signals of which `variance` is added to `own`, which innovations have `raised` by the excess."""
+    total = np.maximum(own + variance, 0.0)
     # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-    raised = np.where(total < own, excess * total, raised)  # less: the bank is known
-    return np.hstack([values, np.maximum(total, raised)])
+    return np.maximum(total, np.where(total < own, excess * total, raised))  # less: the bank is known
 
 
 def _uncertain(
@@ -102,33 +130,34 @@ def _uncertain(
     return uncertain
 
 
-def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[tuple[StreamSegment, Array, Array]]:
-    """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
+def filtered_parts(
+    observer: ObserverModel, segment: StreamSegment, output: Array
+) -> Iterator[tuple[StreamSegment, Array]]:
+    """The parts of a segment between restarts of the filter, each with [x, P] before its first row.
 
-    The rows of a part are its own. As in `Observer.push`, the filter restarts at samples only; rows between the last
-    sample of a part and the restart belong to no part, because the filter may have diverged there.
+    The outputs of the filter at the N samples of the segment are written to `output` (N, n_output), those of a part
+    before it is returned. As in `Observer.push`, the filter restarts at samples only; rows between the last sample of a
+    part and the restart belong to no part, because the filter may have diverged there.
     """
     constant, start = observer.constant(), observer.start(segment.first)
     carry, first, row = np.append(start, monitor.START), 0, 0
-    outputs, samples = np.empty((len(segment.rows), observer.scan.n_output)), segment.sample_indices
-    is_sample = np.zeros(len(segment.rows), dtype=bool)
-    is_sample[samples] = True
     while row < len(segment.rows):
-        end = row + smoother.CHUNK
-        rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
-        carry, output = observer.scan(carry, rows, constant)
-        restarts = np.flatnonzero((output[:, -1] > 0) & is_sample[row:end])
-        outputs[row:end] = output
+        chunk = slice(row, row + smoother.CHUNK)
+        rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows
+        carry, filtered = observer.scan(carry, rows, constant)
+        samples, indices = segment.samples_of(chunk)
+        output[samples] = filtered[indices]
+        restarts = indices[filtered[indices, -1] > 0]
         if not restarts.size:
-            row = end
+            row = chunk.stop
             continue
         restart = int(restarts[0])
         row += restart
-        end = samples[np.searchsorted(samples, row) - 1] + 1
-        yield segment.part(first, end), start, outputs[first:end]
+        before = segment.sample_indices[np.searchsorted(segment.sample_indices, row) - 1]
+        yield segment.part(first, before + 1), start
         first, start = row, observer.start(segment.inputs(row), suspect=True)
-        carry = np.append(start, monitor.after_restart(output[restart, -2]))
-    yield segment.part(first, row), start, outputs[first:]
+        carry = np.append(start, monitor.after_restart(filtered[restart, -2]))
+    yield segment.part(first, len(segment.rows)), start
 
 
 def _states(record: Record, observer: ObserverModel, output: Array, status: NDArray[np.int8]) -> States:
@@ -137,16 +166,17 @@ def _states(record: Record, observer: ObserverModel, output: Array, status: NDAr
     n, m = len(names), len(measured)
     columns = np.split(output, np.cumsum([n, n, m, m, m]), axis=1)
     values, variances, innovation, innovation_variance, accepted, findings = columns
-    sigma = np.sqrt(variances)
-    innovation = np.where(np.isfinite(measurements(record, observer.stream.measured)), innovation, np.nan)
+    for squares in (variances, innovation_variance):
+        np.sqrt(squares, out=squares)  # a sigma each; a copy would need the memory of all states
+    innovation[~np.isfinite(measurements(record, observer.stream.measured))] = np.nan
     return States(
         name=record.name,
         time=record.time,
         values={name: values[:, i] for i, name in enumerate(names)},
-        sigma={name: sigma[:, i] for i, name in enumerate(names)},
+        sigma={name: variances[:, i] for i, name in enumerate(names)},
         status=status,
         nis=findings[:, 1],
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
-        innovation_sigma={name: np.sqrt(innovation_variance[:, i]) for i, name in enumerate(measured)},
+        innovation_sigma={name: innovation_variance[:, i] for i, name in enumerate(measured)},
         accepted={name: accepted[:, i] > 0 for i, name in enumerate(measured)},
     )

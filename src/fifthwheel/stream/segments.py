@@ -30,16 +30,19 @@ class StreamSegment:
         return dict(zip(self.first, self.rows[row, 1 + k : 1 + 2 * k].tolist(), strict=True))
 
     def part(self, first: int, last: int) -> "StreamSegment":
-        """The segment of the rows from that of a sample, `first`, to before `last`."""
-        begin, end = np.searchsorted(self.sample_indices, [first, last]).tolist()
-        rows, k = self.rows[first:last].copy(), len(self.first)
-        rows[0, 0], rows[0, 1 : 1 + k] = 0.0, rows[0, 1 + k : 1 + 2 * k]  # no step before the first row
-        return StreamSegment(
-            samples=slice(self.samples.start + begin, self.samples.start + end),
-            rows=rows,
-            sample_indices=self.sample_indices[begin:end] - first,
-            first=self.inputs(first),
-        )
+        """The segment of the rows from that of a sample, `first`, to before `last`. Only the first part shares rows."""
+        within, indices = self.samples_of(slice(first, last))
+        samples = slice(self.samples.start + within.start, self.samples.start + within.stop)
+        rows, k = self.rows[first:last], len(self.first)
+        if first:
+            rows = rows.copy()
+            rows[0, 0], rows[0, 1 : 1 + k] = 0.0, rows[0, 1 + k : 1 + 2 * k]  # no step before the first row
+        return StreamSegment(samples=samples, rows=rows, sample_indices=indices, first=self.inputs(first))
+
+    def samples_of(self, rows: slice) -> tuple[slice, NDArray[np.int64]]:
+        """Those of the N samples that are among some rows, and their indices among these rows."""
+        begin, end = np.searchsorted(self.sample_indices, [rows.start, rows.stop]).tolist()
+        return slice(begin, end), self.sample_indices[begin:end] - rows.start
 
 
 def stream_segments(
