@@ -41,7 +41,7 @@ def _outputs(
     stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
     n, m = len(observer.report.outputs), len(stream.measured)
-    output = np.full((len(record.time), observer.scan.n_output), np.nan)
+    output = np.full((len(record.time), observer.scan.n_output), np.nan, order="F")  # used by columns
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
     for segment in segments:
         for part, start in filtered_parts(observer, segment, output[segment.samples]):
