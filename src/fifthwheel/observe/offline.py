@@ -6,6 +6,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel._memory import release_memory
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
@@ -41,6 +42,7 @@ def _outputs(
     stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
     n, m = len(observer.report.outputs), len(stream.measured)
+    release_memory()
     output = np.full((len(record.time), observer.scan.n_output), np.nan, order="F")  # used by columns
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
     for segment in segments:
@@ -85,7 +87,7 @@ def smoothed_states(
     for rows, smoothed in run(start[None], observer.constant(gate=np.inf)[None]):
         samples, indices = part.samples_of(rows)
         result[samples] = smoothed[0, indices]
-    values, own = np.hsplit(result, 2)
+    _, own = np.hsplit(result, 2)
     if points.steps.size:
         effects = observer.effects(part.first)
         shape = len(part.rows), len(observer.report.outputs)

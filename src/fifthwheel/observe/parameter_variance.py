@@ -77,8 +77,9 @@ def parameter_variance(
 def sigma_point_variance(
     points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int, shape: tuple[int, int]
 ) -> Array:
-    """The same (N, n), which is `shape`, as a smoother gives them; `run` is the smoother over N rows, with an even number
-    of vehicles in a pass. `start` is [x, P] before the first row.
+    """The same for N rows (N, n), which is `shape`, as a smoother gives them.
+
+    `start` is [x, P] before the first row, `run` the smoother, with an even number of vehicles in a pass.
     """
     total: Array = np.zeros(shape)
     moved = np.zeros((len(points.constants), len(start)))

@@ -333,7 +333,7 @@ class Record(ComparedByContents):
         return partial(Record, time=self.time, **fields), ()
 
     def _rows(self, rows: slice, name: str) -> "Record":
-        """A part; it shares the memory of the record unless it is short, so that it does not keep much more than itself."""
+        """A part. It shares the memory of the record, unless that would keep more than twice its own."""
         shared = 2 * (rows.stop - rows.start) >= len(self)
         part = rows if shared else np.arange(rows.start, rows.stop)
         signals = {n: v[part] for n, v in self.signals.items()}
