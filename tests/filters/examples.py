@@ -196,7 +196,7 @@ def lane_change(rng: np.random.Generator) -> Article:
     model = dynamics.model(locked, GYROS, roll=True)
     errors = {"yaw_rate.tractor.offset": 0.002, "steer.tractor.front.offset": -0.001, "steer.tractor.front.gain": 1.05}
     c = model.known_values(dynamics.all_parameters(locked, GYROS) | errors)
-    rows = step_rows(model, locked, record).rows
+    rows = step_rows(model, locked, record)[:]
     deviation = np.array([DEVIATION[name.split(".")[0]] for name in model.states])
     noise = Noise(process=np.diag((0.1 * deviation) ** 2), measurement=NOISE)
     system = linear(model, rows, np.empty(0), c)

@@ -14,6 +14,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, unpack
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.native import Scan, compiled
 
 CHUNK = 500
@@ -59,7 +60,7 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
 
 
 def smoothed_chunks(
-    model: Model, report: Model | None, rows: Array, carry: Array, constant: Array
+    model: Model, report: Model | None, rows: Array | SampleRows, carry: Array, constant: Array
 ) -> Iterator[tuple[slice, Array]]:
     """Outputs of `smoother_step` given all N rows, for B carries and constants of the filter, (B, M, n_output).
 
@@ -74,7 +75,7 @@ def smoothed_chunks(
     for chunk in slices[:-1]:
         starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
     back = np.zeros((len(carry), backwards.n_carry))
-    back[:, backwards.n_carry - n_d :] = rows[-1, 1 : 1 + n_d]
+    back[:, backwards.n_carry - n_d :] = rows[-1:][0, 1 : 1 + n_d]
     for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
         _, out = forwards.batch(start, rows[chunk], filter_constant)
         samples = np.broadcast_to(rows[chunk], (len(carry), *rows[chunk].shape))

@@ -46,10 +46,10 @@ def _outputs(
     output = np.full((len(record.time), observer.scan.n_output), np.nan, order="F")  # used by columns
     accepted = slice(2 * (n + m), 2 * (n + m) + m)
     for segment in segments:
-        for part, start in filtered_parts(observer, segment, output[segment.samples]):
-            filtered = output[part.samples]
+        for of_filter, start in filtered_parts(observer, segment, output[segment.samples]):
+            filtered = output[of_filter.samples]
             # smoother and sigma points use the samples that the filter accepted
-            part.rows[part.sample_indices, -m:] = filtered[:, accepted]
+            part = of_filter.with_accepted(filtered[:, accepted] > 0)
             if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
                 filtered[:, : 2 * n] = smoothed
             elif points.steps.size:  # the states of the filter remain where the smoother diverges
@@ -145,7 +145,7 @@ def filtered_parts(
     carry, first, row = np.append(start, monitor.START), 0, 0
     while row < len(segment.rows):
         chunk = slice(row, row + smoother.CHUNK)
-        rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows
+        rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows[:]
         carry, filtered = observer.scan(carry, rows, constant)
         samples, indices = segment.samples_of(chunk)
         output[samples] = filtered[indices]

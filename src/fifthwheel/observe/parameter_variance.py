@@ -13,6 +13,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import ObserverLayout, sensitivity_step
 from fifthwheel.observe.uncertainty import Uncertainty, positive_parameters
@@ -51,7 +52,7 @@ class SigmaPoints(NamedTuple):
 
 
 def parameter_variance(
-    observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: Array
+    observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: SampleRows
 ) -> Iterator[tuple[slice, Array]]:
     """Variance (M, n) of the n reported signals, as a filter gives them, over the parameters: M of N rows at a time.
 
