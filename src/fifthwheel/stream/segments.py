@@ -3,6 +3,7 @@
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,7 +119,7 @@ def measurements(record: Record, largest: Mapping[str, float]) -> Array:
     return np.column_stack([np.where(np.abs(values) <= limit, values, np.nan) for values, limit in signals])
 
 
-def without_measurement(time: Array, accepted: Array, coast: float) -> NDArray[np.bool_]:
+def without_measurement(time: Array, accepted: NDArray[Any], coast: float) -> NDArray[np.bool_]:
     """Samples (N,) of a segment for which no channel (N, m) was accepted for longer than `coast` seconds."""
     last = np.maximum.accumulate(np.where(accepted.any(axis=1), time, time[0]))
     return np.asarray(time - last > coast)
