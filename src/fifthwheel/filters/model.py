@@ -99,7 +99,7 @@ def sample_rows(dt: Array, inputs: Array, measured: Array) -> Array:
         (N, 1 + n_d + 2 n_y), finite.
     """
     n_d, n_y = inputs.shape[1], measured.shape[1]
-    rows = np.zeros((len(dt), 1 + n_d + 2 * n_y))  # filled in place: of a long record it is the largest array
+    rows = np.zeros((len(dt), 1 + n_d + 2 * n_y))
     rows[:, 0], rows[:, 1 : 1 + n_d] = dt, inputs
     present = np.isfinite(measured)
     np.copyto(rows[:, 1 + n_d : 1 + n_d + n_y], measured, where=present)
