@@ -171,7 +171,7 @@ class Samples(NamedTuple):
     def of(cls, model: ObserverModel, record: Record) -> "Samples":
         _, (segment, *_) = stream_segments(record, model.stream, model.step_limit)
         carry = np.append(model.start(segment.first), monitor.START)
-        return cls(carry, segment.rows, model.constant())
+        return cls(carry, segment.rows[:], model.constant())
 
 
 def step_times() -> list[str]:

@@ -12,7 +12,8 @@
 * one evaluation of the posterior and its derivatives by all unknowns, divided by its floor, a plain simulation;
 * the command line: `fifthwheel identify` on 120 s, 10 min and 1 h of everyday driving at 100 Hz, as a process with
   states and report: duration, processor time and memory; the first without compiled steps too; `fifthwheel --help`.
-  The processor time is also divided by that of a bare import of the libraries, the floor of a process.
+  The processor time is also divided by that of a bare import of the libraries, the floor of a process; the floor of
+  the memory is that of the same process with the samples of the log.
 
 Each number is the best of several runs. Ratios are more reliable than absolute numbers.
 """
@@ -25,7 +26,7 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -240,10 +241,12 @@ class ProcessCost:
     wall: float  # s
     cpu: float  # s, of all threads and child processes
     memory: float  # MB, the largest of its processes
+    record: float = 0.0  # MB, of the samples of its log
 
     def __str__(self) -> str:
-        ratio = self.cpu / bare_import()
-        return f"{self.wall:8.2f} s, processor {self.cpu:.2f} s ({ratio:.1f} bare imports), {self.memory:.0f} MB"
+        floor = bare_import()
+        processor = f"processor {self.cpu:.2f} s ({self.cpu / floor.cpu:.1f} bare imports)"
+        return f"{self.wall:8.2f} s, {processor}, {self.memory:.0f} MB (floor {floor.memory + self.record:.0f} MB)"
 
 
 MEASURE = """
@@ -258,9 +261,9 @@ print(json.dumps([status, wall, cpu, usage.ru_maxrss / 1024]))
 
 
 @cache
-def bare_import() -> float:
-    """Processor time of a process that imports the libraries and does nothing, s."""
-    return process_cost(["-c", "import numpy, scipy.linalg, scipy.signal, casadi"]).cpu
+def bare_import() -> ProcessCost:
+    """Cost of a process that imports the libraries and does nothing."""
+    return process_cost(["-c", "import numpy, scipy.linalg, scipy.signal, casadi"])
 
 
 def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> ProcessCost:
@@ -289,12 +292,19 @@ def command_costs() -> Iterator[tuple[str, ProcessCost]]:
         for duration in (120, 600, 3600):
             log, out, cache = (Path(folder) / f"{duration}{end}" for end in (".csv", "", "cache"))
             drive = course("everyday", TRUCK, duration=float(duration), seed=0)
-            logs.write_record(Plant(TRUCK).drive(drive).record(seed=0), log)
-            identify_log = ["-m", "fifthwheel", "identify", str(log), "-v", "cheng_cebon_2011", "-o", str(out)]
+            record = Plant(TRUCK).drive(drive).record(seed=0)
+            logs.write_record(record, log)
+            size = (1 + len(record.signals) + len(record.reference)) * record.time.nbytes / 1e6
+            of_log = [str(log), "-v", "cheng_cebon_2011", "-o"]
+            identify_log = ["-m", "fifthwheel", "identify", *of_log, str(out)]
             first = process_cost(identify_log, 1, FIFTHWHEEL_CACHE=str(cache))
             if duration == 120:
-                yield "identify, 120 s, first compilation", first
-            yield f"identify, {duration} s", process_cost(identify_log, 2, FIFTHWHEEL_CACHE=str(cache))
+                yield "identify, 120 s, first compilation", replace(first, record=size)
+            later = process_cost(identify_log, 2, FIFTHWHEEL_CACHE=str(cache))
+            yield f"identify, {duration} s", replace(later, record=size)
+            states = ["-m", "fifthwheel", "states", *of_log, f"{out} states"]
+            known = process_cost(states, 2, FIFTHWHEEL_CACHE=str(cache))
+            yield f"states of a known truck, {duration} s", replace(known, record=size)
 
 
 def main() -> None:

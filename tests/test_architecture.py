@@ -20,6 +20,7 @@ ROOMS = (
     "_callable",
     "_moved",
     "_lazy",
+    "_memory",
     "_types",
     "_addresses",
     "errors",

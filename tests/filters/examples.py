@@ -77,7 +77,8 @@ class Smoothed:
 def run_smoother(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Smoothed:
     """Filter a record forwards, then smooth it backwards; arguments as in `run_kalman`."""
     constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
-    (smoothed,) = smoother.smoothed_rows(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    chunks = smoother.smoothed_chunks(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    smoothed = np.concatenate([chunk for _, (chunk,) in reversed(list(chunks))])
     return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
 
 
@@ -195,7 +196,7 @@ def lane_change(rng: np.random.Generator) -> Article:
     model = dynamics.model(locked, GYROS, roll=True)
     errors = {"yaw_rate.tractor.offset": 0.002, "steer.tractor.front.offset": -0.001, "steer.tractor.front.gain": 1.05}
     c = model.known_values(dynamics.all_parameters(locked, GYROS) | errors)
-    rows = step_rows(model, locked, record).rows
+    rows = step_rows(model, locked, record)[:]
     deviation = np.array([DEVIATION[name.split(".")[0]] for name in model.states])
     noise = Noise(process=np.diag((0.1 * deviation) ** 2), measurement=NOISE)
     system = linear(model, rows, np.empty(0), c)

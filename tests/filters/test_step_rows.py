@@ -31,15 +31,15 @@ def test_rows_contain_inputs_and_measurements(record: Record) -> None:
     actual = rows_of(with_gap)
     assert len(actual.sample_indices) == len(record)
     np.testing.assert_array_equal(actual.time[actual.sample_indices], record.time)
-    assert np.isfinite(actual.rows).all()
-    weights = actual.rows[actual.sample_indices][:, -3:]
+    assert np.isfinite(actual[:]).all()
+    weights = actual[:][actual.sample_indices][:, -3:]
     np.testing.assert_array_equal(weights[:, 0], np.isfinite(with_gap.signals[YAWS[0]]))
     assert (weights[:, 1] == 1).all()
     assert (weights[:, 2] == 0).all()  # the record has no articulation angle
     np.testing.assert_array_equal(
-        actual.rows[actual.sample_indices][:, 3:5], np.c_[record.signals["speed"], record.signals[STEER]]
+        actual[:][actual.sample_indices][:, 3:5], np.c_[record.signals["speed"], record.signals[STEER]]
     )
-    assert actual.rows[:, 0].sum() == pytest.approx(record.time[-1] - record.time[0])
+    assert actual[:][:, 0].sum() == pytest.approx(record.time[-1] - record.time[0])
     assert actual.first == {"speed": record.signals["speed"][0], STEER: record.signals[STEER][0]}
     assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
 
@@ -47,22 +47,20 @@ def test_rows_contain_inputs_and_measurements(record: Record) -> None:
 def test_low_sampling_rate_gives_additional_rows(record: Record) -> None:
     coarse = rows(record, np.arange(0, len(record), 20))
     actual = rows_of(coarse)
-    assert len(actual.rows) > 2 * len(coarse)
-    between = np.setdiff1d(np.arange(len(actual.rows)), actual.sample_indices)
-    assert (actual.rows[between, -3:] == 0).all()  # without measurements
-    np.testing.assert_allclose(
-        actual.rows[:, 4], np.interp(actual.time, coarse.time, coarse.signals[STEER]), atol=1e-15
-    )
+    assert len(actual[:]) > 2 * len(coarse)
+    between = np.setdiff1d(np.arange(len(actual[:])), actual.sample_indices)
+    assert (actual[:][between, -3:] == 0).all()  # without measurements
+    np.testing.assert_allclose(actual[:][:, 4], np.interp(actual.time, coarse.time, coarse.signals[STEER]), atol=1e-15)
 
 
 def test_delay_shifts_an_input(record: Record) -> None:
     actual = rows_of(record, delay=0.1)
     shifted = np.interp(record.time + 0.1, record.time, record.signals[STEER])
-    np.testing.assert_allclose(actual.rows[actual.sample_indices][:, 4], shifted, atol=2e-5)  # by a spline
+    np.testing.assert_allclose(actual[:][actual.sample_indices][:, 4], shifted, atol=2e-5)  # by a spline
 
 
 def test_gap_in_an_input(record: Record) -> None:
-    assert np.isfinite(rows_of(put(record, STEER, 3, 3.4, np.nan)).rows).all()
+    assert np.isfinite(rows_of(put(record, STEER, 3, 3.4, np.nan))[:]).all()
     for name in (STEER, "speed"):
         with pytest.raises(SignalError, match=rf"^{name}: "):
             rows_of(put(record, name, 3, 4, np.nan))
@@ -136,7 +134,7 @@ def test_the_derivative_of_the_speed_is_an_input(record: Record) -> None:
     model = dynamics.model(TRUCK, YAWS, roll=False, tyres="saturating", braking=True)
     actual = step_rows(model, TRUCK, falling)
     k, inside = len(model.inputs), slice(200, None)
-    np.testing.assert_allclose(actual.rows[actual.sample_indices][inside, 2 * k], -0.8, atol=1e-3)
+    np.testing.assert_allclose(actual[:][actual.sample_indices][inside, 2 * k], -0.8, atol=1e-3)
     assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
 
 

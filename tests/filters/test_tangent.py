@@ -26,7 +26,7 @@ def setting_of(third: str, *, roll: bool) -> Setting:
     outputs = (*YAW_RATES, third)
     given = dynamics.all_parameters(truck, outputs)
     model = dynamics.model(truck, outputs, roll=roll, bank=True, free=tuple(given))
-    rows = step_rows(model, truck, record).rows.copy()
+    rows = step_rows(model, truck, record)[:]
     rows[100:150, -1] = 0.0  # the weight of the last channel
     return model, rows, model.free_values(given)
 

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from fifthwheel.plots import downsample
+from fifthwheel.plots.items import Band, Line
 
 VALUES = arrays.arrays(np.float64, st.integers(1, 400), elements=st.floats(-1e6, 1e6))
 
@@ -88,3 +89,28 @@ def test_time_since_1970_keeps_its_milliseconds():
 def test_runs():
     assert downsample.runs(np.array([True, True, False, True])) == [(0, 1), (3, 3)]
     assert downsample.runs(np.array([False])) == []
+
+
+def test_a_long_line_is_drawn_as_before_its_points_are_left_out():
+    time = np.arange(20_000) * 0.01
+    time[12_000:] += 5.0
+    values = np.sin(time) + 1e-3 * np.random.default_rng(0).normal(size=time.size)
+    values[[77, 500]] = 9.0, np.nan
+    line = Line(time, values, gaps=True)
+    x, y = downsample.course(time, values)
+    np.testing.assert_array_equal(np.array([line.x, line.y]), np.array([x, y]))
+    np.testing.assert_array_equal(np.array(downsample.course(x, y, gaps=line.gaps)), np.array([x, y]))
+    assert len(x) <= downsample.MAX_POINTS + 1
+    assert np.nanmax(y) == 9.0
+    assert np.isnan(x).sum() == 1
+    band = Band(time, values - 1, values + 1, gaps=True)
+    edges = np.array([band.x, band.lower, band.upper])
+    assert edges.shape[1] <= downsample.BAND_POINTS + 1
+    np.testing.assert_array_equal(np.array(downsample.band(*edges, gaps=band.gaps)), edges)
+    assert np.nanmax(edges[2]) == 10.0
+
+
+def test_a_short_line_keeps_all_its_points():
+    time, values = np.arange(downsample.MAX_POINTS) * 0.01, np.ones(downsample.MAX_POINTS)
+    values[5] = np.nan
+    np.testing.assert_array_equal(np.array(Line(time, values, gaps=True).y), values)

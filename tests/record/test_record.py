@@ -62,6 +62,19 @@ def test_a_cut_keeps_both_ends_and_refuses_an_empty_result():
         record().cut(30, 40)
 
 
+def test_parts_share_memory_unless_they_would_keep_much_of_it():
+    time, values = np.arange(1000) * 0.01, np.ones(1000)
+    record = Record(time=time, signals={"speed": values})
+    assert not np.shares_memory(record.signals["speed"], values), "the caller may change its array"
+    changed, most, little = record.with_signals({"grade": values}), record.cut(1.0, 8.0), record.cut(1.0, 2.0)
+    for other, shared in ((changed, True), (most, True), (most.cut(2.0, 7.0), True), (little, False)):
+        assert np.shares_memory(other.time, record.time) == shared
+        assert np.shares_memory(other.signals["speed"], record.signals["speed"]) == shared
+        assert not other.signals["speed"].flags.writeable
+    view = np.broadcast_to(values, (2, 1000))[0]  # read-only, of an array that is not
+    assert not np.shares_memory(Record(time=time, signals={"speed": view}).signals["speed"], values)
+
+
 def test_short_gaps_of_an_input_are_interpolated():
     assert with_gap(4.05, 4.45).input("speed") == pytest.approx(T, abs=1e-12)
     assert with_gap(-1, 0.25).input("speed")[0] == pytest.approx(0.3)

@@ -85,14 +85,14 @@ def test_segments_have_the_rows_of_single_samples():
     assert status.tolist() == found
     assert [record.time[segment.samples.start] for segment in segments] == rows.starts
     assert len(segments) == 4
-    of_segments = np.vstack([segment.rows for segment in segments])
+    of_segments = np.vstack([segment.rows[:] for segment in segments])
     np.testing.assert_allclose(of_segments, np.array(rows.rows), atol=1e-12)
     for segment in segments:
         samples = np.arange(len(status))[segment.samples]
         assert (status[samples] == Status.OK).all()
         assert segment.sample_indices[0] == 0
         assert segment.first == {n: record.signals[n][samples[0]] for n in settings.names}
-        elapsed = np.cumsum(segment.rows[:, 0])[segment.sample_indices]
+        elapsed = np.cumsum(segment.rows[:][:, 0])[segment.sample_indices]
         np.testing.assert_allclose(elapsed, record.time[samples] - record.time[samples[0]], atol=1e-9)
     assert len(of_segments) > (status == Status.OK).sum(), "a gap is divided into steps"
 
@@ -107,11 +107,11 @@ def test_a_part_of_a_segment_begins_at_a_sample():
     samples = np.arange(len(record))
     assert samples[part.samples].tolist() == samples[segment.samples][70:-5].tolist()
     assert (
-        part.rows[part.sample_indices].tolist()
+        part.rows[:][part.sample_indices].tolist()
         == [
             [0.0, *row[3:5], *row[3:]] if k == 70 else row
-            for k, row in enumerate(segment.rows[segment.sample_indices].tolist())
+            for k, row in enumerate(segment.rows[:][segment.sample_indices].tolist())
         ][70:-5]
     )
     assert part.first == segment.inputs(first) == {n: record.signals[n][samples[part.samples][0]] for n in part.first}
-    assert segment.rows[first, 0] > 0, "the segment has not changed"
+    assert segment.rows[:][first, 0] > 0, "the segment has not changed"

@@ -103,7 +103,7 @@ class DualProblem:
         x0, P0, sensitivity = self.initial_state(z, rows)
         return run_dual(
             self.model,
-            rows.rows,
+            rows[:],
             c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
             noise=self._noise(log),
             scaling=self.shifted_scaling(values),

@@ -98,5 +98,10 @@ def sample_rows(dt: Array, inputs: Array, measured: Array) -> Array:
     Returns:
         (N, 1 + n_d + 2 n_y), finite.
     """
+    n_d, n_y = inputs.shape[1], measured.shape[1]
+    rows = np.zeros((len(dt), 1 + n_d + 2 * n_y))
+    rows[:, 0], rows[:, 1 : 1 + n_d] = dt, inputs
     present = np.isfinite(measured)
-    return np.column_stack([dt, inputs, np.where(present, measured, 0.0), present])
+    np.copyto(rows[:, 1 + n_d : 1 + n_d + n_y], measured, where=present)
+    rows[:, 1 + n_d + n_y :] = present
+    return rows

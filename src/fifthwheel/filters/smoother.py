@@ -5,6 +5,7 @@ covariance, so the process noise may be zero. Without process noise the smoothed
 which starts at the initial state with the best fit to the record.
 """
 
+from collections.abc import Iterator
 from itertools import pairwise
 
 import casadi as ca
@@ -13,6 +14,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, unpack
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.native import Scan, compiled
 
 CHUNK = 500
@@ -57,10 +59,13 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     return ca.Function("smoother", [carry, sample, constant], outputs, {"cse": True})
 
 
-def smoothed_rows(model: Model, report: Model | None, rows: Array, carry: Array, constant: Array) -> Array:
-    """Outputs of `smoother_step` given all M rows, for B carries and constants of the filter, (B, M, n_output).
+def smoothed_chunks(
+    model: Model, report: Model | None, rows: Array | SampleRows, carry: Array, constant: Array
+) -> Iterator[tuple[slice, Array]]:
+    """Outputs of `smoother_step` given all N rows, for B carries and constants of the filter, (B, M, n_output).
 
-    The constants have those of the report after those of the filter.
+    They come in chunks of M rows, of which the last is the first. The constants have those of the report after those of
+    the filter.
     """
     n_x, n_d, _, _, n_y = sizes(model)
     forwards, backwards = kalman.kalman_step(model), smoother_step(model, report)
@@ -70,13 +75,11 @@ def smoothed_rows(model: Model, report: Model | None, rows: Array, carry: Array,
     for chunk in slices[:-1]:
         starts.append(forwards.batch(starts[-1], rows[chunk], filter_constant)[0])
     back = np.zeros((len(carry), backwards.n_carry))
-    back[:, backwards.n_carry - n_d :] = rows[-1, 1 : 1 + n_d]
-    result = np.empty((len(carry), len(rows), backwards.n_output))
+    back[:, backwards.n_carry - n_d :] = rows[-1:][0, 1 : 1 + n_d]
     for chunk, start in zip(reversed(slices), reversed(starts), strict=True):
         _, out = forwards.batch(start, rows[chunk], filter_constant)
         samples = np.broadcast_to(rows[chunk], (len(carry), *rows[chunk].shape))
         accepted_and_predicted = out[:, :, -(n_y + n_x + packed_size(n_x)) :]
         samples = np.concatenate([samples, accepted_and_predicted], axis=2)
         back, smoothed = backwards.batch(back, samples[:, ::-1], constant)
-        result[:, chunk] = smoothed[:, ::-1]
-    return result
+        yield chunk, smoothed[:, ::-1]

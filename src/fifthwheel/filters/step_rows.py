@@ -21,11 +21,35 @@ from fifthwheel.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
-class StepRows:
+class SampleRows:
+    """M samples of a compiled step. A slice gives L of them (L, 1 + n_d + 2 n_y), see `model.sample_rows`.
+
+    They are built when they are needed: those of a long record would be its largest array. No step leads to the first.
+    """
+
+    time: Array  # (M,) s
+    inputs: Array  # (M, n_d / 2)
+    measured: Array  # (M, n_y), NaN where missing
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def __getitem__(self, rows: slice) -> Array:
+        first, stop, _ = rows.indices(len(self))
+        before = max(first - 1, 0)  # where the first step begins
+        dt, d = steps.step_inputs(self.time[before:stop], self.inputs[before:stop])
+        return sample_rows(dt, d, self.measured[before:stop])[first - before :]
+
+    def part(self, first: int, stop: int) -> "SampleRows":
+        """The rows from `first` to before `stop`, as rows of their own."""
+        rows = slice(first, stop)
+        return SampleRows(time=self.time[rows], inputs=self.inputs[rows], measured=self.measured[rows])
+
+
+@dataclass(frozen=True, kw_only=True)
+class StepRows(SampleRows):
     """A record of N samples as M rows, with additional rows where the model needs several steps between two samples."""
 
-    rows: Array  # (M, 1 + n_d + 2 n_y), from `model.sample_rows`
-    time: Array  # (M,) s
     sample_indices: NDArray[np.int64]  # (N,) indices of the samples among the rows
     first: dict[str, float]  # speed and steer angles at the first sample, by name
     steer_sigma: float  # standard deviation of the steer angles, rad
@@ -129,11 +153,16 @@ def step_rows(
     columns = steps.input_columns(inputs, model.inputs)
     limit = steps.step_limit(vehicle, model.roll)(columns[:, 0])
     fine, columns, indices = steps.subdivide(record.time, columns, limit)
-    dt, d = steps.step_inputs(fine, columns)
     measured = np.full((len(fine), len(model.outputs)), np.nan)
     for i, name in enumerate(model.outputs):
         if name in record.signals:
             measured[indices, i] = record.signals[name]
     first = {name: float(values[0]) for name, values in inputs.items()}
-    rows, sigma = sample_rows(dt, d, measured), steer_sigma(inputs)
-    return StepRows(rows=rows, time=fine, sample_indices=indices, first=first, steer_sigma=sigma)
+    return StepRows(
+        time=fine,
+        inputs=columns,
+        measured=measured,
+        sample_indices=indices,
+        first=first,
+        steer_sigma=steer_sigma(inputs),
+    )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.native import AdjointScan, DirectionScan, compiled
 
 CHUNK = 2_000
@@ -136,7 +137,7 @@ class TangentChunk(NamedTuple):
 
 def run_in_chunks(
     scan: AdjointScan | DirectionScan,
-    rows: Array,
+    rows: Array | SampleRows,
     *,
     start: Array,
     start_directions: Array,

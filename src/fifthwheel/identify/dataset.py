@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fifthwheel._memory import release_memory
 from fifthwheel.channels import (
     ARTICULATION,
     IDENTIFIED,
@@ -163,6 +164,7 @@ def prepare_dataset(
     if settings.brakes:
         records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
     logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
+    release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
     unused = [c for c in IDENTIFIED if c.of_roll and not getattr(settings, "roll", True)]

@@ -2,10 +2,12 @@
 
 from collections.abc import Iterator
 from functools import partial
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel._memory import release_memory
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import SignalError
@@ -27,31 +29,65 @@ def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | N
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}; make an observer of the signals of this record")
     points = SigmaPoints.of(observer, _uncertain(record, observer, uncertainty, smooth=smooth))
+    return _states(record, observer, *_outputs(record, observer, points, smooth=smooth))
+
+
+class Outputs(NamedTuple):
+    """Outputs of the compiled step at N samples, for n reported and m measured signals; NaN where there are none.
+
+    The memory of a long record is that of these arrays: all else is computed in chunks of rows.
+    """
+
+    reported: Array  # (N, 2 n) values, variances
+    innovation: Array  # (N, 2 m) innovations, variances
+    nis: Array  # (N,)
+    accepted: NDArray[np.bool_]  # (N, m)
+    settling: NDArray[np.bool_]  # (N,)
+
+    @classmethod
+    def nothing(cls, count: int, n: int, m: int) -> Self:
+        """Of N samples without an output; columns are in succession."""
+        columns = np.full((count, 2 * (n + m) + 1), np.nan, order="F")
+        flags = np.zeros((count, m + 1), dtype=bool, order="F")
+        return cls(columns[:, : 2 * n], columns[:, 2 * n : -1], columns[:, -1], flags[:, :m], flags[:, m])
+
+    def at(self, samples: slice) -> "Outputs":
+        """Those of some samples, in the same memory."""
+        columns = self.reported[samples], self.innovation[samples], self.nis[samples]
+        return Outputs(*columns, self.accepted[samples], self.settling[samples])
+
+    def write(self, filtered: Array) -> None:
+        """Take the columns of the outputs of the step (N, n_output)."""
+        edges = np.cumsum([part.shape[1] for part in (self.reported, self.innovation, self.accepted)])
+        self.reported[:], self.innovation[:], accepted, findings = np.split(filtered, edges, axis=1)
+        self.accepted[:], self.settling[:], self.nis[:] = accepted > 0, findings[:, 0] > 0, findings[:, 1]
+
+
+def _outputs(
+    record: Record, observer: ObserverModel, points: SigmaPoints, *, smooth: bool
+) -> tuple[NDArray[np.int8], Outputs]:
+    """Status (N,) and outputs of a record of N samples."""
+    stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
-    n, m = len(observer.report.outputs), len(stream.measured)
-    output = np.full((len(record.time), observer.scan.n_output), np.nan)
-    accepted = slice(2 * (n + m), 2 * (n + m) + m)
+    release_memory()
+    output = Outputs.nothing(len(record.time), len(observer.report.outputs), len(stream.measured))
     for segment in segments:
-        for part, start, filtered in filtered_parts(observer, segment):
-            samples, rows = part.samples, part.rows
-            output[samples] = filtered[part.sample_indices]
-            rows[:, -m:] = filtered[:, accepted]  # smoother and sigma points use the samples that the filter accepted
-            reported = partial(reported_states, observer, part, start, output[samples], points)
-            if smooth and is_finite(result := reported(smooth=True)):
-                output[samples, : 2 * n] = result
-            elif smooth or points.steps.size:  # the states of the filter remain where the smoother diverges
-                output[samples, : 2 * n] = reported(smooth=False)
+        within, settings = output.at(segment.samples), observer.settings
+        for of_filter, start in filtered_parts(observer, segment, within):
+            filtered = output.at(of_filter.samples)
+            part = of_filter.with_accepted(filtered.accepted)  # smoother and sigma points use the same samples
+            if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
+                filtered.reported[:] = smoothed
+            elif points.steps.size:  # the states of the filter remain where the smoother diverges
+                add_parameter_variance(observer, part, start, filtered, points)
             if smooth:  # later samples have agreed with the first ones
-                settling = output[samples, -3]
-                settled = np.flatnonzero(settling == 0)
-                settling[: settled[0] if settled.size else 0] = 0.0
-            del part, filtered, rows, reported  # the memory of a long record
-        within, settings = output[segment.samples], observer.settings
-        coasting = without_measurement(record.time[segment.samples], within[:, accepted], settings.coast)
-        inconsistent = within[:, -2] > settings.max_nis
-        found = {Status.INCONSISTENT: inconsistent, Status.COASTING: coasting, Status.SETTLING: within[:, -3] > 0}
+                settled = np.flatnonzero(~filtered.settling)
+                filtered.settling[: settled[0] if settled.size else 0] = False
+        coasting = without_measurement(record.time[segment.samples], within.accepted, settings.coast)
+        inconsistent = within.nis > settings.max_nis
+        found = {Status.INCONSISTENT: inconsistent, Status.COASTING: coasting, Status.SETTLING: within.settling}
         status[segment.samples] = np.select(list(found.values()), list(found), Status.OK)
-    return _states(record, observer, output, status)
+    return status, output
 
 
 def is_finite(result: Array) -> bool:
@@ -59,34 +95,52 @@ def is_finite(result: Array) -> bool:
     return bool(np.isfinite(result).all() and (np.hsplit(result, 2)[1] >= 0).all())
 
 
-def reported_states(
-    observer: ObserverModel, part: StreamSegment, start: Array, output: Array, points: SigmaPoints, *, smooth: bool
+def smoothed_states(
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Outputs, points: SigmaPoints
 ) -> Array:
-    """Values and variances (N, 2 n) of the reported signals for the N samples of a part.
+    """Values and variances (N, 2 n) of the reported signals given all N samples of a part.
 
     Its rows have weights only where the filter accepted the measurement; `start` is the carry before the first row,
-    without the monitor, `output` that of the filter (N, n_output).
+    without the monitor, `output` that of the filter.
     """
-    model, n = observer.model, len(observer.report.outputs)
-    excess = monitor.excess(output[:, -2:-1])
-    values, raised = output[:, :n], output[:, n : 2 * n]
-    own = raised / excess
-    run = partial(smoother.smoothed_rows, model, observer.report, part.rows)
-    if smooth:
-        start = start[: len(model.states) + packed_size(len(model.states))]
-        values, own = np.hsplit(run(start[None], observer.constant(gate=np.inf)[None])[0, part.sample_indices], 2)
-        raised = own * excess
-    if not points.steps.size:
-        return np.hstack([values, raised])
-    effects = observer.effects(part.first)
-    if smooth:
-        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes)
+    model = observer.model
+    excess = monitor.excess(output.nis[:, None])
+    start = start[: len(model.states) + packed_size(len(model.states))]
+    run = partial(smoother.smoothed_chunks, model, observer.report, part.rows)
+    result = np.empty(output.reported.shape)
+    for rows, smoothed in run(start[None], observer.constant(gate=np.inf)[None]):
+        samples, indices = part.samples_of(rows)
+        result[samples] = smoothed[0, indices]
+    _, own = np.hsplit(result, 2)
+    if points.steps.size:
+        effects = observer.effects(part.first)
+        shape = len(part.rows), len(observer.report.outputs)
+        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes, shape)
+        own[:] = _total_variance(own, own * excess, excess, variance[part.sample_indices])
     else:
-        variance = parameter_variance(observer, points, effects, start, part.rows)
-    total = np.maximum(own + variance[part.sample_indices], 0.0)
+        own *= excess
+    return result
+
+
+def add_parameter_variance(
+    observer: ObserverModel, part: StreamSegment, start: Array, output: Outputs, points: SigmaPoints
+) -> None:
+    """Add what is uncertain to the variances of the reported signals in the output of a filter.
+
+    Arguments as of `smoothed_states`.
+    """
+    effects, variances = observer.effects(part.first), np.hsplit(output.reported, 2)[1]
+    for rows, variance in parameter_variance(observer, points, effects, start, part.rows):
+        samples, indices = part.samples_of(rows)
+        excess, raised = monitor.excess(output.nis[samples, None]), variances[samples]
+        raised[:] = _total_variance(raised / excess, raised, excess, variance[indices])
+
+
+def _total_variance(own: Array, raised: Array, excess: Array, variance: Array) -> Array:
+    """Variance of signals of which `variance` is added to `own`, which innovations have `raised` by the excess."""
+    total = np.maximum(own + variance, 0.0)
     # innovations may exceed their sigma because of what is uncertain: the larger variance contains both
-    raised = np.where(total < own, excess * total, raised)  # less: the bank is known
-    return np.hstack([values, np.maximum(total, raised)])
+    return np.maximum(total, np.where(total < own, excess * total, raised))  # less: the bank is known
 
 
 def _uncertain(
@@ -102,51 +156,52 @@ def _uncertain(
     return uncertain
 
 
-def filtered_parts(observer: ObserverModel, segment: StreamSegment) -> Iterator[tuple[StreamSegment, Array, Array]]:
-    """The parts of a segment between restarts of the filter, each with [x, P] before its first row, and its outputs.
+def filtered_parts(
+    observer: ObserverModel, segment: StreamSegment, output: Outputs
+) -> Iterator[tuple[StreamSegment, Array]]:
+    """The parts of a segment between restarts of the filter, each with [x, P] before its first row.
 
-    The rows of a part are its own. As in `Observer.push`, the filter restarts at samples only; rows between the last
-    sample of a part and the restart belong to no part, because the filter may have diverged there.
+    The outputs of the filter at the N samples of the segment are written to `output`, those of a part
+    before it is returned. As in `Observer.push`, the filter restarts at samples only; rows between the last sample of a
+    part and the restart belong to no part, because the filter may have diverged there.
     """
     constant, start = observer.constant(), observer.start(segment.first)
     carry, first, row = np.append(start, monitor.START), 0, 0
-    outputs, samples = np.empty((len(segment.rows), observer.scan.n_output)), segment.sample_indices
-    is_sample = np.zeros(len(segment.rows), dtype=bool)
-    is_sample[samples] = True
     while row < len(segment.rows):
-        end = row + smoother.CHUNK
-        rows = segment.rows[row:end] if row > first else segment.part(first, end).rows
-        carry, output = observer.scan(carry, rows, constant)
-        restarts = np.flatnonzero((output[:, -1] > 0) & is_sample[row:end])
-        outputs[row:end] = output
+        chunk = slice(row, row + smoother.CHUNK)
+        rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows[:]
+        carry, filtered = observer.scan(carry, rows, constant)
+        samples, indices = segment.samples_of(chunk)
+        output.at(samples).write(filtered[indices])
+        restarts = indices[filtered[indices, -1] > 0]
         if not restarts.size:
-            row = end
+            row = chunk.stop
             continue
         restart = int(restarts[0])
         row += restart
-        end = samples[np.searchsorted(samples, row) - 1] + 1
-        yield segment.part(first, end), start, outputs[first:end]
+        before = segment.sample_indices[np.searchsorted(segment.sample_indices, row) - 1]
+        yield segment.part(first, before + 1), start
         first, start = row, observer.start(segment.inputs(row), suspect=True)
-        carry = np.append(start, monitor.after_restart(output[restart, -2]))
-    yield segment.part(first, row), start, outputs[first:]
+        carry = np.append(start, monitor.after_restart(filtered[restart, -2]))
+    yield segment.part(first, len(segment.rows)), start
 
 
-def _states(record: Record, observer: ObserverModel, output: Array, status: NDArray[np.int8]) -> States:
-    """States from the columns of the compiled step's output."""
+def _states(record: Record, observer: ObserverModel, status: NDArray[np.int8], output: Outputs) -> States:
+    """States from the outputs of the compiled step, whose memory they take."""
     names, measured = observer.report.outputs, observer.model.outputs
-    n, m = len(names), len(measured)
-    columns = np.split(output, np.cumsum([n, n, m, m, m]), axis=1)
-    values, variances, innovation, innovation_variance, accepted, findings = columns
-    sigma = np.sqrt(variances)
-    innovation = np.where(np.isfinite(measurements(record, observer.stream.measured)), innovation, np.nan)
+    values, variances = np.hsplit(output.reported, 2)
+    innovation, innovation_variance = np.hsplit(output.innovation, 2)
+    for squares in (variances, innovation_variance):
+        np.sqrt(squares, out=squares)  # a sigma each; a copy would need the memory of all states
+    innovation[~np.isfinite(measurements(record, observer.stream.measured))] = np.nan
     return States(
         name=record.name,
         time=record.time,
         values={name: values[:, i] for i, name in enumerate(names)},
-        sigma={name: sigma[:, i] for i, name in enumerate(names)},
+        sigma={name: variances[:, i] for i, name in enumerate(names)},
         status=status,
-        nis=findings[:, 1],
+        nis=output.nis,
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
-        innovation_sigma={name: np.sqrt(innovation_variance[:, i]) for i, name in enumerate(measured)},
-        accepted={name: accepted[:, i] > 0 for i, name in enumerate(measured)},
+        innovation_sigma={name: innovation_variance[:, i] for i, name in enumerate(measured)},
+        accepted={name: output.accepted[:, i] for i, name in enumerate(measured)},
     )

@@ -6,13 +6,14 @@ of the parameters.
 """
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Self
 
 import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import ObserverLayout, sensitivity_step
 from fifthwheel.observe.uncertainty import Uncertainty, positive_parameters
@@ -20,8 +21,9 @@ from fifthwheel.observe.uncertainty import Uncertainty, positive_parameters
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""
 
-Pass = Callable[[Array, Array], Array]
-"""(carry (B, n), constant (B, n)) -> reported signals of B vehicles on N rows, and their variances, (B, N, 2 n)."""
+Pass = Callable[[Array, Array], Iterator[tuple[slice, Array]]]
+"""(carry (B, n), constant (B, n)) -> reported signals of B vehicles, and their variances, (B, M, 2 n), for M of N rows
+at a time."""
 
 
 class SigmaPoints(NamedTuple):
@@ -50,9 +52,9 @@ class SigmaPoints(NamedTuple):
 
 
 def parameter_variance(
-    observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: Array
-) -> Array:
-    """Variance (N, n) of the n reported signals, as a filter gives them for N rows, over the parameters.
+    observer: ObserverModel, points: SigmaPoints, effects: Array, start: Array, rows: SampleRows
+) -> Iterator[tuple[slice, Array]]:
+    """Variance (M, n) of the n reported signals, as a filter gives them, over the parameters: M of N rows at a time.
 
     With the bank among them, it is without the variance of the filter, which considers the bank itself. `effects` is
     the change (u, n_x) of the first state per unit of bank and offsets; `start`, [x, P, s] before the first row, does
@@ -65,28 +67,28 @@ def parameter_variance(
     directions = np.hstack([slopes[:, :n_c], slopes[:, first_report : first_report + n_report]])
     constant = observer.constant(gate=np.inf)[: scan.sizes[2]]
     carry, carry_dot = start, points.unknowns @ effects
-    variance = np.empty((len(rows), len(observer.report.outputs)))
     for first in range(0, len(rows), CHUNK):
-        chunk = slice(first, first + CHUNK)
+        chunk = slice(first, min(first + CHUNK, len(rows)))
         result = scan(carry, rows[chunk], constant, carry_dot, directions, threads=os.cpu_count() or 1)
         squares = np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot)
-        variance[chunk] = squares - points.with_bank * result.output
+        yield chunk, squares - points.with_bank * result.output
         carry, carry_dot = result.carry, result.carry_dot
-    return variance
 
 
-def sigma_point_variance(points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int) -> Array:
-    """The same as a smoother gives them; `run` is the smoother over N rows, with an even number of vehicles in a pass.
+def sigma_point_variance(
+    points: SigmaPoints, effects: Array, start: Array, run: Pass, lanes: int, shape: tuple[int, int]
+) -> Array:
+    """The same for N rows (N, n), which is `shape`, as a smoother gives them.
 
-    `start` is [x, P] before the first row.
+    `start` is [x, P] before the first row, `run` the smoother, with an even number of vehicles in a pass.
     """
-    total: Array | float = 0.0
+    total: Array = np.zeros(shape)
     moved = np.zeros((len(points.constants), len(start)))
     shifts = points.steps[:, None] * (points.unknowns @ effects)
     moved[::2, : effects.shape[1]], moved[1::2, : effects.shape[1]] = shifts, -shifts
     for first in range(0, len(points.constants), lanes):
-        result = run(start + moved[first : first + lanes], points.constants[first : first + lanes])
-        reported = result[..., : result.shape[2] // 2]
         step = points.steps[first // 2 : (first + lanes) // 2, None, None]
-        total = total + (((reported[::2] - reported[1::2]) / (2 * step)) ** 2).sum(axis=0)
-    return np.asarray(total)
+        for rows, result in run(start + moved[first : first + lanes], points.constants[first : first + lanes]):
+            reported = result[..., : result.shape[2] // 2]
+            total[rows] += (((reported[::2] - reported[1::2]) / (2 * step)) ** 2).sum(axis=0)
+    return total

@@ -31,6 +31,8 @@ LIFT_LIMIT = 0.9
 """Load transfer ratio of an axle group half a second before its first axle lifts; it is 0.85 to 0.97."""
 LARGEST_SIGMA = 0.2
 """Of a predicted ratio, in a warning: an observer that knows less, as after its start, does not warn for that."""
+ROW_GROUP = 32_768
+"""Rows that are compressed at a time when states are written."""
 LIFT_SAMPLES = 3
 """Consecutive samples that must warn: a single wrong steer angle is no manoeuvre."""
 
@@ -226,7 +228,8 @@ def write_states(states: Sequence[States], path: Path) -> None:
         arrays["log"] = pa.DictionaryArray.from_arrays(_arrow(np.zeros(len(record.time), dtype=np.int32)), names)
         tables.append(pa.table(arrays))
     with atomic_write(path) as temporary:
-        parquet.write_table(pa.concat_tables(tables, promote_options="permissive").unify_dictionaries(), temporary)
+        table = pa.concat_tables(tables, promote_options="permissive").unify_dictionaries()
+        parquet.write_table(table, temporary, row_group_size=ROW_GROUP)
 
 
 def _arrow(values: NDArray[Any]) -> Any:

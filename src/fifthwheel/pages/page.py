@@ -79,7 +79,7 @@ def page(document: pages.Document) -> tuple[bytes, list[pages.CaptionedPlot]]:
     content = [body.encode()]
     if figures:
         content += [
-            _data_script("figures", compressed(script_json(list(map(_drawn, figures))).encode())),
+            _data_script("figures", compressed(f"[{','.join(script_json(_drawn(f)) for f in figures)}]".encode())),
             _data_script("library", _plotly()),
             b"<script>",
             _asset("inflate.js"),

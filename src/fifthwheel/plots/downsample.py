@@ -11,6 +11,8 @@ Index = NDArray[np.int64]
 
 MAX_POINTS = 4000
 """The largest number of points of a line."""
+BAND_POINTS = 800
+"""The largest number of points of a band."""
 MAX_GAPS = 200
 """The largest number of gaps of a line; the longest are kept."""
 
@@ -62,6 +64,17 @@ def course(time: Array, values: Array, limit: int = MAX_POINTS, *, gaps: bool = 
         return np.empty(0), np.empty(0)
     chosen = np.concatenate([np.append(piece, -1) for piece in pieces])[:-1]
     return np.where(chosen < 0, np.nan, time[chosen]), np.where(chosen < 0, np.nan, values[chosen])
+
+
+def band(time: Array, lower: Array, upper: Array, *, gaps: bool = True) -> list[Array]:
+    """Time, lower and upper edge (n,) to draw, about `BAND_POINTS` of them; a NaN in all interrupts the band."""
+    pieces = segments(time, lower + upper, gaps=gaps)
+    total = max(sum(map(len, pieces)), 1)
+    parts = []
+    for rows in pieces:
+        count = max(int(BAND_POINTS * len(rows) / total), 4)
+        parts += [np.full((3, 1), np.nan), np.stack(envelope(time[rows], lower[rows], upper[rows], count))]
+    return list(np.concatenate(parts[1:] or [np.empty((3, 0))], axis=1))
 
 
 def envelope(time: Array, lower: Array, upper: Array, count: int) -> tuple[Array, Array, Array]:

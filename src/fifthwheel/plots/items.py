@@ -1,6 +1,7 @@
 """What a panel of a plot shows: lines, bands, points, bars, areas, labels, guides and spans.
 
 Values are in the units of the axes. NaN interrupts a line. A colour is "#rrggbb"; None takes the next of the palette.
+A line or band of more than `downsample.MAX_POINTS` points has only those that are drawn.
 """
 
 from dataclasses import KW_ONLY, dataclass
@@ -11,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from fifthwheel._types import Array
 from fifthwheel.errors import FifthwheelError
+from fifthwheel.plots import downsample
 from fifthwheel.plots.palette import DARK, GREY
 
 Dash = Literal["solid", "dash", "dot"]
@@ -40,6 +42,11 @@ class _Item:
                 )
             object.__setattr__(self, name, values)
 
+    def _keep(self, *arrays: Array) -> None:
+        """Keep only what is drawn of a long line, with NaN at its gaps: a report has a hundred lines of a long log."""
+        for name, values in zip((*self._arrays, "gaps"), (*arrays, False), strict=True):
+            object.__setattr__(self, name, values)
+
 
 @dataclass(frozen=True, eq=False)
 class Line(_Item):
@@ -55,6 +62,12 @@ class Line(_Item):
     """Interrupt the line where x, the time, has a gap of more than five typical steps."""
     _arrays = ("x", "y")
 
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        x, y = as_array(self.x), as_array(self.y)
+        if x.size > downsample.MAX_POINTS:
+            self._keep(*downsample.course(x, y, gaps=self.gaps))
+
 
 @dataclass(frozen=True, eq=False)
 class Band(_Item):
@@ -68,6 +81,12 @@ class Band(_Item):
     gaps: bool = False
     """As of a `Line`."""
     _arrays = ("x", "lower", "upper")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        x, lower, upper = as_array(self.x), as_array(self.lower), as_array(self.upper)
+        if x.size > downsample.MAX_POINTS:
+            self._keep(*downsample.band(x, lower, upper, gaps=self.gaps))
 
 
 @dataclass(frozen=True, eq=False)

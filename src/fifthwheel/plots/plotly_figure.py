@@ -15,8 +15,6 @@ from fifthwheel.plots.panels import Axis, Panel, PanelGrid
 Figure = dict[str, Any]
 
 FONT = "system-ui, -apple-system, Segoe UI, Roboto, Helvetica, Arial, sans-serif"
-BAND_POINTS = 800
-"""The largest number of points of a band."""
 VALUE_DIGITS = 4
 """Of the range of an axis: less than one pixel, even after zooming in by a factor of 20."""
 TIME_DIGITS = 5
@@ -89,18 +87,15 @@ def _line(item: Line, colour: str, panel: Panel) -> Figure:
 
 def _band(item: Band, colour: str, panel: Panel) -> Figure:
     """A filled polygon for each segment without a gap."""
-    time, lower, upper = as_array(item.x), as_array(item.lower), as_array(item.upper)
-    segments = downsample.segments(time, lower + upper, gaps=item.gaps)
-    total = max(sum(map(len, segments)), 1)
+    edges = as_array(item.x), as_array(item.lower), as_array(item.upper)
+    time, lower, upper = downsample.band(*edges, gaps=item.gaps)
     x: list[float | None] = []
     y: list[float | None] = []
-    for rows in segments:
-        count = max(int(BAND_POINTS * len(rows) / total), 4)
-        middle, low, high = downsample.envelope(time[rows], lower[rows], upper[rows], count)
-        at = _numbers(middle, TIME_DIGITS, log=panel.x.log)
+    for rows in downsample.segments(time, lower, gaps=False):
+        at = _numbers(time[rows], TIME_DIGITS, log=panel.x.log)
         gap: list[float | None] = [None] if x else []
         x += gap + at + at[::-1]
-        y += gap + _numbers(np.concatenate([high, low[::-1]]), log=panel.y.log)
+        y += gap + _numbers(np.concatenate([upper[rows], lower[rows][::-1]]), log=panel.y.log)
     fill = {"fill": "toself", "fillcolor": rgba(colour, item.opacity), "hoverinfo": "skip"}
     return {"type": "scatter", "mode": "lines", "x": x, "y": y, "line": {"color": colour, "width": 0}} | fill
 

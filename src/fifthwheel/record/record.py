@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
+from itertools import pairwise
 from numbers import Real
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
@@ -217,7 +218,8 @@ class Record(ComparedByContents):
                 f"{self.name}: {inside.sum()} samples between {start:.2f} and {stop:.2f} s, at least 2 expected; "
                 f"choose start and stop within {first:.2f} to {last:.2f} s"
             )
-        return self._rows(inside, self.name)
+        rows = np.flatnonzero(inside)
+        return self._rows(slice(rows[0], rows[-1] + 1), self.name)
 
     def segments(self, max_gap: float = PAUSE, shortest: float = 1.0) -> list["Record"]:
         """The segments between time steps above `max_gap` s that last at least `shortest` s.
@@ -225,10 +227,11 @@ class Record(ComparedByContents):
         Raises:
             SignalError: no segment is long enough.
         """
-        segments = np.split(np.arange(len(self)), np.flatnonzero(np.diff(self.time) > max_gap) + 1)
+        edges = [0, *(np.flatnonzero(np.diff(self.time) > max_gap) + 1).tolist(), len(self)]
+        segments = [slice(*pair) for pair in pairwise(edges)]
         if len(segments) == 1:
             return [self]
-        kept = [rows for rows in segments if rows.size > 1 and self.time[rows[-1]] - self.time[rows[0]] >= shortest]
+        kept = [s for s in segments if s.stop - s.start > 1 and self.time[s.stop - 1] - self.time[s.start] >= shortest]
         if not kept:
             raise SignalError(
                 f"{self.name}: all {len(segments)} segments between gaps above {max_gap:g} s are shorter than "
@@ -329,10 +332,13 @@ class Record(ComparedByContents):
         fields |= {"sensors": dict(self.sensors), "date": self.date}
         return partial(Record, time=self.time, **fields), ()
 
-    def _rows(self, rows: NDArray[Any], name: str) -> "Record":
-        signals = {n: v[rows] for n, v in self.signals.items()}
-        reference = {n: v[rows] for n, v in self.reference.items()}
-        return replace(self, time=self.time[rows], signals=signals, reference=reference, name=name)
+    def _rows(self, rows: slice, name: str) -> "Record":
+        """A part. It shares the memory of the record, unless that would keep more than twice its own."""
+        shared = 2 * (rows.stop - rows.start) >= len(self)
+        part = rows if shared else np.arange(rows.start, rows.stop)
+        signals = {n: v[part] for n, v in self.signals.items()}
+        reference = {n: v[part] for n, v in self.reference.items()}
+        return replace(self, time=self.time[part], signals=signals, reference=reference, name=name)
 
 
 def segments_above(record: Record, min_speed: float) -> list[Record]:
@@ -380,7 +386,7 @@ def _numbers(name: str, column: "pd.Series") -> Array:
 def _frozen(name: str, values: ArrayLike) -> Array:
     try:
         given = np.asarray(values)
-        array = given.astype(np.float64)
+        array = given if _unchangeable(given) else given.astype(np.float64)
     except (TypeError, ValueError) as error:
         raise SignalError(f"{name}: not numbers; give one number for each sample") from error
     if given.dtype.kind == "c":  # NumPy drops the imaginary part
@@ -391,3 +397,10 @@ def _frozen(name: str, values: ArrayLike) -> Array:
         raise SignalError(f"{name}: {array.ndim} dimensions, 1 expected; give one value for each sample")
     array.setflags(write=False)
     return array
+
+
+def _unchangeable(array: NDArray[Any]) -> bool:
+    """Whether a record can share an array: numbers of float64 in succession to which nobody can write."""
+    owner = array if array.base is None else array.base
+    usable = array.dtype == np.float64 and array.flags.c_contiguous
+    return usable and isinstance(owner, np.ndarray) and not owner.flags.writeable

@@ -2,7 +2,8 @@
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 from fifthwheel._types import Array
 from fifthwheel.dynamics import steps
 from fifthwheel.dynamics.speed_rate import speed_rates
-from fifthwheel.filters.model import sample_rows
+from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.record import Record
 from fifthwheel.stream.settings import InputRule, Status, StreamSettings
 
@@ -20,26 +21,31 @@ class StreamSegment:
     """N consecutive samples as M rows of a compiled step."""
 
     samples: slice  # of the record
-    rows: Array  # (M, 1 + n_d + 2 n_y), from `model.sample_rows`
+    rows: SampleRows  # M
     sample_indices: NDArray[np.int64]  # (N,) indices of the samples among the rows
     first: dict[str, float]  # speed and steer angles at the first sample, by name
 
     def inputs(self, row: int) -> dict[str, float]:
         """Speed and steer angles at a row, by name."""
-        k = len(self.first)
-        return dict(zip(self.first, self.rows[row, 1 + k : 1 + 2 * k].tolist(), strict=True))
+        return dict(zip(self.first, self.rows.inputs[row].tolist(), strict=True))
 
     def part(self, first: int, last: int) -> "StreamSegment":
         """The segment of the rows from that of a sample, `first`, to before `last`."""
-        begin, end = np.searchsorted(self.sample_indices, [first, last]).tolist()
-        rows, k = self.rows[first:last].copy(), len(self.first)
-        rows[0, 0], rows[0, 1 : 1 + k] = 0.0, rows[0, 1 + k : 1 + 2 * k]  # no step before the first row
-        return StreamSegment(
-            samples=slice(self.samples.start + begin, self.samples.start + end),
-            rows=rows,
-            sample_indices=self.sample_indices[begin:end] - first,
-            first=self.inputs(first),
-        )
+        within, indices = self.samples_of(slice(first, last))
+        samples = slice(self.samples.start + within.start, self.samples.start + within.stop)
+        rows = self.rows.part(first, last)
+        return StreamSegment(samples=samples, rows=rows, sample_indices=indices, first=self.inputs(first))
+
+    def with_accepted(self, accepted: NDArray[np.bool_]) -> "StreamSegment":
+        """The segment with the accepted (N, n_y) of its measurements only."""
+        measured = np.full_like(self.rows.measured, np.nan)
+        measured[self.sample_indices] = np.where(accepted, self.rows.measured[self.sample_indices], np.nan)
+        return replace(self, rows=replace(self.rows, measured=measured))
+
+    def samples_of(self, rows: slice) -> tuple[slice, NDArray[np.int64]]:
+        """Those of the N samples that are among some rows, and their indices among these rows."""
+        begin, end = np.searchsorted(self.sample_indices, [rows.start, rows.stop]).tolist()
+        return slice(begin, end), self.sample_indices[begin:end] - rows.start
 
 
 def stream_segments(
@@ -63,11 +69,12 @@ def stream_segments(
         stop = first + int(np.argmin(np.append(ok[first:following], False)))
         samples = slice(int(first), stop)
         fine, columns, indices = steps.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
-        dt, d = steps.step_inputs(fine, columns)
-        y = np.full((len(fine), measured.shape[1]), np.nan)
-        y[indices] = measured[samples]
+        y = measured[samples]
+        if len(fine) > len(y):
+            y = np.full((len(fine), measured.shape[1]), np.nan)
+            y[indices] = measured[samples]
         start = dict(zip(settings.names, inputs[first].tolist(), strict=True))
-        rows = sample_rows(dt, d, y)
+        rows = SampleRows(time=fine, inputs=columns, measured=y)
         segments.append(StreamSegment(samples=samples, rows=rows, sample_indices=indices, first=start))
     return status, segments
 
@@ -112,7 +119,7 @@ def measurements(record: Record, largest: Mapping[str, float]) -> Array:
     return np.column_stack([np.where(np.abs(values) <= limit, values, np.nan) for values, limit in signals])
 
 
-def without_measurement(time: Array, accepted: Array, coast: float) -> NDArray[np.bool_]:
+def without_measurement(time: Array, accepted: NDArray[Any], coast: float) -> NDArray[np.bool_]:
     """Samples (N,) of a segment for which no channel (N, m) was accepted for longer than `coast` seconds."""
     last = np.maximum.accumulate(np.where(accepted.any(axis=1), time, time[0]))
     return np.asarray(time - last > coast)

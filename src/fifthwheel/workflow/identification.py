@@ -82,6 +82,7 @@ def run_identification(
     identification = identify(
         records, vehicle, settings, knowledge=knowledge, occasion=occasion, validate=validate, progress=progress
     )
+    assessment = _assess_remedies(identification, records, occasion or Occasion())
     everything = (*records, *validate)
     progress("states", 0, len(everything))
     states = []
@@ -89,7 +90,6 @@ def run_identification(
         states.append(_estimate_states(identification, record))
         progress("states", i + 1, len(everything))
     validated = [_validation(identification, record, occasion or Occasion()) for record in validate]
-    assessment = _assess_remedies(identification, records, occasion or Occasion())
     return IdentificationRun(
         records=everything,
         identification=identification,

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel._atomic import one_run, write_json, write_text
+from fifthwheel._memory import release_memory
 from fifthwheel.assess import Assessment
 from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.errors import VehicleError
@@ -154,6 +155,7 @@ def write_results(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
+    release_memory()
     report = folder / "report.html"
     write_states(run.states, folder / "states.parquet")
     if isinstance(run, StatesRun):

@@ -331,7 +331,7 @@ def test_residuals_are_those_of_the_samples(
     p = problem(truck, [record], OneStage())
     z = np.zeros(len(p.names))
     rows = p._step_rows(0, 0, p.model_values(z, 0) | p.values(z, 0))
-    assert (len(rows.rows) > len(record)) == divided
+    assert (len(rows) > len(record)) == divided
     for differentiated in (True, False):
         blocks = list(p.blocks(z, 0, 0, differentiated=differentiated))
         assert len(blocks) > 2

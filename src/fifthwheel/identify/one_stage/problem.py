@@ -282,10 +282,14 @@ class Problem:
 
     def residuals(self, z: Array, log: int, *, whitened: bool = True) -> tuple[Array, Array, Array]:
         """Time (N,), residuals (N, m) and their variances (N, m) of all segments of a log, `whitened` or not."""
-        segments = range(len(self.logs[log].segments))
-        blocks = [b for j in segments for b in self.blocks(z, log, j, differentiated=False, whitened=whitened)]
-        time, error, variance = ([getattr(b, part) for b in blocks] for part in ("time", "error", "variance"))
-        return np.concatenate(time), np.concatenate(error), np.concatenate(variance)
+        segments, end = self.logs[log].segments, 0
+        time = np.empty(sum(map(len, segments)))
+        error, variance = (np.empty((len(time), len(self.model.outputs)), order="F") for _ in range(2))
+        for j in range(len(segments)):
+            for block in self.blocks(z, log, j, differentiated=False, whitened=whitened):
+                rows = slice(end, end := end + len(block.time))
+                time[rows], error[rows], variance[rows] = block.time, block.error, block.variance
+        return time, error, variance
 
     def log_likelihood(self, z: Array) -> float:
         """Logarithm of the density of all logs at z, for the noise of the problem."""
@@ -327,13 +331,11 @@ class Problem:
         log, limit = self.logs[i], self.settings.outlier
         least = self.settings.consider.get("discrepancy", 0.0) ** 2
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
-        segments = [list(self.blocks(z, i, j, differentiated=False, whitened=False)) for j in range(len(log.segments))]
+        _, error, spread = self.residuals(z, i, whitened=False)
+        ends = np.cumsum([len(segment) for segment in log.segments])[:-1]
         for c, name in enumerate(self.model.outputs):
-            sizes = []
-            for blocks in segments:
-                error = np.concatenate([block.error[:, c] for block in blocks])
-                size = error / np.sqrt(np.concatenate([block.variance[:, c] for block in blocks]))
-                sizes.append(np.clip(size[np.isfinite(size)], -limit, limit))
+            of_segments = np.split(error[:, c] / np.sqrt(spread[:, c]), ends)
+            sizes = [np.clip(size[np.isfinite(size)], -limit, limit) for size in of_segments]
             size = np.concatenate(sizes)
             if len(size) < FEWEST_RESIDUALS:
                 continue

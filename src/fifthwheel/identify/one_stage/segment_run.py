@@ -50,7 +50,7 @@ class SegmentRun:
         """The outputs [residual, variance, used] of a scan for m channels at the samples of the segment."""
         chunks = tangent.run_in_chunks(
             scan,
-            self.rows.rows,
+            self.rows,
             start=start,
             start_directions=start_directions,
             constant=constant,
@@ -71,7 +71,7 @@ class SegmentRun:
 
 def _samples(rows: StepRows, chunk: slice) -> tuple[slice | Indices, slice | Indices]:
     """Which rows of a chunk are samples, counted from the start of the chunk and from the start of the segment."""
-    if len(rows.sample_indices) == len(rows.rows):  # all are; a slice avoids a copy
+    if len(rows.sample_indices) == len(rows):  # all are; a slice avoids a copy
         return slice(None), chunk
     first, last = np.searchsorted(rows.sample_indices, (chunk.start, chunk.stop))
     indices = rows.sample_indices[first:last]
