@@ -775,8 +775,9 @@ def test_wrong_usage_names_the_help_of_the_command(arguments, help, monkeypatch,
 def test_an_unknown_option_names_the_option_for_numbers(run):
     refused(
         run("identify", "run.csv", "--friction", "0.3"),
-        r"No such option: --friction\. A number is stated by --set friction=VALUE",
+        r"No such option: --friction\. If it is a number of vehicle or road, state it by --set friction=VALUE",
     )
+    refused(run("identify", "run.csv", "-m", "map.toml"), r"No such option: -m See fifthwheel identify --help")
     refused(
         run("evaluate", "run.csv", "--frict", "0.3"), r"No such option: --frict [^.]*See fifthwheel evaluate --help"
     )

@@ -81,9 +81,11 @@ def main() -> None:
 def _of_numbers(error: Any, context: Any) -> str:
     """The option for all numbers, where an unknown option may be the name of one."""
     flags = [flag for parameter in context.command.params for flag in parameter.opts] if context else []
-    if type(error).__name__ != "NoSuchOption" or "--set" not in flags:
+    unknown = type(error).__name__ == "NoSuchOption"
+    if not unknown or "--set" not in flags or error.possibilities or error.option_name[:2] != "--":
         return ""
-    return f". A number is stated by --set {error.option_name.lstrip('-').replace('-', '_')}=VALUE."
+    name = error.option_name.lstrip("-").replace("-", "_")
+    return f". If it is a number of vehicle or road, state it by --set {name}=VALUE."
 
 
 def _refuse(message: str) -> None:
