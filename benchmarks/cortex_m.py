@@ -48,8 +48,9 @@ def print_observers(truck: fw.Vehicle, record: fw.Record) -> None:
 
 def print_learners(truck: fw.Vehicle, record: fw.Record) -> None:
     """A row for each learner. With -O2 the compiler needs minutes."""
+    five = fw.OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
     learners = {
-        "five parameters": fw.Learner(truck, record.signals, fw.OneStage(priors={}, consider={}, nuisances=False)),
+        "five parameters": fw.Learner(truck, record.signals, five),
         "default": fw.Learner(truck, record.signals),
     }
     sizes = "flash, KB | learner, KB | stack, KB | instructions a sample | with a second step | of the first"

@@ -11,7 +11,8 @@
 * the nonlinear truck with a time step of 1 ms: simulated time divided by computing time;
 * one evaluation of the posterior and its derivatives by all unknowns, divided by its floor, a plain simulation;
 * the command line: `fifthwheel identify` on 120 s, 10 min and 1 h of everyday driving at 100 Hz, as a process with
-  states and report: duration, processor time and memory; the first without compiled steps too; `fifthwheel --help`.
+  states and report, and `fifthwheel states`: duration, processor time and memory; the first without compiled steps;
+  `fifthwheel --help`.
   The processor time is also divided by that of a bare import of the libraries, the floor of a process; the floor of
   the memory is that of the same process with the samples of the log.
 
@@ -282,29 +283,37 @@ def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> Pro
     return min((once() for _ in range(runs)), key=lambda cost: cost.wall)
 
 
-def command_costs() -> Iterator[tuple[str, ProcessCost]]:
-    """Costs of processes of the command line."""
+def everyday_log(duration: int, folder: str) -> tuple[str, float]:
+    """A file with everyday driving of the nonlinear truck at 100 Hz, and its size in memory, MB; `duration` in s."""
     from fifthwheel.manoeuvres import course
     from fifthwheel.plant import Plant
 
+    log = Path(folder) / f"{duration}.csv"
+    drive = course("everyday", TRUCK, duration=float(duration), seed=0)
+    record = Plant(TRUCK).drive(drive).record(seed=0)
+    logs.write_record(record, log)
+    return str(log), (1 + len(record.signals) + len(record.reference)) * record.time.nbytes / 1e6
+
+
+def log_costs(log: str, *commands: str, **environment: str) -> Iterator[tuple[str, ProcessCost]]:
+    """Costs of commands on a log, first without compiled steps and then with them."""
+    with tempfile.TemporaryDirectory() as cache:
+        environment |= {"FIFTHWHEEL_CACHE": cache}
+        for command in commands:
+            name = f"{command}, {Path(log).stem} s"
+            arguments = ["-m", "fifthwheel", command, log, "-v", "cheng_cebon_2011", "-o", f"{log} {command}"]
+            yield f"{name}, first compilation", process_cost(arguments, 1, **environment)
+            yield name, process_cost(arguments, 2, **environment)
+
+
+def command_costs() -> Iterator[tuple[str, ProcessCost]]:
+    """Costs of processes of the command line."""
     yield "--help", process_cost(["-m", "fifthwheel", "--help"])
     with tempfile.TemporaryDirectory() as folder:
         for duration in (120, 600, 3600):
-            log, out, cache = (Path(folder) / f"{duration}{end}" for end in (".csv", "", "cache"))
-            drive = course("everyday", TRUCK, duration=float(duration), seed=0)
-            record = Plant(TRUCK).drive(drive).record(seed=0)
-            logs.write_record(record, log)
-            size = (1 + len(record.signals) + len(record.reference)) * record.time.nbytes / 1e6
-            of_log = [str(log), "-v", "cheng_cebon_2011", "-o"]
-            identify_log = ["-m", "fifthwheel", "identify", *of_log, str(out)]
-            first = process_cost(identify_log, 1, FIFTHWHEEL_CACHE=str(cache))
-            if duration == 120:
-                yield "identify, 120 s, first compilation", replace(first, record=size)
-            later = process_cost(identify_log, 2, FIFTHWHEEL_CACHE=str(cache))
-            yield f"identify, {duration} s", replace(later, record=size)
-            states = ["-m", "fifthwheel", "states", *of_log, f"{out} states"]
-            known = process_cost(states, 2, FIFTHWHEEL_CACHE=str(cache))
-            yield f"states of a known truck, {duration} s", replace(known, record=size)
+            log, size = everyday_log(duration, folder)
+            for name, cost in log_costs(log, "identify", "states"):
+                yield name, replace(cost, record=size)
 
 
 def main() -> None:

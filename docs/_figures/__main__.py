@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import architecture
+import speed_ratios
 import tyre_law
 import vehicle_model
 
 FIGURES = {
     "architecture.svg": architecture.draw,
+    "speed_ratios.svg": speed_ratios.draw,
     "tyre_law.svg": tyre_law.draw,
     "vehicle_model.svg": vehicle_model.draw,
 }
