@@ -12,10 +12,13 @@ _PROJECTS = {"can": "python-can", "PIL": "pillow"}
 def require(package: str, extra: str) -> Any:
     """The imported package, or a FifthwheelError that names the extra of fifthwheel that installs it."""
     try:
-        return import_module(package)
+        module = import_module(package)
     except ImportError:
-        top = package.partition(".")[0]
-        project = _PROJECTS.get(top, top)
-        raise FifthwheelError(
-            f"{project} is needed but not installed; pip install 'fifthwheel[{extra}]', or pip install {project}"
-        ) from None
+        module = None
+    if module and module.__spec__ and module.__spec__.origin:  # else files that pip left behind
+        return module
+    top = package.partition(".")[0]
+    project = _PROJECTS.get(top, top)
+    raise FifthwheelError(
+        f"{project} is needed but not installed; pip install 'fifthwheel[{extra}]', or pip install {project}"
+    )

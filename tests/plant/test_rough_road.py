@@ -8,7 +8,7 @@ import pytest
 from scipy.integrate import quad
 from scipy.linalg import block_diag
 
-from fifthwheel.errors import VehicleError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.manoeuvres import straight
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.plant.bodies import sprung_bodies
@@ -259,3 +259,18 @@ def test_how_a_roughness_is_stated() -> None:
         with_changes(Properties(), {"roughness": "Z"})
     with pytest.raises(VehicleError, match=r"roughness: expected 0 or more .* class B"):
         Properties(roughness=64.0)
+
+
+def test_a_class_may_be_written_small_and_texts_are_for_the_command_line() -> None:
+    assert with_changes(Properties(), {"roughness": "b"}) == with_changes(Properties(), {"roughness": "B"})
+    for changes in ({"roughness": "B"}, {"bank": "2 deg"}, {"friction": "0.6"}):
+        with pytest.raises(VehicleError, match=f"{next(iter(changes))}: expected a number in SI"):
+            Properties(**changes)
+
+
+def test_a_run_that_rolls_over_leaves_no_file(tmp_path, monkeypatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    rough = Plant(get("cheng_cebon_2011"), Properties(roughness=0.26))
+    with pytest.raises(SignalError, match="roughness of the road"):
+        rough.drive(straight(speed=24.0, duration=5.0))
+    assert not list(tmp_path.iterdir())

@@ -49,8 +49,8 @@ class Body:
     """Overhangs of the other ends, such as "semitrailer.front_overhang", from the kingpin to the front end (of a dolly,
     from its first axle), or "lead.rear_overhang"; an end that is not given is at the kingpin or axle."""
     brakes: Mapping[str, float] = field(default_factory=dict)
-    """Fraction of the braking force on axle groups by path; those that it does not name do not brake. Empty: all brake
-    in proportion to their static loads."""
+    """Share of axle groups in the braking force by path, in proportion to each other; groups that it does not name do
+    not brake. Empty: all brake in proportion to their static loads."""
 
     def __post_init__(self) -> None:
         limits = {

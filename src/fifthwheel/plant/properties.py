@@ -75,8 +75,8 @@ class Properties:
     roughness: float = 0.0
     """Roughness of the road: G_d(n_0) of ISO 8608, m^3, such as 64e-6 for the middle of class B, see rough_road.py."""
     brakes: Mapping[str, float] = field(default_factory=dict)
-    """Fraction of the braking force on an axle group, such as {"tractor.drive": 1.0} for a retarder; groups that it
-    does not name do not brake. Empty: all groups brake in proportion to their static loads."""
+    """Share of an axle group in the braking force, in proportion to the others: {"tractor.drive": 1.0} is a retarder.
+    Groups that it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
     roll_centre: Mapping[str, float] = field(default_factory=dict)
     """Height of the roll centre of a suspension above the ground, m. The default follows from roll_axis_height of the
     unit: the body rolls about that axis on suspension and tyres in series."""
@@ -93,6 +93,12 @@ class Properties:
     """Torsional stiffness of the frame of the first unit, N m/rad; None: rigid."""
 
     def __post_init__(self) -> None:
+        for name in UNITS.keys() | {"friction", "stiffness"}:
+            value = getattr(self, name, None)
+            if isinstance(value, str):
+                raise VehicleError(
+                    f"{name}: expected a number in SI, got {value!r}; only --with takes a text with a unit"
+                )
         for name in ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness"):
             if not 0 < getattr(self, name) < 100:
                 raise VehicleError(f"{name}: expected above 0 and below 100, got {getattr(self, name)}; correct it")
@@ -146,7 +152,7 @@ def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properti
             values[name] = tuple(value.split(",") if isinstance(value, str) else value)
             continue
         try:
-            in_class = ROAD_CLASSES.get(value) if name == "roughness" and isinstance(value, str) else None
+            in_class = ROAD_CLASSES.get(value.upper()) if name == "roughness" and isinstance(value, str) else None
             number = quantity(value, UNITS.get(name, "1")) if in_class is None else in_class
         except (SignalError, TypeError, ValueError) as error:
             or_class = "; or give a class of ISO 8608, A to H" if name == "roughness" else ""

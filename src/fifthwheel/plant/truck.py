@@ -191,8 +191,9 @@ class Multibody:
 
 def _compiled(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Properties) -> Any:
     """MuJoCo's model; a VehicleError if a body cannot be rigid."""
+    model = mujoco().MjModel
     try:
-        return mujoco().MjModel.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+        return model.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
     except ValueError as error:
         reason = " ".join(str(error).removeprefix("Error: ").split())
         raise VehicleError(
@@ -202,8 +203,14 @@ def _compiled(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
 
 
 def mujoco() -> Any:
-    """The module mujoco, which may not be installed."""
-    return require("mujoco", "plant")
+    """The module mujoco, which may not be installed. A run that diverges ends with an error of our own."""
+    module = require("mujoco", "plant")
+    module.set_mju_user_warning(_ignore)  # by default it writes MUJOCO_LOG.TXT into the folder of the user
+    return module
+
+
+def _ignore(_: str) -> None:
+    """No warning."""
 
 
 def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:

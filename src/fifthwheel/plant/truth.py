@@ -128,7 +128,7 @@ def check_run(time: Array, signals: dict[str, Array], vehicle: Vehicle) -> None:
             if exceeded.any():
                 raise SignalError(
                     f"{name}: expected a magnitude below {limit:g} rad; the {unit.name} {event} at"
-                    f" {time[exceeded.argmax()]:.1f} s; reduce speed, steer angle or lateral acceleration"
+                    f" {time[exceeded.argmax()]:.1f} s; reduce speed, steering, braking or the roughness of the road"
                 )
     stopped = signals["speed"] < LOWEST_SPEED
     if stopped.any():

@@ -142,7 +142,8 @@ def explanations(assessment: Assessment) -> list[str]:
     sigma = body.half_track_sigma or None
     overhang = "rear overhang unknown" if body.rear_overhang is None else f"rear overhang {body.rear_overhang:g} m"
     others = "".join(f", {name} {value:g} m" for name, value in body.between.items())
-    others += "".join(f", brakes.{path} {fraction:g}" for path, fraction in body.brakes.items())
+    whole = sum(body.brakes.values())
+    others += "".join(f", brakes.{path} {share / whole:.0%}" for path, share in body.brakes.items())
     notes = [
         *assessment.notes,
         *_above_static(assessment),
