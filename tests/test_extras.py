@@ -9,8 +9,6 @@ from fifthwheel.errors import FifthwheelError
 def test_files_that_pip_left_behind_are_no_package(tmp_path, monkeypatch) -> None:
     (tmp_path / "left_behind" / "plugin").mkdir(parents=True)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(
-        FifthwheelError, match=r"left_behind is needed but not installed; pip install"
-    ):
+    with pytest.raises(FifthwheelError, match=r"left_behind is needed but not installed; pip install"):
         require("left_behind", "plant")
     assert require("json.decoder", "plant").JSONDecoder

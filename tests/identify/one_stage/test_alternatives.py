@@ -222,7 +222,7 @@ def test_a_gyro_that_is_turned_is_named_with_its_angle(found):
     assert doubt.causes[0].name == f"{ROLL2}.misalignment"
     assert abs(doubt.causes[0].changes[f"{ROLL2}.misalignment"]) == pytest.approx(0.4, abs=0.06)
     assert not [d for d in result.doubts if d.kind is DoubtKind.SENSOR]
-    of_causes = [(done, total) for title, done, total in steps if title == "causes of a contradiction"]
+    of_causes = [(done, total) for title, done, total in steps if title == "test of assumptions"]
     total = sum(alternatives.ITERATIONS)
     assert of_causes[0] == (0, total)
     assert of_causes[-1] == (total, total)

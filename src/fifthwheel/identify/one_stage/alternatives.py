@@ -26,7 +26,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import Progress
 
-TITLE = "causes of a contradiction"
+TITLE = "test of assumptions"
 """Of the progress."""
 CANDIDATE_FRACTION = 0.5
 """A candidate has at least this fraction of the largest |statistic|: the tests are distorted, but not without value."""

@@ -36,8 +36,8 @@ from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 
-TITLE = "fit with estimated noise"
-"""Of the progress."""
+START, WHITE, EARLY, FINAL = "fit with linear tyres", "fit", "fit with first noise", "fit with estimated noise"
+"""Of the progress of the fits, in this order."""
 WHITE_TOLERANCE = 1.0
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
 ROUND_TOLERANCES = (0.3, 0.05)
@@ -131,7 +131,7 @@ class _Estimator:
         with a friction that is large enough for the lateral accelerations of the logs.
         """
         problem = Problem(self.setup, self.dataset.logs, self.earlier)
-        minimum = self._first_fit(problem, progress, START_ITERATIONS)
+        minimum = self._first_fit(problem, START, progress, START_ITERATIONS)
         solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
         settings = self.setup.settings
         largest = max(filter(math.isfinite, solution.lateral_accelerations), default=0.0)
@@ -162,7 +162,9 @@ class _Estimator:
         means = zip(problem.names, problem.prior.mean.tolist(), strict=True)
         return problem.stiffened(np.clip([self.start.get(name, mean) for name, mean in means], *problem.bounds))
 
-    def _first_fit(self, problem: Problem, progress: Progress, steps: int = EARLY_ITERATIONS) -> Minimum[Problem]:
+    def _first_fit(
+        self, problem: Problem, title: str, progress: Progress, steps: int = EARLY_ITERATIONS
+    ) -> Minimum[Problem]:
         """The fit that takes residuals as white and updates their variance at every step.
 
         Gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
@@ -170,7 +172,7 @@ class _Estimator:
         """
         late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
         first, z = problem.shortened(EARLY_SAMPLES), self._initial(problem)
-        fit = functools.partial(self._fit, first, z, "fit", progress, tolerance=WHITE_TOLERANCE, steps=steps)
+        fit = functools.partial(self._fit, first, z, title, progress, tolerance=WHITE_TOLERANCE, steps=steps)
         return fit(reweighted=_white, fixed=late) if self.setup.settings.adapt_noise else fit()
 
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
@@ -181,19 +183,19 @@ class _Estimator:
         """
         tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
         if not self.setup.settings.adapt_noise:
-            return self._fit(problem, self._initial(problem), "fit", progress)
-        early = self._first_fit(problem, progress)
+            return self._fit(problem, self._initial(problem), WHITE, progress)
+        early = self._first_fit(problem, WHITE, progress)
         first = problem.shortened(EARLY_SAMPLES)
         for tolerance in tolerances[:-1]:
             corrected = early.objective.with_residual_noise(early.z, autocorrelated=True)
-            early = self._fit(corrected, early.z, TITLE, progress, tolerance=tolerance, steps=EARLY_ITERATIONS)
+            early = self._fit(corrected, early.z, EARLY, progress, tolerance=tolerance, steps=EARLY_ITERATIONS)
         z = early.z
         if first is problem:  # not shortened
             problem = early.objective
         else:  # the parts begin later than the segments
             for indices in itertools.chain(*problem.layout.initial_states):
                 z[indices] = 0.0
-        return self._fit(problem.with_residual_noise(z, autocorrelated=True), z, TITLE, progress)
+        return self._fit(problem.with_residual_noise(z, autocorrelated=True), z, FINAL, progress)
 
     def _fit(
         self,
