@@ -103,7 +103,7 @@ def filter_sigmas(learner: Learner) -> dict[str, float]:
 
 
 def test_sensor_errors_belong_to_the_unit_of_the_sensor(guess: Vehicle, lanes: Record) -> None:
-    learner = learn(guess, lanes, OneStage(priors={}, consider={}))
+    learner = learn(guess, lanes, OneStage(priors={}, consider={}, tyres="linear"))
     before = {e.name: e for e in learner.sensors}
     learner.couple("empty", guess)
     after = {e.name: e for e in learner.sensors}
