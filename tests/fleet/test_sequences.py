@@ -149,7 +149,7 @@ def test_a_run_does_not_depend_on_earlier_runs(fleet, states) -> None:
 
 
 @pytest.mark.slow
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(states=st.lists(STATES, min_size=2, max_size=12))
 def test_a_run_does_not_depend_on_many_earlier_runs(fleet, states) -> None:
     check_sequence(fleet, states)
