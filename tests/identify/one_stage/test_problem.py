@@ -194,7 +194,7 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     factors = []
     for size in (0.0, 0.01):
         noisy = record.with_signals({name: record.signals[name] + size * slow})
-        p = problem(truck, [noisy], OneStage(form="prediction_error", initial_payload_height=None))
+        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", initial_payload_height=None))
         p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         factors.append(p.logs[0].autocorrelation_factor[name])
         assert not p.logs[0].noise_models
