@@ -98,7 +98,7 @@ def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck
 
 
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess)
+    result = identify([simulate(truck, manoeuvre="straight", duration=30.0, seed=1)], guess)
     for e in result.parameters:
         assert e.verdict is Verdict.NOT_EXCITED, e.name
         assert e.value == e.initial

@@ -152,7 +152,7 @@ def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: Tyr
         _, y = free_response(model, dynamics.all_parameters(locked, [name]), record.time, kept)
         kept[name] = y[:, 0] + np.random.default_rng(0).normal(scale=0.05, size=len(record))
     guess = truck.replace({path: 0.85 * truck.parameters()[path] for path in STIFFNESS_AND_INERTIA})
-    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres))
+    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres, consider={}))
     for e in map(result.__getitem__, STIFFNESS_AND_INERTIA):
         assert e.verdict is Verdict.CONVERGED
         assert e.sigma is not None

@@ -26,7 +26,7 @@ RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count
 
 @pytest.fixture(scope="module")
 def result():
-    return identify([RUN], GUESS, OneStage(), validate=[OTHER])
+    return identify([RUN], GUESS, OneStage(tyres="linear"), validate=[OTHER])
 
 
 @pytest.fixture(scope="module")

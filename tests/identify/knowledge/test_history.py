@@ -120,15 +120,18 @@ def test_merged_knowledge_counts_a_log_once(logs):
 
 
 def test_doubts_are_kept_and_named_by_later_results(logs):
-    quick = fw.vehicle("cheng_cebon_2011").replace({"tractor.front.cornering_stiffness": 1.4e6})
-    record = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1, seed=1, name="run 1")
-    settings = fw.OneStage(free=(), prior=0.1, consider={}, tyres="linear")
-    first = fw.identify([record], quick, settings)
+    truck, steer = fw.vehicle("cheng_cebon_2011"), "steer.tractor.front"
+
+    def late(seed):
+        record = fw.simulate(truck, count=1, seed=seed, name=f"run {seed}")
+        return record.with_signals({steer: np.interp(record.time - 0.25, record.time, record.signals[steer])})
+
+    settings = fw.OneStage(free=(), consider={}, tyres="linear")
+    first = fw.identify([late(1)], truck, settings)
     (log,) = first.knowledge.logs
     assert first.doubts
     assert len(log.doubts) == len(first.doubts)
     assert log.doubts[0].startswith("contradicted assumption: steer.tractor.front.delay (+")
-    again = fw.simulate(fw.vehicle("cheng_cebon_2011"), count=1, seed=2, name="run 2")
-    later = fw.identify([again], quick, settings, knowledge=first.knowledge)
+    later = fw.identify([late(2)], truck, settings, knowledge=first.knowledge)
     assert any(f"run 1 is doubtful ({log.doubts[0]})" in note for note in later.notes)
     assert not any("doubtful" in note for note in identified(4, fw.Knowledge(logs=logs[:1])).notes)

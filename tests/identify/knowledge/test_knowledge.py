@@ -189,10 +189,10 @@ def test_with_payload_keeps_the_unladen_vehicle():
 
 
 def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(records):
-    known = fw.identify(records[:1], GUESS)
+    known = fw.identify(records[:1], GUESS, LINEAR)
     record = log(19, name="tractor")
     record = replace(record, signals={n: v for n, v in record.signals.items() if not n.endswith("rate.semitrailer")})
-    result = fw.identify([record], GUESS, knowledge=known.knowledge)
+    result = fw.identify([record], GUESS, LINEAR, knowledge=known.knowledge)
     assert result[TYRES].verdict == result["semitrailer.payload.height"].verdict == "converged"
     assert result[TYRES].sigma < 1.02 * known[TYRES].sigma
     states = result.observer(log="tractor").batch(record, result.uncertainty("tractor"))

@@ -191,10 +191,11 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     record, name = simulate(truck, count=1, seed=4), "yaw_rate.semitrailer"
     rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.2)
     slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
+    few = {"priors": {}, "consider": {}, "nuisances": False, "initial_payload_height": None}
     factors = []
     for size in (0.0, 0.01):
         noisy = record.with_signals({name: record.signals[name] + size * slow})
-        p = problem(truck, [noisy], OneStage(form="prediction_error", initial_payload_height=None))
+        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", **few))
         p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         factors.append(p.logs[0].autocorrelation_factor[name])
         assert not p.logs[0].noise_models

@@ -48,13 +48,13 @@ def test_means_and_sigmas_are_those_of_samples(tyres: str) -> None:
     density = log_posterior([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=CONSIDER))
     # The noise of the solution is fixed. With saturating tyres the posterior is skew: its mode and its mean differ.
     skew = 0.4 if tyres == "linear" else 0.8
-    chain, accepted = sampled(density, 6000, seed=2)
+    chain, accepted = sampled(density, 3000, seed=2)
     assert accepted > 0.1
     for name in (name for name in density.solution.estimated if not name.startswith("road")):
         i = density.names.index(name)
         sigma = np.sqrt(density.covariance[i, i])
-        assert abs(chain[500:, i].mean() - density.mean[i]) < skew * sigma, name
-        assert chain[500:, i].std() == pytest.approx(sigma, rel=0.3), name
+        assert abs(chain[250:, i].mean() - density.mean[i]) < skew * sigma, name
+        assert chain[250:, i].std() == pytest.approx(sigma, rel=0.3), name
 
 
 @pytest.mark.slow
@@ -65,7 +65,7 @@ def test_the_posterior_of_a_result_is_that_of_samples() -> None:
     settings = OneStage(free=names, consider={}, nuisances=False, tyres="linear")
     arguments = [simulate(TRUCK, count=1, seed=1)], TRUCK, settings
     result, density = identify(*arguments), log_posterior(*arguments)
-    chain, accepted = sampled(density, 8000, seed=2, b=0.7)
+    chain, accepted = sampled(density, 4000, seed=2, b=0.7)
     assert accepted > 0.5
     posterior = result.posterior.among(names)
     values = density.values(chain[200:])

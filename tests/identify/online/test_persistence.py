@@ -16,7 +16,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from tests.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
+from tests.identify.online.conftest import CONSIDERING, FIVE, HEIGHT, assert_identified, estimates, learn
 
 
 def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def filter_sigmas(learner: Learner) -> dict[str, float]:
 
 
 def test_sensor_errors_belong_to_the_unit_of_the_sensor(guess: Vehicle, lanes: Record) -> None:
-    learner = learn(guess, lanes, OneStage(priors={}, consider={}))
+    learner = learn(guess, lanes, OneStage(priors={}, consider={}, tyres="linear"))
     before = {e.name: e for e in learner.sensors}
     learner.couple("empty", guess)
     after = {e.name: e for e in learner.sensors}
@@ -131,7 +131,7 @@ def test_another_tractor_is_refused(learned: Learner) -> None:
 
 def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
     """An empty one is ignored, and any other refused."""
-    saved, path = Learner(guess, lanes.signals), tmp_path / "learner.json"
+    saved, path = Learner(guess, lanes.signals, FIVE), tmp_path / "learner.json"
     saved.save(path)
     content = LEARNER_FILE.read(path)
     LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
