@@ -15,7 +15,8 @@ def require(package: str, extra: str) -> Any:
         module = import_module(package)
     except ImportError:
         module = None
-    if module and module.__spec__ and module.__spec__.origin:  # else files that pip left behind
+    spec = getattr(module, "__spec__", None)
+    if module and (spec is None or spec.origin):  # what pip left behind has no origin
         return module
     top = package.partition(".")[0]
     project = _PROJECTS.get(top, top)
