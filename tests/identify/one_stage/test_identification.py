@@ -11,6 +11,7 @@ from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.one_stage.identification import (
     _correlated,
     _doubtful_covariance,
+    _implausible,
     _variance_budget,
     _without_number,
 )
@@ -59,6 +60,20 @@ def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
         assert list(budget[name].values()) == sorted(budget[name].values(), reverse=True)
     problem.unknowns[3] = replace(problem.unknowns[3], per_log=True)
     assert {tuple(terms) for terms in _variance_budget(problem, posterior, names[:2]).values()} == {(AXIS,)}
+
+
+@pytest.mark.parametrize(
+    ("kind", "deviation", "noted"),
+    [
+        (UnknownKind.UNCERTAIN, 13.8, False),  # a factor of 3.97
+        (UnknownKind.UNCERTAIN, -13.9, True),
+        (UnknownKind.PARAMETER, -13.9, False),  # has a verdict
+    ],
+)
+def test_an_impossible_uncertain_number_is_noted(kind: UnknownKind, deviation: float, noted: bool) -> None:
+    problem = SimpleNamespace(names=(AXIS,), unknowns_by_name={AXIS: unknown(AXIS, kind)})
+    solution = SimpleNamespace(problem=problem, minimum=SimpleNamespace(z=np.array([deviation])))
+    assert [note.partition(":")[0] for note in _implausible(solution)] == [AXIS] * noted
 
 
 def test_which_unknowns_a_parameter_is_correlated_with() -> None:

@@ -1,6 +1,6 @@
 """The result of one stage: an `Identification` from its solution."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -91,7 +91,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         settings=settings,
         rounds=minimum.steps,
         findings=dataset.findings,
-        notes=tuple(dict.fromkeys((*dataset.notes, *([note] if note else []), *evaluation.notes))),
+        notes=tuple(dict.fromkeys((*dataset.notes, *filter(None, [note]), *_implausible(solution), *evaluation.notes))),
         version=fifthwheel.__version__,
     )
 
@@ -174,6 +174,18 @@ def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSumma
         bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
     summary = estimates.log_summary(solution.dataset.records[i], log, problem.model.outputs, accepted)
     return replace(summary, bank=bank)
+
+
+def _implausible(solution: Solution) -> Iterator[str]:
+    """A note on each uncertain number that the logs move beyond what a truck can have."""
+    z = dict(zip(solution.problem.names, solution.minimum.z.tolist(), strict=True))
+    for name, u in solution.problem.unknowns_by_name.items():
+        if u.kind is UnknownKind.UNCERTAIN and not u.is_possible(z[name]):
+            yield (
+                f"{name}: the logs move it by {z[name]:+.1f} prior sigma, beyond what a truck can have. Something that "
+                "the model lacks acts like it, so sigmas of other estimates may be too small: identify parts of "
+                "the logs, and compare."
+            )
 
 
 def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], *, converged: bool) -> Array:
