@@ -132,7 +132,7 @@ import fifthwheel.workflow.results as results
 
 def write_states(*arguments):
     states.write_states(*arguments)
-    print("ready", flush=True)
+    print("ready\\n", end="", flush=True)  # in one piece, because several processes may print
     time.sleep(60)
 
 results.write_states = write_states
@@ -160,7 +160,7 @@ import importlib
 study = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
 
 def outcome(*arguments, **options):
-    print("ready", flush=True)
+    print("ready\\n", end="", flush=True)  # in one piece, because several processes may print
     time.sleep(60)
 
 class Experiment:
