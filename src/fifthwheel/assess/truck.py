@@ -12,6 +12,7 @@ from fifthwheel.dynamics import matrices
 from fifthwheel.errors import UnitError, VehicleError, suggestion
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle import Axle, AxleGroup, Unit, Vehicle
+from fifthwheel.vehicle.brakes import require_shares
 from fifthwheel.vehicle.steering import require_no_steering
 
 HALF_TRACK = "half_track"
@@ -64,10 +65,7 @@ class Body:
             value = self.between[name] if name in self.between else getattr(self, name)
             if value is not None and not low <= value <= high:
                 raise VehicleError(f"{name}: expected {low:g} to {high:g} m, got {value:g} m; correct it")
-        if self.brakes and not (min(self.brakes.values()) >= 0 and 0 < sum(self.brakes.values()) < 1e6):
-            raise VehicleError(
-                f"brakes: expected fractions of 0 or more, one above 0, got {dict(self.brakes)}; correct them"
-            )
+        require_shares(self.brakes)
         if not 0 <= self.half_track_sigma < self.half_track / 3:
             raise VehicleError(
                 f"half_track: expected a standard deviation below a third of its value, got {self.half_track_sigma:g} m"

@@ -383,7 +383,8 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    A, B = equations.state_space(mean := (s.d[0] + now) / 2)
+    mean = (s.d[0] + now) / 2
+    A, B = equations.state_space(mean)
     stages, rate_stages = Stages(), Stages()
     sensed = sensors.sensor_inputs(
         softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning, stages=stages

@@ -295,7 +295,8 @@ def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Func
     p = dict(zip(names, ca.vertsplit(symbols), strict=True))
     x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
     equations = chain.equations(p, vehicle, roll=roll)
-    sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=(stages := Stages()))
+    stages = Stages()
+    sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=stages)
     slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
     y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
     stacked = stages.expanded(ca.vertcat(*y)) if y else ca.SX(0, 1)

@@ -26,8 +26,9 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.dynamics.symbolic import Matrix
 from fifthwheel.filters.kalman import Noise, gate, joseph, observe, predict
-from fifthwheel.filters.model import Matrix, Model, pack, packed_size, sizes, split, unpack
+from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.filters.scaling import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.native import Scan, compiled
 
@@ -223,9 +224,9 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     layout = JointLayout(n_x, n_z, n_p - n_z)
     carry = ca.MX.sym("carry", layout.size)
     x, P, V, z, Pz, B, gradient, information = Carried.of(carry, layout)
-    sample, dt, d, y, weight, learn, given_z = _symbols("sample", 1, n_d, n_y, n_y, 1, n_z)
-    constant, c, q, r, limit, centre, scale, lower, upper, walk, use_given = _symbols(
-        "constant", n_c, packed_size(n_x), n_y, 1, n_p, n_p, n_z, n_z, n_z, 1
+    sample, dt, d, y, weight, learn, given_z = partitioned("sample", 1, n_d, n_y, n_y, 1, n_z, kind=ca.MX)
+    constant, c, q, r, limit, centre, scale, lower, upper, walk, use_given = partitioned(
+        "constant", n_c, packed_size(n_x), n_y, 1, n_p, n_p, n_z, n_z, n_z, 1, kind=ca.MX
     )
     diverged = ca.logic_not(ca.sumsqr(x) + ca.trace(P) + ca.sumsqr(V) <= MAX_STATE**2)  # also if not a number
     x, P, V = (ca.if_else(diverged, 0, value) for value in (x, P, V))  # avoids 0 times infinity below
@@ -234,7 +235,8 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     base_z = z + use_given * (given_z - z)
     # the state that belongs to base_z; the end of the step returns to that of z
     x_base = x + V[:, :n_z] @ (base_z - z)
-    linearised = _linearisation(model, logarithmic, n_z).call([x_base, base_z, dt, d, c, centre, scale])
+    arguments: list[ca.MX] = [x_base, base_z, dt, d, c, centre, scale]
+    linearised = _linearisation(model, logarithmic, n_z).call(arguments)
     before, predicted, H, direct, *rest = map(ca.densify, linearised)
     count = 1 if getattr(model, "rates", None) is None else 2
     slopes, F = rest[:count], ca.densify(transition_matrix(model, rest[count:]))
@@ -255,12 +257,6 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     kept = [ca.if_else(valid, *parts) for parts in zip(estimate, split(carry, layout.lengths)[3:], strict=True)]
     output = ca.vertcat(*used, *normalised, ca.logic_or(diverged, ca.logic_not(valid)))
     return ca.Function("joint", [carry, sample, constant], [ca.vertcat(*result[:3], *kept), output], {"cse": True})
-
-
-def _symbols(name: str, *lengths: int) -> list[ca.MX]:
-    """`partitioned` for a step of matrices."""
-    vector = ca.MX.sym(name, sum(lengths))
-    return [vector, *split(vector, lengths)]
 
 
 def _linearisation(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Function:
@@ -304,8 +300,8 @@ def state_view(
     carry, d = ca.MX.sym("carry", layout.size), ca.MX.sym("d", n_d)
     x, P, V, z, Pz, B, _, _ = Carried.of(carry, layout)
     lower = ca.Sparsity.lower(n_p - n_z)
-    constant, c, centre, scale, factor, excess = _symbols(
-        "constant", n_c, n_p, n_p, lower.nnz() if correlated else 0, 1
+    constant, c, centre, scale, factor, excess = partitioned(
+        "constant", n_c, n_p, n_p, lower.nnz() if correlated else 0, 1, kind=ca.MX
     )
     symbols = [ca.SX.sym("a", size) for size in (n_states, n_z, n_d, n_c, n_p, n_p)]
     of_report = ca.Function("report", symbols, [*reported_values(report, logarithmic, *symbols)], {"cse": True})

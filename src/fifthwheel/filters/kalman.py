@@ -14,7 +14,8 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.filters.model import Matrix, Model, pack, pack_array, packed_size, partitioned, sizes, unpack
+from fifthwheel.dynamics.symbolic import Matrix
+from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.native import Scan, compiled
 
 

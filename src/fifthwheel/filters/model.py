@@ -2,14 +2,13 @@
 
 import itertools
 from collections.abc import Hashable, Sequence
-from typing import Protocol, TypeVar, cast
+from typing import Any, Protocol, cast
 
 import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-
-Matrix = TypeVar("Matrix", ca.SX, ca.MX)
+from fifthwheel.dynamics.symbolic import Matrix
 
 
 class Model(Hashable, Protocol):
@@ -81,9 +80,9 @@ def split(vector: Matrix, lengths: Sequence[int]) -> list[Matrix]:
     return [vector[a:b] for a, b in itertools.pairwise(edges)]
 
 
-def partitioned(name: str, *lengths: int) -> list[ca.SX]:
-    """A symbolic column vector, and its consecutive parts of these lengths."""
-    vector = ca.SX.sym(name, sum(lengths))
+def partitioned(name: str, *lengths: int, kind: Any = ca.SX) -> list[Any]:
+    """A symbolic column vector of a CasADi type, and its consecutive parts of these lengths."""
+    vector = kind.sym(name, sum(lengths))
     return [vector, *split(vector, lengths)]
 
 

@@ -187,11 +187,13 @@ def function(
     pitch: bool = False,
     strides: Sequence[str] = (),
     attributes: str = "",
+    last: str = "",
 ) -> str:
     """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
 
     The emitter has the lines for each group before its loop over the samples, and in the loop. `strides` are lines that
-    compute registers for the layouts of the arrays from `samples` and `pitch`; `attributes` are those of LLVM.
+    compute registers for the layouts of the arrays from `samples` and `pitch`; `attributes` are those of LLVM. Lines
+    that contain blocks of their own end in the block `last`; others are divided into blocks.
     """
     arguments = ["i64 %samples", "i64 %groups", *["i64 %pitch"] * pitch, *(f"ptr noalias %{a.name}" for a in layouts)]
     starts, rows = [], []
@@ -203,7 +205,8 @@ def function(
             rows.append(f"  %{a.name}.row = mul i64 %k, {a.row}")
             rows.append(f"  %{a.name}.here = getelementptr {a.type}, ptr {first}, i64 %{a.name}.row")
     newline = "\n"
-    loop, last = _in_blocks([*rows, *emitter.loop])
+    lines = [*rows, *emitter.loop]
+    loop, last = ("\n".join(lines), last) if last else _in_blocks(lines)
     return f"""
 define void @{name}({", ".join(arguments)}){attributes} {{
 entry:

@@ -9,8 +9,8 @@ from fifthwheel.native.llvm_ir import Emitter, Register
 WIDTH = 8
 """Elements in a vector register."""
 
-Array = tuple[str, int]
-"""A pointer, and the number of an element."""
+Address = tuple[str, int]
+"""Of an element: a pointer, and the number of the element after it."""
 
 
 class _Lines(Emitter):
@@ -41,9 +41,9 @@ class Loops:
         self.tables: list[str] = []
         self.vectors = {width: _Lines(name, width, self.lines, self.declared) for width in (1, 2, 4, WIDTH)}
         self.scalar = self.vectors[1]
-        self._block, self._count = "row", 0  # the present block, and the number of loops
+        self.block, self._count = "row", 0  # in which the lines end, and the number of loops
 
-    def pointer(self, base: Array, element: int | str) -> str:
+    def pointer(self, base: Address, element: int | str) -> str:
         """The address of an element after the base."""
         array, first = base
         if isinstance(element, int):
@@ -52,12 +52,12 @@ class Loops:
             array, _ = self.scalar.emit(f"getelementptr double, ptr {array}, i64 {element}", False)
         return self.scalar.emit(f"getelementptr double, ptr {array}, i64 {first}", False)[0]
 
-    def load(self, base: Array, element: int | str, width: int) -> str:
+    def load(self, base: Address, element: int | str, width: int) -> str:
         """Consecutive elements from memory."""
         vector = self.vectors[width]
         return vector.emit(f"load {vector.type}, ptr {self.pointer(base, element)}, align 8", False)[0]
 
-    def put(self, value: str, base: Array, element: int | str, width: int) -> None:
+    def put(self, value: str, base: Address, element: int | str, width: int) -> None:
         """Write consecutive elements to memory."""
         pointer = self.pointer(base, element)
         self.lines.append(f"  store {self.vectors[width].type} {value}, ptr {pointer}, align 8")
@@ -89,12 +89,12 @@ class Loops:
         """A loop of `count` turns. `body` has the number of the turn and registers that pass from turn to turn, and
         gives their next values, each with its type; the last ones."""
         self._count += 1
-        label, before, turn = f"loop.{self._count}", self._block, f"%loop.{self._count}.i"
+        label, before, turn = f"loop.{self._count}", self.block, f"%loop.{self._count}.i"
         passed = [f"%{label}.{number}" for number in range(len(initial))]
         self.lines += [f"  br label %{label}", f"{label}:"]
         place = len(self.lines)
         self.lines += [""] * (1 + len(initial))
-        self._block = label
+        self.block = label
         final = body(turn, passed)
         self.lines += [
             f"  {turn}.next = add i64 {turn}, 1",
@@ -107,8 +107,8 @@ class Loops:
             (kind, name, first, last) for name, (_, first), (kind, last) in zip(passed, initial, final, strict=True)
         ]
         for number, (kind, name, first, last) in enumerate(phis):
-            self.lines[place + number] = f"  {name} = phi {kind} [{first}, %{before}], [{last}, %{self._block}]"
-        self._block = f"{label}.end"
+            self.lines[place + number] = f"  {name} = phi {kind} [{first}, %{before}], [{last}, %{self.block}]"
+        self.block = f"{label}.end"
         return [last for _, last in final]
 
     def each(self, size: int, body: Callable[[int | str, int], None]) -> None:

@@ -12,8 +12,8 @@ import casadi as ca
 
 from fifthwheel.native.instructions import translate
 from fifthwheel.native.llvm_ir import ArrayLayout, Emitter, function
-from fifthwheel.native.loops import WIDTH, Array, pieces_of
-from fifthwheel.native.matrix_memory import Matrix, Memory
+from fifthwheel.native.loops import WIDTH, Address, pieces_of
+from fifthwheel.native.matrix_memory import Memory, StoredMatrix
 from fifthwheel.native.matrix_products import Products
 
 COPIED = 24
@@ -32,9 +32,9 @@ class _Writer(Products):
         super().__init__(step.name())
         self.step, self.memory = step, Memory()
         self.functions: dict[str, str] = {}
-        self.matrices: dict[int, Matrix] = {}  # by their place in CasADi's work vector
+        self.matrices: dict[int, StoredMatrix] = {}  # by their place in CasADi's work vector
         self.dying: set[int] = set()  # places that no later instruction reads
-        self.results: list[tuple[Matrix, int]] = []  # of the next carry, with their places in it
+        self.results: list[tuple[StoredMatrix, int]] = []  # of the next carry, with their places in it
 
     def write(self) -> None:
         """Write all instructions."""
@@ -57,13 +57,13 @@ class _Writer(Products):
             self._call(node.which_function(), [self.matrices[place] for place in inputs], outputs)
         elif op == ca.OP_INPUT:
             info = node.info()
-            self.matrices[outputs[0]] = Matrix(node.nnz(), (f"%{_ARRAYS[info['ind']]}.here", info["offset"]))
+            self.matrices[outputs[0]] = StoredMatrix(node.nnz(), (f"%{_ARRAYS[info['ind']]}.here", info["offset"]))
         elif op == ca.OP_CONST:
             self.matrices[outputs[0]] = self._constant(node.to_DM().nonzeros())
         else:
             self.matrices[outputs[0]] = self._computed(op, node, inputs)
 
-    def _result(self, matrix: Matrix, result: int, place: int) -> None:
+    def _result(self, matrix: StoredMatrix, result: int, place: int) -> None:
         """Write an output, or note a part of the next carry, which is written when nothing reads the last carry."""
         if result:
             self._copy(matrix, ("%output.here", place))
@@ -76,11 +76,11 @@ class _Writer(Products):
                 self.memory.enter(matrix)
             self.results.append((matrix, place))
 
-    def _computed(self, op: int, node: ca.MX, inputs: Sequence[int]) -> Matrix:
+    def _computed(self, op: int, node: ca.MX, inputs: Sequence[int]) -> StoredMatrix:
         size, operands = node.nnz(), [self.matrices[place] for place in inputs]
         source = operands[0]
         if size == 0:
-            return Matrix(0)
+            return StoredMatrix(0)
         if op == ca.OP_MTIMES:
             return self._matrix_product(node, inputs)
         if op == ca.OP_DOT:
@@ -104,48 +104,48 @@ class _Writer(Products):
             return self._concatenated(operands, size)
         return self._elementwise(op, inputs, size)
 
-    def _least(self, matrix: Matrix) -> str:
+    def _least(self, matrix: StoredMatrix) -> str:
         least = self.element(matrix, 0)
         for i in range(1, matrix.size):
             least = self.scalar.operation(ca.OP_FMIN, [(least, False), (self.element(matrix, i), False)])[0]
         return least
 
-    def _concatenated(self, parts: Sequence[Matrix], size: int) -> Matrix:
+    def _concatenated(self, parts: Sequence[StoredMatrix], size: int) -> StoredMatrix:
         made, offset = self.memory.reserved(size), 0
         for part in parts:
             self._copy(part, (made.base[0], made.base[1] + offset))
             offset += part.size
         return made
 
-    def _reusable(self, place: int, size: int) -> Matrix:
+    def _reusable(self, place: int, size: int) -> StoredMatrix:
         """The memory of a matrix that is not read again, or other memory."""
         memory, matrix = self.memory, self.matrices[place]
         alone = place in self.dying and matrix.is_alone and matrix.size == size
         return memory.shared(matrix) if alone else memory.reserved(size)
 
-    def _single(self, register: str) -> Matrix:
+    def _single(self, register: str) -> StoredMatrix:
         """A matrix with one element."""
         made = self.memory.reserved(1)
         self.put(register, made.base, 0, 1)
         return replace(made, register=register)
 
-    def _copy(self, matrix: Matrix, target: Array) -> None:
+    def _copy(self, matrix: StoredMatrix, target: Address) -> None:
         """Copy a matrix."""
         self.each(matrix.size, lambda i, width: self.put(self.elements(matrix, i, width), target, i, width))
 
-    def _slice(self, matrix: Matrix, first: int, size: int) -> Matrix:
+    def _slice(self, matrix: StoredMatrix, first: int, size: int) -> StoredMatrix:
         """Consecutive elements of a matrix."""
         if matrix.uniform is not None:
-            return Matrix(size, uniform=matrix.uniform)
+            return StoredMatrix(size, uniform=matrix.uniform)
         return replace(self.memory.shared(matrix, first, size), register=matrix.register)
 
-    def _constant(self, values: Sequence[float]) -> Matrix:
+    def _constant(self, values: Sequence[float]) -> StoredMatrix:
         if len(set(values)) <= 1:
-            return Matrix(len(values), uniform=values[0] if values else 0.0)
+            return StoredMatrix(len(values), uniform=values[0] if values else 0.0)
         numbers = ", ".join(f"double {self.scalar.constant(value)}" for value in values)
-        return Matrix(len(values), (self.table(f"[{len(values)} x double] [{numbers}]"), 0))
+        return StoredMatrix(len(values), (self.table(f"[{len(values)} x double] [{numbers}]"), 0))
 
-    def _gather(self, matrix: Matrix, elements: Sequence[int]) -> Matrix:
+    def _gather(self, matrix: StoredMatrix, elements: Sequence[int]) -> StoredMatrix:
         """Any elements of a matrix."""
         made, begin = self.memory.reserved(len(elements)), 0
         if len(elements) > COPIED and matrix.uniform is None:
@@ -170,7 +170,7 @@ class _Writer(Products):
             self.put(self.element(matrix, element), made.base, i, 1)
         return made
 
-    def _scatter(self, matrix: Matrix, elements: Sequence[int], size: int) -> Matrix:
+    def _scatter(self, matrix: StoredMatrix, elements: Sequence[int], size: int) -> StoredMatrix:
         """A matrix with these elements, and zeros elsewhere."""
         made, table = self.memory.reserved(size), self.places(elements)
         self.each(size, lambda i, width: self.put(self.vectors[width].constant(0.0), made.base, i, width))
@@ -183,7 +183,7 @@ class _Writer(Products):
             self.loop(len(elements), turn)
         return made
 
-    def _elementwise(self, op: int, inputs: Sequence[int], size: int) -> Matrix:
+    def _elementwise(self, op: int, inputs: Sequence[int], size: int) -> StoredMatrix:
         operands = [self.matrices[place] for place in inputs]
         if size == 1:
             return self._single(self.scalar.operation(op, [(self.element(each, 0), False) for each in operands])[0])
@@ -204,7 +204,7 @@ class _Writer(Products):
         self.each(size, body)
         return made
 
-    def _matrix_product(self, node: ca.MX, inputs: Sequence[int]) -> Matrix:
+    def _matrix_product(self, node: ca.MX, inputs: Sequence[int]) -> StoredMatrix:
         """z + x y; all are dense."""
         if not all(node.dep(i).is_dense() for i in range(3)):
             raise NotImplementedError(f"{self.name}: a sparse matrix cannot be multiplied; use casadi.densify")
@@ -214,7 +214,7 @@ class _Writer(Products):
         made = self.memory.reserved(size) if is_factor else self._reusable(inputs[0], size)
         return self.product(z, x, y, (rows, terms, columns), made)
 
-    def _call(self, called: ca.Function, arguments: Sequence[Matrix], outputs: Sequence[int]) -> None:
+    def _call(self, called: ca.Function, arguments: Sequence[StoredMatrix], outputs: Sequence[int]) -> None:
         """Call a function without loops."""
         name = f"function.{called.name()}"
         if name not in self.functions:
@@ -281,44 +281,17 @@ def matrix_module(step: ca.Function) -> str:
     writer = _Writer(step)
     writer.write()
     n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
-    newline = "\n"
-    return f"""{newline.join(writer.tables)}
-{newline.join(writer.functions.values())}
-define void @scan(i64 %samples, i64 %groups, ptr noalias %carry, ptr noalias %sample, ptr noalias %constant,
-                  ptr noalias %output) {{
-entry:
-  %memory = alloca [{writer.memory.size} x double], align 64
-  %no.samples = icmp sle i64 %samples, 0
-  %no.groups = icmp sle i64 %groups, 0
-  %nothing = or i1 %no.samples, %no.groups
-  br i1 %nothing, label %done, label %group
-group:
-  %g = phi i64 [0, %entry], [%g.next, %group.end]
-  %carry.at = mul i64 %g, {n_carry}
-  %carry.here = getelementptr double, ptr %carry, i64 %carry.at
-  %constant.at = mul i64 %g, {n_constant}
-  %constant.here = getelementptr double, ptr %constant, i64 %constant.at
-  %first = mul i64 %g, %samples
-  br label %row
-row.begin:
-  br label %row
-row:
-  %k = phi i64 [0, %group], [%k.next, %row.begin]
-  %number = add i64 %first, %k
-  %sample.at = mul i64 %number, {n_sample}
-  %sample.here = getelementptr double, ptr %sample, i64 %sample.at
-  %output.at = mul i64 %number, {step.numel_out(1)}
-  %output.here = getelementptr double, ptr %output, i64 %output.at
-{newline.join(writer.lines)}
-  %k.next = add i64 %k, 1
-  %more.rows = icmp slt i64 %k.next, %samples
-  br i1 %more.rows, label %row.begin, label %group.end
-group.end:
-  %g.next = add i64 %g, 1
-  %more.groups = icmp slt i64 %g.next, %groups
-  br i1 %more.groups, label %group, label %done
-done:
-  ret void
-}}
-{newline.join(sorted(writer.declared))}
-"""
+    n_output = step.numel_out(1)
+    layouts = [
+        ArrayLayout("carry", "double", str(n_carry)),
+        ArrayLayout("sample", "double", "%samples.sample", str(n_sample)),
+        ArrayLayout("constant", "double", str(n_constant)),
+        ArrayLayout("output", "double", "%samples.output", str(n_output)),
+    ]
+    entry = [
+        f"  %memory = alloca [{writer.memory.size} x double], align 64",
+        f"  %samples.sample = mul i64 %samples, {n_sample}",
+        f"  %samples.output = mul i64 %samples, {n_output}",
+    ]
+    scan = function("scan", writer.scalar, layouts, strides=entry, last=writer.block)
+    return "\n".join([*writer.tables, *writer.functions.values(), scan, *sorted(writer.declared), ""])

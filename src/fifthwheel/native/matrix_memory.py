@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from fifthwheel.native.loops import Array
+from fifthwheel.native.loops import Address
 
 
 @dataclass
@@ -15,11 +15,11 @@ class _Block:
 
 
 @dataclass(frozen=True)
-class Matrix:
+class StoredMatrix:
     """Where the elements of a matrix are, by columns."""
 
     size: int
-    base: Array = ("%carry", 0)  # array, and the place of the first element in it
+    base: Address = ("%carry", 0)  # array, and the place of the first element in it
     block: _Block | None = None  # in the memory of the step
     register: str | None = None  # of a single element
     uniform: float | None = None  # value of all elements, which are not in memory
@@ -36,7 +36,7 @@ class Memory:
     def __init__(self) -> None:
         self.size, self._free = 0, list[_Block]()
 
-    def reserved(self, size: int) -> Matrix:
+    def reserved(self, size: int) -> StoredMatrix:
         """A matrix in memory that is free."""
         fitting = [block for block in self._free if block.size >= size]
         if fitting:
@@ -49,19 +49,19 @@ class Memory:
             block = _Block(self.size, size)
             self.size += size
         block.users = 1
-        return Matrix(size, ("%memory", block.start), block)
+        return StoredMatrix(size, ("%memory", block.start), block)
 
-    def shared(self, matrix: Matrix, first: int = 0, size: int | None = None) -> Matrix:
+    def shared(self, matrix: StoredMatrix, first: int = 0, size: int | None = None) -> StoredMatrix:
         """Consecutive elements of a matrix, in the same memory."""
         self.enter(matrix)
         array, begin = matrix.base
-        return Matrix(matrix.size if size is None else size, (array, begin + first), matrix.block)
+        return StoredMatrix(matrix.size if size is None else size, (array, begin + first), matrix.block)
 
-    def enter(self, matrix: Matrix) -> None:
+    def enter(self, matrix: StoredMatrix) -> None:
         if matrix.block:
             matrix.block.users += 1
 
-    def leave(self, matrix: Matrix) -> None:
+    def leave(self, matrix: StoredMatrix) -> None:
         """One user of a matrix less; free memory joins that beside it."""
         block = matrix.block
         if block is None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import casadi as ca
 
 from fifthwheel.native.loops import WIDTH, Loops, pieces_of
-from fifthwheel.native.matrix_memory import Matrix
+from fifthwheel.native.matrix_memory import StoredMatrix
 
 UNROLLED = 24
 """Terms of an element of a product up to which they are written without a loop."""
@@ -15,17 +15,17 @@ UNROLLED = 24
 class Products(Loops):
     """Writes products of dense matrices, which are stored by columns."""
 
-    def element(self, matrix: Matrix, element: int | str) -> str:
+    def element(self, matrix: StoredMatrix, element: int | str) -> str:
         """An element of a matrix, as a scalar."""
         return matrix.register or self.elements(matrix, element, 1)
 
-    def elements(self, matrix: Matrix, element: int | str, width: int) -> str:
+    def elements(self, matrix: StoredMatrix, element: int | str, width: int) -> str:
         """Consecutive elements of a matrix."""
         if matrix.uniform is not None:
             return self.vectors[width].constant(matrix.uniform)
         return self.load(matrix.base, element, width)
 
-    def dot(self, a: Matrix, b: Matrix) -> str:
+    def dot(self, a: StoredMatrix, b: StoredMatrix) -> str:
         """Sum of the products of all elements; four sums side by side."""
         size, sums, begin = a.size, dict[int, str](), 0
         vector = self.vectors[WIDTH]
@@ -53,7 +53,9 @@ class Products(Loops):
             sums[width] = self.add_product(total, factors[0], factors[1], width)
         return self.sum_of(sums, self.scalar.constant(0.0))
 
-    def product(self, z: Matrix, x: Matrix, y: Matrix, shape: tuple[int, int, int], made: Matrix) -> Matrix:
+    def product(
+        self, z: StoredMatrix, x: StoredMatrix, y: StoredMatrix, shape: tuple[int, int, int], made: StoredMatrix
+    ) -> StoredMatrix:
         """z + x y of the shape (rows, terms of an element, columns), in memory that may be that of z."""
         rows, terms, columns = shape
         if rows == 1:
@@ -63,7 +65,9 @@ class Products(Loops):
             self._block_product(z, x, y, shape, pieces[first : first + 4], made)
         return made
 
-    def _row_product(self, z: Matrix, x: Matrix, y: Matrix, shape: tuple[int, int], made: Matrix) -> Matrix:
+    def _row_product(
+        self, z: StoredMatrix, x: StoredMatrix, y: StoredMatrix, shape: tuple[int, int], made: StoredMatrix
+    ) -> StoredMatrix:
         terms, columns = shape
         factors = [(i, width, self.elements(x, i, width)) for i, width in pieces_of(terms)]
 
@@ -85,12 +89,12 @@ class Products(Loops):
 
     def _block_product(
         self,
-        z: Matrix,
-        x: Matrix,
-        y: Matrix,
+        z: StoredMatrix,
+        x: StoredMatrix,
+        y: StoredMatrix,
         shape: tuple[int, int, int],
         pieces: Sequence[tuple[int, int]],
-        made: Matrix,
+        made: StoredMatrix,
     ) -> None:
         """Some rows of a product."""
         rows, terms, columns = shape

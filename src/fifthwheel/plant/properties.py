@@ -7,6 +7,7 @@ from typing import Any
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.units import quantity
+from fifthwheel.vehicle.brakes import require_shares
 
 UNITS = {
     "wheel_radius": "m",
@@ -93,12 +94,9 @@ class Properties:
     """Torsional stiffness of the frame of the first unit, N m/rad; None: rigid."""
 
     def __post_init__(self) -> None:
-        for name in UNITS.keys() | {"friction", "stiffness"}:
-            value = getattr(self, name, None)
+        for name, value in vars(self).items():
             if isinstance(value, str):
-                raise VehicleError(
-                    f"{name}: expected a number in SI, got {value!r}; only --with takes a text with a unit"
-                )
+                raise VehicleError(f"{name}: expected a number in SI, got {value!r}; only --with takes a text")
         for name in ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness"):
             if not 0 < getattr(self, name) < 100:
                 raise VehicleError(f"{name}: expected above 0 and below 100, got {getattr(self, name)}; correct it")
@@ -123,8 +121,7 @@ class Properties:
             raise VehicleError(
                 f"roughness: expected 0 or more and below 1 m^3, got {self.roughness}; class B of ISO 8608 has 64e-6"
             )
-        if self.brakes and not (min(self.brakes.values()) >= 0 and 0 < sum(self.brakes.values()) < 1e6):
-            raise VehicleError(f"brakes: expected fractions of 0 or more, one above 0, got {self.brakes}; correct them")
+        require_shares(self.brakes)
         if self.frame_torsion is not None and not self.frame_torsion > 0:
             raise VehicleError(
                 f"frame_torsion: expected above 0 N m/rad, got {self.frame_torsion}; leave it out for a rigid frame"

@@ -11,10 +11,9 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import LEARNED, YAW_RATE, is_of, measured_signals
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.dynamics.symbolic import transition_matrix
+from fifthwheel.dynamics.symbolic import Matrix, transition_matrix
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.model import Matrix
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
