@@ -105,7 +105,7 @@ def test_forms_of_a_statement(keys: str, errors: dict[str, tuple[float, float | 
         (
             "speed",
             'gain = "1 +- 2 %"',
-            r"speed: gain: .* no error of this signal is estimated; remove the '\+-' of its",
+            r"speed: gain: no identification uses its uncertainty, expected delay; remove the '\+-' of its",
         ),
         ("speed", 'sensor = "ins"', "speed: sensor: .*no class has this quantity; remove it"),
         ("roll.tractor", 'offset = "+- 1 deg"', "offset: .* no error of this signal is estimated"),

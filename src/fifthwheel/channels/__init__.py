@@ -308,7 +308,7 @@ def error_kinds(signal: str) -> tuple[str, ...]:
     ('offset', 'gain', 'misalignment', 'delay')
     """
     channel = channel_of(signal)
-    if channel is None or channel not in (STEER, *IDENTIFIED):
+    if channel is None or channel not in (SPEED, STEER, *IDENTIFIED):
         return ()
     return (*(error.kind for error in channel.errors), *(("delay",) if channel in GYROS else ()))
 

@@ -28,6 +28,7 @@ SPEED = Channel(
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
+    errors=(ErrorKind(kind="delay", setting="speed_delay"),),
 )
 
 STEER = Channel(

@@ -13,6 +13,8 @@ from fifthwheel.dynamics.analysis import (
 from fifthwheel.dynamics.chain import state_names
 from fifthwheel.dynamics.model import (
     CONTACT,
+    SLOPES,
+    SPEED_DELAY,
     SPEED_RATE,
     STEER_RATE,
     TIME_SCALE,
@@ -34,6 +36,8 @@ from fifthwheel.dynamics.state_space import (
 
 __all__ = [
     "CONTACT",
+    "SLOPES",
+    "SPEED_DELAY",
     "SPEED_RATE",
     "STEER_RATE",
     "TIME_SCALE",

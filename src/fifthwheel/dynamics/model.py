@@ -52,10 +52,12 @@ class ChainModel:
 
     @lazy
     def inputs(self) -> tuple[str, ...]:
-        """Names (k,): speed, steer signals, extended: `contact_input` and `rate_input` of each, SPEED_RATE."""
+        """Names (k,): speed, steer signals, extended: `contact_input` and `rate_input` of each, SLOPES, SPEED_RATE."""
         steers = self.vehicle.steer_signals()
         extension = (*map(contact_input, steers), *map(rate_input, steers)) if self.extended else ()
-        return ("speed", *steers, *extension, *([SPEED_RATE] if self.braking else []))
+        speeds = ("speed", SPEED_RATE) if self.braking else ("speed",)
+        slopes = [SLOPES[name] for name in speeds] if SPEED_DELAY in self.free else []
+        return ("speed", *steers, *extension, *slopes, *speeds[1:])
 
     @lazy
     def known(self) -> tuple[str, ...]:
@@ -178,6 +180,10 @@ STEER_RATE = "steer_rate"
 """Quantity of `rate_input`."""
 SPEED_RATE = "speed_rate"
 """Input of a model that brakes: the derivative of the speed, and g sin(grade) where the grade is known, m/s^2."""
+SPEED_DELAY = "speed.delay"
+"""Delay of the speed, s, a parameter of an extended model."""
+SLOPES = {"speed": "speed_slope", SPEED_RATE: "speed_rate_slope"}
+"""Inputs of a model with a free `SPEED_DELAY`: derivatives of the measured speed and of its rate, m/s^2 and m/s^3."""
 TIME_SCALE = "time_base.scale"
 """True duration of a second of the log, a parameter of an extended model."""
 
@@ -189,13 +195,13 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
 
         <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
-        <sensor>.delay           s, latency of a gyro, accelerometer or articulation sensor, to first order
+        <sensor>.delay           s, latency of the speed, a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
-    return values | {f"{name}.delay": 0.0 for name in with_rate} | {TIME_SCALE: 1.0}
+    return values | {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate} | {TIME_SCALE: 1.0}
 
 
 def contact_input(steer: str) -> str:
@@ -315,6 +321,7 @@ class _Symbols(NamedTuple):
     p: ca.SX
     c: ca.SX
     value: dict[str, ca.SX]  # of the parameters, by name
+    inputs: ca.SX  # d with the speed of the truck
     steering: _Steering
     duration: ca.SX  # true one of dt, s
 
@@ -334,7 +341,16 @@ def _symbols(model: ChainModel) -> _Symbols:
     x, later, dt, d = ca.SX.sym("x", n), ca.SX.sym("later", n), ca.SX.sym("dt"), ca.SX.sym("d", 2 * k)
     value = dict(zip((*model.free, *model.known), ca.vertsplit(ca.vertcat(p, c)), strict=True))
     duration = dt * value[TIME_SCALE] if model.extended else dt
-    return _Symbols(x, later, dt, d, p, c, value, _steering(model, value, d, dt), duration)
+    return _Symbols(x, later, dt, d, p, c, value, _inputs(model, value, d), _steering(model, value, d, dt), duration)
+
+
+def _inputs(model: ChainModel, value: Expressions, d: ca.SX) -> ca.SX:
+    """The inputs with the speed of the truck and its rate, from the measured ones and their delay."""
+    inputs, names = ca.SX(d), model.inputs
+    for name, slope in SLOPES.items():
+        for first in (0, len(names)) if slope in names else ():
+            inputs[first + names.index(name)] += value[SPEED_DELAY] * d[first + names.index(slope)]
+    return inputs
 
 
 def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _Steering:
@@ -378,12 +394,12 @@ def _softening(
 
 def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     """With linear tyres: the chain, with linear equations of the steering."""
-    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.d[len(model.inputs)]
+    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.inputs[len(model.inputs)]
     angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
     wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    mean = (s.d[0] + now) / 2
+    mean = (s.inputs[0] + now) / 2
     A, B = equations.state_space(mean)
     stages, rate_stages = Stages(), Stages()
     sensed = sensors.sensor_inputs(
@@ -397,7 +413,7 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
     """With tyres that saturate: the equations with rotations, linearised at the beginning of the step."""
-    k, d, steering, law = len(model.inputs), s.d, s.steering, law_of(model.tyres)
+    k, d, steering, law = len(model.inputs), s.inputs, s.steering, law_of(model.tyres)
     vehicle, roll, bank, commands = model.vehicle, model.roll, model.bank, ca.vertcat(*s.steering.now.values())
 
     def wheels(state: ca.SX, speed: ca.SX, steer: ca.SX) -> Wheels:

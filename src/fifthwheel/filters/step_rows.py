@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import GRADE, SignalName
+from fifthwheel.channels import GRADE, STEER, names_of
 from fifthwheel.dynamics import ChainModel, steps
 from fifthwheel.dynamics.speed_rate import central_speed_rates
 from fifthwheel.filters.model import sample_rows
@@ -57,7 +57,7 @@ class StepRows(SampleRows):
 
 def steer_sigma(inputs: Mapping[str, Array]) -> float:
     """Largest standard deviation of the steer angles among the inputs, rad."""
-    others = ("speed", dynamics.SPEED_RATE)
+    others = ("speed", dynamics.SPEED_RATE, *dynamics.SLOPES.values())
     return max(float(np.std(values)) for name, values in inputs.items() if name not in others)
 
 
@@ -96,9 +96,15 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
+    measured, late = {"speed": record.input("speed")}, errors.get(dynamics.SPEED_DELAY, 0.0)
+    if dynamics.SPEED_RATE in names:
+        measured[dynamics.SPEED_RATE] = central_speed_rates(record.time, measured["speed"])
     inputs = {}
-    derived = (dynamics.CONTACT, dynamics.STEER_RATE, dynamics.SPEED_RATE)
-    for name in (name for name in names if SignalName.of(name).quantity not in derived):
+    for name, values in measured.items():
+        inputs[name], inputs[dynamics.SLOPES[name]] = _shifted(record.time, values, late)
+    if dynamics.SPEED_RATE in names:
+        inputs[dynamics.SPEED_RATE] += _along_road(record)
+    for name in names_of(STEER, names):
         delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
         if contact_name not in names and not delay and not play:
@@ -111,9 +117,7 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
             inputs[dynamics.rate_input(name)] = rate - play * contact_rate
         else:
             inputs[name] = inputs[name] - play * contact
-    if dynamics.SPEED_RATE in names:
-        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"]) + _along_road(record)
-    return inputs
+    return {name: inputs[name] for name in names}
 
 
 def _along_road(record: Record) -> Array | float:

@@ -18,6 +18,9 @@ from fifthwheel.filters.initial_state import (
     steer_angles,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown
+
+SMALL_CHANGE = 1e-3
+"""Of the speed, m/s, for central differences."""
 from fifthwheel.vehicle import Vehicle
 
 
@@ -56,9 +59,17 @@ def steady_state_slopes(
 
     The steady state x solves F x + G d = 0, so F x' = -(F' x + (G d)'), with the derivatives of the matrices and of the
     steer angles d by central differences: they are almost linear in the parameters. It is zero for every unknown that
-    changes neither a parameter of the vehicle nor the first steer angle, and for an unstable vehicle.
+    changes neither a parameter of the vehicle nor the first speed or steer angle, and for an unstable vehicle.
     """
     parameters, slopes = vehicle.parameters(), np.zeros((len(unknowns), len(model.states)))
+    late, speed = inputs.get(dynamics.SLOPES["speed"], 0.0), inputs["speed"]
+    for i, u in enumerate(unknowns):
+        if late and (rate := u.slopes.get(dynamics.SPEED_DELAY)):
+            faster, slower = (
+                steady_initial_state(vehicle, {**inputs, "speed": s}, values, roll=model.roll, bank=bank)[0]
+                for s in (speed + SMALL_CHANGE, speed - SMALL_CHANGE)
+            )
+            slopes[i, : len(faster)] = rate * late * (faster - slower) / (2 * SMALL_CHANGE)
     relevant = {*parameters, *dynamics.steer_parameters(vehicle)}
     moved = {
         i: rates for i, u in enumerate(unknowns) if (rates := {n: r for n, r in u.slopes.items() if n in relevant})

@@ -231,6 +231,9 @@ class OneStage(CommonSettings):
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
+    speed_delay_prior: NonNegative = 0.1
+    """Prior standard deviation of the delay of the speed, s; all logs share it. A CAN bus gives the speed of the truck
+    50 to 150 ms late. Correct a longer delay in the signal map. A `Learner` does not estimate it."""
     rate_gain_prior: NonNegative = 0.005
     """Prior standard deviation of the gain of a gyro; all logs share it."""
     steer_play_prior: float = math.radians(0.2)

@@ -64,6 +64,7 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
 def test_derivatives_by_model_errors(truck: Vehicle) -> None:
     """Of the residuals by every softening, play, delay, misalignment and the time base, against central differences."""
     record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
+    record = record.with_signals({"speed": record.signals["speed"] + 0.3 * np.sin(record.time)})
     outputs = tuple(name for name in record.signals if "rate" in name)
     trailer = {name: "trailer" for name in outputs if "semitrailer" in name}
     further = time_base_delays(trailer, "", outputs, OneStage())
@@ -71,8 +72,8 @@ def test_derivatives_by_model_errors(truck: Vehicle) -> None:
     kinds = ("softening", "play", "delay", "misalignment", "time_base")
     chosen = [name for name in p.names if name.rpartition(".")[2] in kinds]
     assert (
-        len(chosen) == 3 + 1 + (1 + 4 + 1) + 4 + 1
-    )  # axle groups, steering, its delay, gyros and trailer, gyros, time
+        len(chosen) == 3 + 1 + (2 + 4 + 1) + 4 + 1
+    )  # axle groups, steering, delays of inputs, gyros and trailer, gyros, time
     z = 0.1 * np.random.default_rng(4).normal(size=len(p.names))
     z[[p.names.index(name) for name in chosen]] = np.linspace(0.4, 0.9, len(chosen))
     (block,) = p.blocks(z, 0, 0, whitened=False)

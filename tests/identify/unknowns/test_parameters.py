@@ -226,6 +226,7 @@ GYRO, HITCH = "yaw_rate.tractor", "articulation.semitrailer"
 WHEELS = "wheel_speed_difference.semitrailer"
 SENSOR_PRIORS = {
     # name: setting, prior mean, of one log, estimated by both methods
+    "speed.delay": ("speed_delay_prior", 0.0, False, False),
     f"{STEER}.offset": ("steer_offset_prior", 0.0, True, True),
     f"{STEER}.gain": ("steer_gain_prior", 1.0, False, True),
     f"{STEER}.delay": ("steer_delay_prior", 0.0, False, True),

@@ -32,7 +32,7 @@ from functools import cached_property
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
+from fifthwheel.channels import ARTICULATION, SPEED, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
 from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, variances
@@ -376,7 +376,7 @@ class Problem:
 
     @cached_property
     def _input_errors(self) -> tuple[str, ...]:
-        """Names of the estimated delays, plays and gains of the steering, which change the inputs."""
+        """Names of the estimated delays of the inputs, and of plays and gains of the steering, which change them."""
         steer = [u.name for u in self.unknowns if is_of(u.name, STEER)]
         return (*self._delays, *[name for name in steer if not is_sensor_error(name, "offset")])
 
@@ -387,10 +387,10 @@ class Problem:
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:
-        """Names of the delays of steer angles that are estimated; these shift the inputs."""
+        """Names of the delays of speed and steer angles that are estimated; these shift the inputs."""
         estimated = [name for u in self.unknowns if u.is_estimated for name in u.slopes]
-        steer = names_of(STEER, estimated)
-        return tuple(dict.fromkeys(name for name in steer if is_sensor_error(name, "delay")))
+        late = [name for name in estimated if is_of(name, SPEED, STEER)]
+        return tuple(dict.fromkeys(name for name in late if is_sensor_error(name, "delay")))
 
     @cached_property
     def _initial_factors(self) -> list[list[Array]]:

@@ -77,7 +77,8 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if not u.per_log or u.is_sensor_error))
+    left_out = {u.name for u in setup.unknowns if u.per_log and not u.is_sensor_error} | {dynamics.SPEED_DELAY}
+    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")

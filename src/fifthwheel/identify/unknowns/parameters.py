@@ -236,7 +236,7 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
     An error that is exact, with a sigma of 0, is no unknown.
     """
     unknowns = []
-    for name in (*vehicle.steer_signals(), *outputs) if settings.nuisances else ():
+    for name in ("speed", *vehicle.steer_signals(), *outputs) if settings.nuisances else ():
         channel = channel_of(name)
         for kind in channel.errors if channel else ():
             prior = prior_of_sensor_error(vehicle, f"{name}.{kind.kind}", settings)
