@@ -18,10 +18,10 @@ from fifthwheel.filters.initial_state import (
     steer_angles,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.vehicle import Vehicle
 
 SMALL_CHANGE = 1e-3
 """Of the speed, m/s, for central differences."""
-from fifthwheel.vehicle import Vehicle
 
 
 def steady_state(
