@@ -8,6 +8,7 @@ from fifthwheel.channels import (
     LATERAL_ACCELERATION,
     LOAD_TRANSFER,
     PLACE_KINDS,
+    SPEED,
     STEER,
     WHEEL_SPEED_DIFFERENCE,
     SensorErrorName,
@@ -148,7 +149,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        filtered = is_of(signal, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
+        filtered = is_of(signal, SPEED, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
         expected = sensor_error_prior(identification, error.name)[0]
         delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]

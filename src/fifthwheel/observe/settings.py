@@ -6,7 +6,14 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
-from fifthwheel.channels import LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE, SensorErrorName, checked_name, is_of
+from fifthwheel.channels import (
+    LATERAL_ACCELERATION,
+    SPEED,
+    WHEEL_SPEED_DIFFERENCE,
+    SensorErrorName,
+    checked_name,
+    is_of,
+)
 from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
@@ -21,6 +28,8 @@ def _checked_error(name: str) -> str:
     if error is None:
         raise SignalError(f"{name}: not the name of a sensor error; expected one such as 'steer.tractor.front.offset'")
     checked_name(error.signal)
+    if is_of(error.signal, SPEED):
+        raise SignalError(f"{name}: an observer corrects no error of the speed; correct it in the signal map")
     return name
 
 

@@ -14,6 +14,7 @@ from fifthwheel._extras import require
 from fifthwheel.channels import (
     LATERAL_ACCELERATION,
     ROLL_RATE,
+    SPEED,
     STEER,
     WHEEL_SPEED_DIFFERENCE,
     Channel,
@@ -114,8 +115,8 @@ class Identification(IdentificationData):
             log: its sensor errors, noise and bank, besides the errors that all logs share; None or another log for the
                 latter only, the noise of the first log, and the priors of steering offset and bank.
         """
-        sensors = [error for error in self.sensors if not error.name.startswith(f"{TIME_BASE}.")]
-        errors = {error.name: error.value for error in sensors if error.log in (None, log)}
+        of_observer = [e for e in self.sensors if not (e.name.startswith(f"{TIME_BASE}.") or is_of(e.name, SPEED))]
+        errors = {error.name: error.value for error in of_observer if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
         law = getattr(self.settings, "tyre_law", "linear")
         own_law = {} if isinstance(law, str) else {"tyres": law}
