@@ -51,6 +51,15 @@ def test_minimum_on_a_bound() -> None:
     assert z == pytest.approx([0.5, 0.25], abs=1e-5)
 
 
+def test_a_step_that_is_twice_too_long_is_halved() -> None:
+    """The Hessian is half of the true one, as that of Gauss and Newton may be: one step reaches the minimum."""
+    halved = SimpleNamespace(expand=lambda z: Quadratic(float(z @ z), 2 * z, np.eye(2)), cost=lambda z: float(z @ z))
+    start, limit = np.array([0.6, -0.8]), np.full(2, 9.0)
+    minimum = minimise(halved, start, lower=-limit, upper=limit, iterations=2)
+    assert minimum.converged
+    assert minimum.z == pytest.approx([0.0, 0.0], abs=1e-12)
+
+
 def test_not_converged_after_too_few_steps() -> None:
     assert not search([-5.0, 8.0], limit=3)[1]
 
