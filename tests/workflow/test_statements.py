@@ -346,6 +346,17 @@ def test_the_factor_of_the_vehicle_file_does_not_change_a_stated_sigma() -> None
     stated("vehicle_file=+- 50 %", "roll_stiffness=+- 5 %", "tractor.mass=exact")
 
 
+@pytest.mark.parametrize("statement", ["speed.delay=60 ms +- 5 ms", "speed_delay=60 ms +- 5 ms"])
+def test_the_delay_of_the_speed_is_stated_under_both_names(statement: str) -> None:
+    assert stated(statement)[1].stated_priors == {"speed.delay": (0.06, 0.005)}
+
+
+def test_the_speed_has_no_other_error() -> None:
+    assert stated("speed_delay=+- 5 ms")[1].speed_delay_prior == 0.005
+    with pytest.raises(FifthwheelError, match=r"speed has no error 'gain'; .*delay"):
+        stated("speed.gain=1 +- 1 %")
+
+
 def test_a_sensor_that_no_log_has_is_refused() -> None:
     record = Record(time=[0.0, 1.0], signals={"speed": [20.0, 20.0], "yaw_rate.tractor": [0.0, 0.1]})
     _, settings = stated(f"{DELAY}=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")

@@ -75,7 +75,7 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     """The numbers that a user can state: names with their words, those that are estimated first."""
     signal_map = workspace.signal_map()
     signals = () if signal_map is None else tuple(signal_map.signals)
-    errors = [f"{signal}.{kind}" for signal in signals if "." in signal for kind in error_kinds(signal)]
+    errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     of_truck = (*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *truck.moved_by_wheelbase())
     names = (*of_truck, *errors, *SENSOR_PRIORS, *MODEL_ERRORS)
     return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from fifthwheel.channels import (
     CHANNELS,
     IDENTIFIED,
+    SPEED,
     STEER,
     SensorErrorName,
     SignalName,
@@ -339,9 +340,9 @@ def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list
             )
         return [name]
     if name in SENSOR_PRIORS:
-        (steer, *others) = vehicle.steer_signals() or ("",)
-        kind = next((error.kind for error in STEER.errors if error.setting == name), None)
-        return [f"{steer}.{kind}"] if statement.value and kind and steer and not others else [name]
+        inputs = {SPEED: (SPEED.quantity,), STEER: vehicle.steer_signals()}
+        of_setting = [(c, e.kind) for c in inputs for e in c.errors if e.setting == name and len(inputs[c]) == 1]
+        return [f"{inputs[c][0]}.{kind}" for c, kind in of_setting] if statement.value and of_setting else [name]
     if _is_sensor_error(name):
         _require_sensor(vehicle, statement)
         return [name]
@@ -382,7 +383,7 @@ def _refuse_change(vehicle: Vehicle, statement: Statement) -> None:
 def _is_sensor_error(name: str) -> bool:
     """Whether a name has the form of a sensor error, of a sensor that may not exist."""
     signal, _, kind = name.rpartition(".")
-    return "." in signal and SignalName.of(signal).quantity in CHANNELS and bool(kind)
+    return ("." in signal or signal == SPEED.quantity) and SignalName.of(signal).quantity in CHANNELS and bool(kind)
 
 
 def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
@@ -393,11 +394,11 @@ def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
         raise SignalError(
             f"--set {statement}: {signal} is no steer angle of {vehicle.name}; {suggestion(signal, steers)}"
         )
-    if channel is None or channel not in (STEER, *IDENTIFIED):
+    if channel is None or channel not in (SPEED, STEER, *IDENTIFIED):
         names = ", ".join(c.quantity for c in (STEER, *IDENTIFIED))
         raise SignalError(f"--set {statement}: expected a signal that is compared with the model, one of {names}")
     unit, units = SignalName.of(signal).unit, [unit.name for unit in vehicle.units]
-    if unit not in units:
+    if unit not in units and channel is not SPEED:
         raise SignalError(f"--set {statement}: {unit}: no such unit in {vehicle.name}; {suggestion(unit, units)}")
     if kind not in error_kinds(signal):
         cure = suggestion(kind, error_kinds(signal))

@@ -7,6 +7,7 @@ import fifthwheel as fw
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -49,6 +50,12 @@ def test_without_it_the_estimates_are_wrong(results: list[fw.Identification]) ->
     pairs = zip(*[result.parameters for result in results], strict=True)
     assert all(estimated.sigma < 1.05 * left_out.sigma for estimated, left_out in pairs)
     assert all(abs(each.value - truth[each.name]) < 3 * each.sigma for each in results[0].parameters)
+
+
+def test_it_may_be_stated_in_the_signal_map() -> None:
+    stated = fw.SignalMap.parse('[signals.speed]\ncolumn = "v"\ndelay = "50 ms +- 10 ms"').sensors
+    settings = with_sensors(fw.vehicle("cheng_cebon_2011"), OneStage(), stated)
+    assert settings.stated_priors == {"speed.delay": (0.0, 0.01)}  # the map has applied the 50 ms
 
 
 def test_observers_do_not_correct_it(results: list[fw.Identification]) -> None:
