@@ -59,8 +59,10 @@ def _saturating_fits(
     """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
 
     `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
-    of all unknowns that logs share, and of all parameters, SI; the vehicle has its own.
+    of all unknowns that logs share, and of all parameters, SI; the vehicle has its own, and gets the optional ones that
+    are unknowns: so it has the compiled model of the identification.
     """
+    vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
     own = vehicle.parameters()
     unknowns = [
         u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED)
