@@ -18,6 +18,9 @@ from fifthwheel.native.matrix_products import Products
 
 COPIED = 24
 """Elements that are copied without a loop, at most."""
+OPTIMISED = 5_000
+"""Instructions of a function without loops up to which the compiler optimises it, which takes four times as long. It
+makes a sample of an observer 4 % faster, one of a learner, whose function is longer, not at all."""
 
 _ARRAYS = ("carry", "sample", "constant")
 _COPIES = (ca.OP_RESHAPE, ca.OP_ASSIGN, ca.OP_SPARSITY_CAST)
@@ -31,7 +34,7 @@ class _Writer(Products):
     def __init__(self, step: ca.Function) -> None:
         super().__init__(step.name())
         self.step, self.memory = step, Memory()
-        self.functions: dict[str, str] = {}
+        self.functions: dict[int, tuple[str, str]] = {}  # name and code of each function that it calls, by its hash
         self.matrices: dict[int, StoredMatrix] = {}  # by their place in CasADi's work vector
         self.dying: set[int] = set()  # places that no later instruction reads
         self.results: list[tuple[StoredMatrix, int]] = []  # of the next carry, with their places in it
@@ -216,9 +219,11 @@ class _Writer(Products):
 
     def _call(self, called: ca.Function, arguments: Sequence[StoredMatrix], outputs: Sequence[int]) -> None:
         """Call a function without loops."""
-        name = f"function.{called.name()}"
-        if name not in self.functions:
-            self.functions[name] = _without_loops(called, name, self.declared)
+        key = hash(called)
+        if key not in self.functions:
+            name = f"function.{len(self.functions)}"
+            self.functions[key] = name, _without_loops(called, name, self.declared)
+        name, _ = self.functions[key]
         written = [each if each.uniform is None else self._concatenated([each], each.size) for each in arguments]
         results = [self.memory.reserved(called.nnz_out(number)) for number in range(called.n_out())]
         pointers = [self.pointer(each.base, 0) for each in (*written, *results)]
@@ -269,8 +274,7 @@ def _without_loops(called: ca.Function, name: str, declared: set[str]) -> str:
     declared |= emitter.intrinsics
     layouts = [ArrayLayout(f"a{i}", "double", "0") for i in range(called.n_in())]
     layouts += [ArrayLayout(f"r{i}", "double", "0") for i in range(called.n_out())]
-    # to optimise them takes the compiler four times as long, and does not make a sample faster
-    return function(name, emitter, layouts, attributes=" optnone noinline")
+    return function(name, emitter, layouts, attributes=" noinline" + " optnone" * (called.n_instructions() > OPTIMISED))
 
 
 def matrix_module(step: ca.Function) -> str:
@@ -294,4 +298,5 @@ def matrix_module(step: ca.Function) -> str:
         f"  %samples.output = mul i64 %samples, {n_output}",
     ]
     scan = function("scan", writer.scalar, layouts, strides=entry, last=writer.block)
-    return "\n".join([*writer.tables, *writer.functions.values(), scan, *sorted(writer.declared), ""])
+    called = [code for _, code in writer.functions.values()]
+    return "\n".join([*writer.tables, *called, scan, *sorted(writer.declared), ""])
