@@ -18,9 +18,6 @@ from fifthwheel.native.matrix_products import Products
 
 COPIED = 24
 """Elements that are copied without a loop, at most."""
-OPTIMISED = 5_000
-"""Instructions of a function without loops up to which the compiler optimises it, which takes four times as long. It
-makes a sample of an observer 4 % faster, one of a learner, whose function is longer, not at all."""
 
 _ARRAYS = ("carry", "sample", "constant")
 _COPIES = (ca.OP_RESHAPE, ca.OP_ASSIGN, ca.OP_SPARSITY_CAST)
@@ -274,7 +271,8 @@ def _without_loops(called: ca.Function, name: str, declared: set[str]) -> str:
     declared |= emitter.intrinsics
     layouts = [ArrayLayout(f"a{i}", "double", "0") for i in range(called.n_in())]
     layouts += [ArrayLayout(f"r{i}", "double", "0") for i in range(called.n_out())]
-    return function(name, emitter, layouts, attributes=" noinline" + " optnone" * (called.n_instructions() > OPTIMISED))
+    # to optimise them takes the compiler four times as long, for at most 5 % of a sample, and C rounds differently then
+    return function(name, emitter, layouts, attributes=" optnone noinline")
 
 
 def matrix_module(step: ca.Function) -> str:
