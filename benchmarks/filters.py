@@ -210,7 +210,7 @@ HEADER = """
 def in_single_precision(model: ObserverModel, samples: Samples) -> tuple[Array, Array]:
     """Carries and outputs (N, n) of a step with 32-bit numbers."""
     names = ("carry", "sample", "constant")
-    text = function(model.scan.step, "step", names, ("carry_out", "output"), static=False)
+    text = function(model.scan.step.expand(), "step", names, ("carry_out", "output"), static=False)
     with tempfile.TemporaryDirectory() as folder:
         source, library = Path(folder) / "step.c", Path(folder) / "step.so"
         source.write_text("typedef float fw_real;" + HEADER + text)

@@ -26,7 +26,7 @@ from fifthwheel.filters.model import pack, pack_array, packed_size, split, unpac
 from fifthwheel.native import Scan
 from fifthwheel.observe.observed_chain import ObservedChain
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.observer_step import FilterStep, ObserverLayout, monitored_step
+from fifthwheel.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
 
 
 class Deviations(NamedTuple):
@@ -79,7 +79,7 @@ def cholesky(covariance: ca.SX) -> ca.SX:
 
 def correct(
     joint: Deviations, considered: ca.SX, x: ca.SX, root: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX, list[ChannelUpdate]]:
+) -> tuple[ca.SX, ca.SX, ca.SX, list[ChannelUpdate[ca.SX]]]:
     """Measurement update of a joint square root of state and measurements (n + m, 2 n), channel by channel (Potter).
 
     With a row l of the joint square root L, the gain is L l' / s with s = l l' + r, and L then is
@@ -114,12 +114,12 @@ def correct(
 Form = Literal["covariance", "square root"]
 
 
-def unscented_step(form: Form) -> Callable[[ObservedChain, ObserverLayout, ca.SX, ca.SX, ca.SX], FilterStep]:
+def unscented_step(form: Form) -> FilterFunction[ca.SX]:
     """`observer_step.filter_step` of the filter that carries P or S."""
 
     def filter_step(
         model: ObservedChain, layout: ObserverLayout, carry: ca.SX, sample: ca.SX, constant: ca.SX
-    ) -> FilterStep:
+    ) -> FilterStep[ca.SX]:
         x, packed, s = split(carry, layout.carry)
         dt, d, y, weight = split(sample, layout.sample)
         c, q, r, limit, _, sigma = split(constant, layout.constant)
@@ -153,7 +153,7 @@ def unscented_step(form: Form) -> Callable[[ObservedChain, ObserverLayout, ca.SX
 
 @cache
 def _scan(model: ObservedChain, report: ObservedChain, form: Form) -> Scan:
-    return Scan(monitored_step(model, report, unscented_step(form)))
+    return Scan(monitored_step(model, report, unscented_step(form), ca.SX))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,5 +1,7 @@
 """The derivative of the speed: a ramp, the delay, the noise, gaps, and both forms."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -59,4 +61,7 @@ def test_both_forms_agree(longest: float) -> None:
     ages = np.diff(time, prepend=-np.inf)
     actual = [single.update(age, value) for age, value in zip(ages.tolist(), speed.tolist(), strict=True)]
     np.testing.assert_array_equal(actual, speed_rates(time, speed, T, longest))
+    other = copy.deepcopy(single)
+    assert other.update(0.1, 12.0) == single.update(0.1, 12.0) != single.update(0.1, 30.0)
+    assert other.update(0.1, 12.0) != single.update(0.1, 12.0)
     assert np.isfinite(actual).all()

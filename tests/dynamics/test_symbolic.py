@@ -86,7 +86,7 @@ def test_the_model_with_saturating_tyres(name: str) -> None:
     assert_close(model.observation_sensitivity(x, d, p, c), differences(model.observation, [x, d], p, [c]))
     dt = 1e-9  # F = I + A dt
     A = (np.array(model.state_jacobian(x, dt, d, p, c)) - np.eye(n)) / dt
-    B = np.array(model.steer_offset_jacobian(x, dt, d, p, c))[:, :1] / dt
+    B = np.array(model.steer_offset_exponent(x, dt, d, p, c))[:, :1] / dt
 
     def rates(x: np.ndarray, p: np.ndarray) -> np.ndarray:
         return np.array(model.rates(x, x, 0.01, d, p, c)[0]).ravel()

@@ -100,6 +100,12 @@ def test_functions_of_single_elements() -> None:
     compare(results, 4, 2, 2)
 
 
+def test_two_functions_of_one_name() -> None:
+    x = ca.SX.sym("x")
+    twice, square = ca.Function("f", [x], [2 * x]), ca.Function("f", [x], [x**2])
+    compare(lambda carry, sample, _: [carry / 2, twice(sample), square(sample), twice(sample + 1)], 1, 1, 0)
+
+
 def test_matrices_without_elements() -> None:
     x, y = ca.SX.sym("x", 3), ca.SX.sym("y", 0)
     f = ca.Function("f", [x, y], [2 * x, y])

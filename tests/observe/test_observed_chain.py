@@ -18,4 +18,6 @@ def test_sizes_are_known_without_the_functions(truck, estimate_bank):
     assert "_symbols" not in vars(model)
     assert [model.transition.numel_in(i) for i in range(5)] == [n, 1, n_d, n_p, n_c]
     assert (model.transition.numel_out(0), model.observation.numel_out(0)) == (n, m)
-    assert model.state_jacobian.size_out(0) == (n, n)
+    n_considered = not estimate_bank
+    assert model.transition_parts.size_out(0) == (n + n_considered, n + n_considered)
+    assert model.observation_jacobian.size_out(0) == (m, n + n_considered)

@@ -97,12 +97,10 @@ class ChainModel:
         return s.step("exponent", self._motion.A * s.duration, "M")
 
     @lazy
-    def steer_offset_jacobian(self) -> ca.Function:
-        """(x, dt, d, p, c) -> derivatives (n, m) of x+ with respect to the offsets of the m steer angles."""
-        s, m = self._symbols, self._motion
-        rate = -m.B @ ca.diag(s.steering.gain)
-        nothing = ca.SX(*rate.shape)
-        return s.step("steer_offset_jacobian", taylor(m.A, nothing, rate, nothing, s.duration, self.order), "F_steer")
+    def steer_offset_exponent(self) -> ca.Function:
+        """(x, dt, d, p, c) -> further columns (n, m) of M for the offsets of the m steer angles as constant states."""
+        s = self._symbols
+        return s.step("steer_offset_exponent", -self._motion.B @ ca.diag(s.steering.gain) * s.duration, "M_steer")
 
     @lazy
     def rates(self) -> ca.Function:

@@ -7,10 +7,13 @@ samples dt apart gives u' one of sigma sqrt(dt / (4 T^3)).
 """
 
 import math
+from collections.abc import Callable
+from typing import Any, cast
 
 import casadi as ca
 import numpy as np
 
+from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.native import Scan, compiled
 
@@ -59,13 +62,24 @@ class SpeedRate:
     """`speed_rates` sample by sample; the same values bit for bit."""
 
     def __init__(self, time_constant: float, max_gap: float) -> None:
-        self.max_gap = max_gap
-        self.carry = START
-        self._constant = np.array([1 / time_constant])
+        self.time_constant, self.max_gap = time_constant, max_gap
+        self.carry = START.copy()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy does not build anew."""
+        return {name: value for name, value in vars(self).items() if name != "_memory"}
+
+    @lazy
+    def _memory(self) -> tuple[Any, Any, Callable[[], None]]:
+        """Memory of sample and output, and the step on it."""
+        sample, rate = np.zeros(3), np.zeros(1)
+        arrays = self.carry, sample, np.array([1 / self.time_constant]), rate
+        return sample.data, rate.data, speed_rate_step().bound(*arrays)
 
     def update(self, age: float, speed: float) -> float:
         """u' with a speed that was measured `age` seconds after the last one, infinite for the first one."""
+        sample, rate, step = self._memory
         starts = not (age <= self.max_gap and math.isfinite(age))
-        sample = np.array([[1.0 if starts else age, speed, starts]])
-        self.carry, rate = speed_rate_step()(self.carry, sample, self._constant)
-        return float(rate[0, 0])
+        sample[0], sample[1], sample[2] = 1.0 if starts else age, speed, starts
+        step()
+        return cast(float, rate[0])

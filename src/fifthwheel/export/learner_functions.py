@@ -15,8 +15,8 @@ from fifthwheel.filters.joint import (
     linearise,
     packed,
     reported_values,
-    transition_matrix,
 )
+from fifthwheel.filters.kalman import transition_matrix
 from fifthwheel.filters.model import sizes, split
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.start import SteadyEquations, steady_equations

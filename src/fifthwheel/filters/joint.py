@@ -18,7 +18,6 @@ This filter adds:
 """
 
 import functools
-from collections.abc import Callable, Sequence
 from itertools import accumulate, pairwise
 from typing import Generic, NamedTuple
 
@@ -27,7 +26,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.dynamics.symbolic import Matrix
-from fifthwheel.filters.kalman import Noise, gate, joseph, observe, predict
+from fifthwheel.filters.kalman import Noise, gate, joseph, observe, transition, transition_matrix
 from fifthwheel.filters.model import Model, pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.filters.scaling import PRECISION, Scaling, symbolic_to_p
 from fifthwheel.native import Scan, compiled
@@ -130,25 +129,13 @@ def linearise(
         outputs = function.call([*arguments, p_of_z, c])
         return ca.substitute([ca.jacobian(output, symbol) for output in outputs], [symbol], [point])
 
-    n_x = x.shape[0]
-    parts: ca.Function | None = getattr(model, "transition_parts", None)
-    if parts is None:
-        later, _, F = predict(model, x, ca.SX(n_x, n_x), dt, d, p, c, ca.SX(n_x, n_x))
-        of_F = [F]
-    else:
-        later, of_F = model.transition(x, dt, d, p, c), list(parts.call([x, dt, d, p, c]))
+    later, *of_F = transition(model).call([x, dt, d, p, c])
     # the derivatives of x' need fewer operations than those of the transition; the trapezoidal rule integrates them
     rates: ca.Function | None = getattr(model, "rates", None)
     slopes = wrt_z("", model.transition, x, dt, d) if rates is None else wrt_z("rate_slopes", rates, x, later, dt, d)
     predicted, H = observe(model, later, d, p, c)
     (direct,) = wrt_z("observation_slopes", model.observation, later, d)
     return later, of_F, slopes, predicted, H, direct
-
-
-def transition_matrix(model: Model, parts: Sequence[Matrix]) -> Matrix:
-    """F (n_x, n_x) from its parts in `linearise`."""
-    build: Callable[..., Matrix] | None = getattr(model, "transition_matrix", None)
-    return parts[0] if build is None else build(*parts)
 
 
 def correct(
@@ -239,7 +226,7 @@ def joint_step(model: Model, logarithmic: tuple[bool, ...], n_z: int) -> ca.Func
     linearised = _linearisation(model, logarithmic, n_z).call(arguments)
     before, predicted, H, direct, *rest = map(ca.densify, linearised)
     count = 1 if getattr(model, "rates", None) is None else 2
-    slopes, F = rest[:count], ca.densify(transition_matrix(model, rest[count:]))
+    slopes, F = rest[:count], transition_matrix(model, rest[count:])
     P = ca.mac(F, P @ F.T, unpack(q, n_x) * dt)
     V = ca.mac(F, V + dt / 2 * slopes[0], dt / 2 * slopes[1]) if len(slopes) == 2 else ca.mac(F, V, slopes[0])
     Pz = Pz + ca.diag(walk * dt * ca.fmax(1 - ca.diag(Pz), 0))

@@ -5,10 +5,13 @@ Kalman (1960); equations (3)-(6) of Cheng and Cebon (2011). For a linear model i
 The measurement update works channel by channel (Bierman 1977; Simon 2006, section 6.1). With a diagonal R the result
 equals the update with all channels together. No matrix is inverted, a missing channel has the weight 0, and Joseph's
 form keeps the covariance positive.
+
+The equations are those of `casadi.SX` and of `casadi.MX`: with the latter, they call the functions of the model.
 """
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -33,60 +36,77 @@ class Noise:
         return np.concatenate([pack_array(self.process), self.measurement, [limit]])
 
 
-class ChannelUpdate(NamedTuple):
+class ChannelUpdate(NamedTuple, Generic[Matrix]):
     """Result of one channel at one sample; scalars."""
 
-    innovation: ca.SX  # 0 if missing
-    variance: ca.SX  # of the innovation
-    accepted: ca.SX  # 1 if used, else 0
+    innovation: Matrix  # 0 if missing
+    variance: Matrix  # of the innovation
+    accepted: Matrix  # 1 if used, else 0
+
+
+def transition(model: Model) -> ca.Function:
+    """(x, dt, d, p, c) -> the state (n,) after dt, and what `transition_matrix` makes F of."""
+    arguments = [ca.SX.sym("a", size) for size in (sizes(model)[0], 1, *sizes(model)[1:4])]
+    later = model.transition(*arguments)
+    parts: ca.Function | None = getattr(model, "transition_parts", getattr(model, "state_jacobian", None))
+    of_F = [ca.jacobian(later, arguments[0])] if parts is None else parts.call(arguments)
+    return ca.Function("transition", arguments, [later, *of_F], {"cse": True})
+
+
+def transition_matrix(model: Model, parts: Sequence[Matrix]) -> Matrix:
+    """F (n, n + k), with the columns of k considered parameters, from the results of `transition` after the state."""
+    build: Callable[..., Matrix] | None = getattr(model, "transition_matrix", None)
+    dense = [ca.densify(part) for part in parts]
+    return dense[0] if build is None else ca.densify(build(*dense))
 
 
 def predict(
-    model: Model, x: ca.SX, covariance: ca.SX, dt: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX, q: ca.SX
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Time update: the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and F."""
-    later = model.transition(x, dt, d, p, c)
-    state_jacobian: ca.Function | None = getattr(model, "state_jacobian", None)
-    if state_jacobian is not None:
-        F = state_jacobian(x, dt, d, p, c)
-    else:
-        symbol = ca.SX.sym("x", x.shape[0])
-        F = ca.substitute(ca.jacobian(model.transition(symbol, dt, d, p, c), symbol), symbol, x)
-    return later, ca.mtimes([F, covariance, F.T]) + q * dt, F
+    model: Model, x: Matrix, covariance: Matrix, dt: Matrix, d: Matrix, p: Matrix, c: Matrix, q: Matrix
+) -> tuple[Matrix, Matrix, Matrix]:
+    """Time update: the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and the
+    `transition_matrix`."""
+    results: list[Matrix] = transition(model).call([x, dt, d, p, c])
+    later, slopes = results[0], transition_matrix(model, results[1:])
+    F = slopes[:, : x.shape[0]]
+    return later, ca.mac(F, covariance @ F.T, q * dt), slopes
 
 
-def observe(model: Model, x: ca.SX, d: ca.SX, p: ca.SX, c: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Predicted measurements (m,) at x, and their Jacobian H (m, n)."""
+def observe(
+    model: Model, x: Matrix, d: Matrix, p: Matrix, c: Matrix, outputs: slice = slice(None)
+) -> tuple[Matrix, Matrix]:
+    """Predicted measurements (m,) at x, or some of them, and their derivatives H (m, n + k) as `transition_matrix`."""
+    arguments = [ca.SX.sym("a", size) for size in sizes(model)[:4]]
     jacobian: ca.Function | None = getattr(model, "observation_jacobian", None)
-    if jacobian is not None:
-        return model.observation(x, d, p, c), jacobian(x, d, p, c)
-    symbol = ca.SX.sym("x", x.shape[0])
-    predicted = model.observation(symbol, d, p, c)
-    y, H = ca.substitute([predicted, ca.jacobian(predicted, symbol)], [symbol], [x])
-    return y, H
+    y = model.observation(*arguments)
+    H = ca.jacobian(y, arguments[0]) if jacobian is None else jacobian(*arguments)
+    function = ca.Function("observe", arguments, [y[outputs], H[outputs, :]], {"cse": True})
+    results: list[Matrix] = function.call([x, d, p, c])
+    return ca.densify(results[0]), ca.densify(results[1])
 
 
 def report_outputs(
-    model: Model, x: ca.SX, covariance: ca.SX, considered: ca.SX, direct: ca.SX, d: ca.SX, c: ca.SX
-) -> tuple[ca.SX, ca.SX]:
-    """Outputs (m,) of another model of the same state, and their variances without measurement noise; `considered`
-    (n, k) and `direct` (m, k) as in `correct_channel`."""
-    outputs, H = observe(model, x, d, ca.SX(0, 1), c)
-    rows = ca.vertsplit(H) if H.shape[0] else []
-    spread = ca.sum2((H @ considered + direct) ** 2)
-    return outputs, ca.vertcat(*[h @ covariance @ h.T + spread[i] for i, h in enumerate(rows)])
+    model: Model, x: Matrix, covariance: Matrix, effects: Matrix, d: Matrix, c: Matrix
+) -> tuple[Matrix, Matrix]:
+    """Outputs (m,) of another model of the same state, and their variances without measurement noise.
+
+    `effects` (n + k, j) are the changes of the state and of k considered parameters by j independent unknowns of unit
+    variance; (n, 0) without any.
+    """
+    outputs, slopes = observe(model, x, d, type(x)(0, 1), c)
+    H, spread = slopes[:, : x.shape[0]], slopes[:, : effects.shape[0]] @ effects
+    return outputs, ca.sum2((H @ covariance) * H) + ca.sum2(spread**2)
 
 
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
-) -> tuple[ca.SX, ca.SX, list[ChannelUpdate], list[tuple[ca.SX, ca.SX]]]:
+) -> tuple[ca.SX, ca.SX, list[ChannelUpdate[ca.SX]], list[tuple[ca.SX, ca.SX]]]:
     """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`.
 
     It gives state, covariance, the update of each channel, and (gain, row of H) of each channel.
     """
     prior, nothing, channels, gains = x, (ca.SX(x.shape[0], 0), ca.SX(1, 0)), [], []
     for i in range(y.shape[0]):
-        row = H[i, :]
+        row = H[i, : x.shape[0]]
         innovation = y[i] - predicted[i] - row @ (x - prior)
         x, covariance, _, channel, gain = correct_channel(
             x, covariance, innovation, row, weight[i], r[i], limit, *nothing
@@ -97,16 +117,16 @@ def correct(
 
 
 def correct_channel(
-    x: ca.SX,
-    covariance: ca.SX,
-    innovation: ca.SX,
-    row: ca.SX,
-    weight: ca.SX,
-    r: ca.SX,
-    limit: ca.SX,
-    considered: ca.SX,
-    direct: ca.SX,
-) -> tuple[ca.SX, ca.SX, ca.SX, ChannelUpdate, ca.SX]:
+    x: Matrix,
+    covariance: Matrix,
+    innovation: Matrix,
+    row: Matrix,
+    weight: Matrix,
+    r: Matrix,
+    limit: Matrix,
+    considered: Matrix,
+    direct: Matrix,
+) -> tuple[Matrix, Matrix, Matrix, ChannelUpdate[Matrix], Matrix]:
     """Measurement update of one channel with considered parameters, which it does not correct (Schmidt 1966).
 
     The weights are those for exact parameters. Optimal weights would correct the state as if the measurements showed
@@ -121,16 +141,16 @@ def correct_channel(
     exact = row @ cross + r
     variance = exact + ca.sumsqr(effect)
     accepted = gate(innovation, variance, weight, limit)
-    gain = accepted * cross / exact
+    gain = accepted / exact * cross
     covariance = joseph(covariance, cross, gain, row, r)
     channel = ChannelUpdate(weight * innovation, variance, accepted)
-    return x + gain * innovation, covariance, considered - gain @ effect, channel, gain
+    return ca.mac(gain, innovation, x), covariance, ca.mac(-gain, effect, considered), channel, gain
 
 
 def joseph(covariance: Matrix, cross: Matrix, gain: Matrix, row: Matrix, noise: Matrix) -> Matrix:
     """Joseph's form (I - K h) P (I - K h)' + K r K' for a channel y = h x + v, with cross = P h' and noise = r."""
-    left = covariance - gain @ cross.T
-    return left - (left @ row.T - noise * gain) @ gain.T
+    left = ca.mac(-gain, cross.T, covariance)
+    return ca.mac(noise * gain - left @ row.T, gain.T, left)
 
 
 def gate(innovation: Matrix, variance: Matrix, weight: Matrix, limit: Matrix) -> Matrix:
@@ -138,7 +158,7 @@ def gate(innovation: Matrix, variance: Matrix, weight: Matrix, limit: Matrix) ->
     return weight * (innovation * innovation <= limit * variance)
 
 
-def channel_columns(channels: list[ChannelUpdate]) -> ca.SX:
+def channel_columns(channels: Sequence[ChannelUpdate[Matrix]]) -> Matrix:
     """[innovations, their variances, accepted], (3 m,)."""
     return ca.vertcat(*[channel[i] for i in range(3) for channel in channels])
 

@@ -42,13 +42,13 @@ def smoother_step(model: Model, report: Model | None = None) -> ca.Function:
     predicted, H = kalman.observe(model, before, d, p, c)
     open_gate = ca.SX(1e300)  # the filter has already gated the samples
     x, P, channels, gains = kalman.correct(before, P_before, predicted, H, y, accepted, r, open_gate)
-    _, _, F = kalman.predict(model, x, P, dt_next, d_next, p, c, ca.SX(n_x, n_x))
+    _, _, slopes = kalman.predict(model, x, P, dt_next, d_next, p, c, ca.SX(n_x, n_x))
+    F = slopes[:, :n_x]
     adjoint, information = F.T @ adjoint, ca.mtimes([F.T, information, F])
     smoothed, P_smoothed = x - P @ adjoint, P - ca.mtimes([P, information, P])
     results = smoothed, pack(P_smoothed)
     if report is not None:
-        nothing = ca.SX(n_x, 0), ca.SX(sizes(report)[4], 0)
-        results = kalman.report_outputs(report, smoothed, P_smoothed, *nothing, d, c_report)
+        results = kalman.report_outputs(report, smoothed, P_smoothed, ca.SX(n_x, 0), d, c_report)
     for channel, (gain, row) in reversed(list(zip(channels, gains, strict=True))):
         used = channel.accepted
         correction = ca.SX.eye(n_x) - gain @ row

@@ -119,6 +119,12 @@ class Scan:
         self.vector(rows, len(carry), *(array.ctypes.data for array in (carry, sample, constant, output)))
         return self._from_lanes(carry, vehicles), self._from_lanes(output, vehicles)
 
+    def bound(self, carry: Array, sample: Array, constant: Array, output: Array) -> Callable[[], None]:
+        """A call that processes one sample in the memory of these arrays, (n,) each, which it keeps. It checks nothing:
+        they must be as `__call__` makes them."""
+        one, arrays = ctypes.c_int64(1), (carry, sample, constant, output)
+        return functools.partial(self.single, one, one, *(a.ctypes.data_as(ctypes.c_void_p) for a in arrays))
+
     @property
     def single(self) -> Any:
         """The compiled loop for one vehicle; its arguments are addresses (see `llvm_ir.module`)."""

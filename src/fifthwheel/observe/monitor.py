@@ -53,7 +53,7 @@ DIVERGED = 1e3
 
 def monitor(
     carry: ca.SX,
-    channels: list[ChannelUpdate],
+    channels: list[ChannelUpdate[ca.SX]],
     weight: ca.SX,
     dt: ca.SX,
     sudden: ca.SX,
@@ -129,9 +129,7 @@ class Monitor:
         row, out = np.zeros(scan.n_sample), np.zeros(scan.n_output)
         self._row: Any = row.data
         self._out: Any = out.data
-        self._arrays = row, out  # the addresses below are theirs
-        self._addresses = tuple(array.ctypes.data for array in (self.carry, row, self.constant, out))
-        self._step = scan.single
+        self._step = scan.bound(self.carry, row, self.constant, out)
         self.max_nis = settings.max_nis
 
     def start(self, nis: float = START[0]) -> None:
@@ -147,16 +145,16 @@ class Monitor:
             for value in values:
                 row[i] = value
                 i += 1
-        self._step(1, 1, *self._addresses)
+        self._step()
         return bool(self._out[2])
 
     def save(self) -> Array:
         """All that changes, for `resume`."""
-        return np.concatenate([self.carry, self._arrays[-1]])
+        return np.concatenate([self.carry, self._out])
 
     def resume(self, saved: Array) -> None:
         """Continue from the result of `save`."""
-        self.carry[:], self._arrays[-1][:] = np.split(saved, [len(self.carry)])
+        self.carry[:], np.asarray(self._out)[:] = np.split(saved, [len(self.carry)])
 
     @property
     def nis(self) -> float:

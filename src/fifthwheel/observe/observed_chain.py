@@ -14,6 +14,7 @@ from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.symbolic import Matrix, transition_matrix
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.vehicle import Vehicle
 
@@ -41,20 +42,20 @@ class ObservedChain:
         return ca.Function("transition", own, [ca.vertcat(self.chain.transition(*of_chain)[:n], own[0][n:])])
 
     @lazy
-    def state_jacobian(self) -> ca.Function:
-        """(x, dt, d, p, c) -> dx+/dx (n, n)."""
+    def transition_parts(self) -> ca.Function:
+        """(x, dt, d, p, c) -> M, of which exp(M) is the derivative of [x+, bank] by [x, bank] if the bank is a
+        parameter, else that of x+ by x."""
         (own, of_chain, n), m = self._symbols, len(self.offsets)
-        F, steered = self.chain.state_jacobian(*of_chain)[:n, :n], self.chain.steer_offset_jacobian(*of_chain)
-        by_offset = ca.horzcat(steered[:n, :], ca.SX(n, m - steered.shape[1]))
-        F = ca.blockcat([[F, by_offset], [ca.SX(m, n), ca.SX.eye(m)]])
-        return ca.Function("state_jacobian", own, [F])
+        M, steered = self.chain.exponent(*of_chain), self.chain.steer_offset_exponent(*of_chain)
+        n_chain = M.shape[0]
+        by_offset = ca.horzcat(steered, ca.SX(n_chain, m - steered.shape[1]))
+        M = ca.blockcat([[M, by_offset], [ca.SX(m, n_chain), ca.SX(m, m)]])
+        order = [*range(n), *range(n_chain, n_chain + m), *range(n, n_chain)]
+        return ca.Function("transition_parts", own, [M[order, order]])
 
-    @lazy
-    def bank_jacobian(self) -> ca.Function:
-        """(x, dt, d, p, c) -> dx+/db (n, 1) of a bank b that is a parameter."""
-        own, of_chain, n = self._symbols
-        by_bank = ca.vertcat(self.chain.state_jacobian(*of_chain)[:n, n:], ca.SX(len(self.offsets), 1))
-        return ca.Function("bank_jacobian", own, [by_bank])
+    def transition_matrix(self, exponent: Matrix) -> Matrix:
+        """dx+/dx (n, n) from the result of `transition_parts`, and the column of a bank that is a parameter."""
+        return transition_matrix(exponent, self.chain.order)[: len(self.states), :]
 
     @lazy
     def observation(self) -> ca.Function:
@@ -64,18 +65,12 @@ class ObservedChain:
 
     @lazy
     def observation_jacobian(self) -> ca.Function:
-        """(x, d, p, c) -> dy/dx."""
+        """(x, d, p, c) -> dy/dx, and the column of a bank that is a parameter."""
         own, of_chain, n = self._instant
         by_offset = ca.SX(len(self.outputs), len(self.offsets))
         by_offset[:, self._free] = self.chain.observation_sensitivity(*of_chain)
-        H = ca.horzcat(self.chain.observation_jacobian(*of_chain)[:, :n], by_offset)
-        return ca.Function("observation_jacobian", own, [H])
-
-    @lazy
-    def observation_bank_jacobian(self) -> ca.Function:
-        """(x, d, p, c) -> dy/db of a bank b that is a parameter."""
-        own, of_chain, n = self._instant
-        return ca.Function("observation_bank_jacobian", own, [self.chain.observation_jacobian(*of_chain)[:, n:]])
+        H = self.chain.observation_jacobian(*of_chain)
+        return ca.Function("observation_jacobian", own, [ca.horzcat(H[:, :n], by_offset, H[:, n:])])
 
     @property
     def _free(self) -> list[int]:

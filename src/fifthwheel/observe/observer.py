@@ -5,7 +5,6 @@ as `push`, bit for bit. Both are causal: missing inputs are not interpolated fro
 """
 
 import copy
-import functools
 import math
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Self
@@ -108,7 +107,10 @@ class Observer:
         for path in self.settings.brakes:
             if path not in groups:
                 raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
-        self._names = [(name, f"{name}.sigma") for name in self.reported]
+        sigmas = [f"{name}.sigma" for name in self.reported]
+        self._names = (*self.reported, *sigmas)  # in the order of the compiled step
+        pairs = [name for pair in zip(self.reported, sigmas, strict=True) for name in pair]
+        self._without_states = dict.fromkeys(["time", "status", "nis", *pairs], math.nan)
         self._model = ObserverModel(
             vehicle=self.vehicle, settings=self.settings, outputs=self.outputs, reported=self.reported, roll=self.roll
         )
@@ -165,18 +167,14 @@ class Observer:
         except (AttributeError, TypeError):
             expect_sample(sample)
             raise
-        answer: dict[str, float] = {"time": self.stream.time, "status": status}
+        answer = self._without_states.copy()
+        answer["time"] = self.stream.time
         if status in VALID:
-            out, n = self._filter.out.tolist(), len(self.reported)
+            out = self._filter.out.tolist()
+            answer.update(zip(self._names, out, strict=False))
             answer["nis"] = nis = out[-2]
-            answer["status"] = monitor.health(status, out[-3], nis, self.settings.max_nis)
-            for (name, sigma), value, variance in zip(self._names, out, out[n:], strict=False):
-                answer[name] = value
-                answer[sigma] = math.sqrt(0.0 if variance < 0.0 else variance)
-        else:
-            answer["nis"] = math.nan
-            for name, sigma in self._names:
-                answer[name] = answer[sigma] = math.nan
+            status = monitor.health(status, out[-3], nis, self.settings.max_nis)
+        answer["status"] = status
         return answer
 
     def batch(self, record: Record, uncertainty: Uncertainty | None = None) -> States:
@@ -254,8 +252,7 @@ class _ObserverFilter:
     @lazy
     def step(self) -> Callable[[], None]:
         """Process the row."""
-        arrays = (self.carry, np.asarray(self.row), self.constant, np.asarray(self.out))
-        return functools.partial(self._model.scan.single, 1, 1, *(array.ctypes.data for array in arrays))
+        return self._model.scan.bound(self.carry, np.asarray(self.row), self.constant, np.asarray(self.out))
 
     def start(self, stream: Stream, monitored: Array = monitor.START, *, suspect: bool = False) -> None:
         """Start at the steady state of the inputs; `monitored` is the carry of the monitor."""

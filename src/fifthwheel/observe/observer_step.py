@@ -17,9 +17,10 @@ percent, and needs ten times the operations.
     x'  = x'- - K (H x'- + dh/dp p')       update, channel by channel
 """
 
+import functools
 from collections.abc import Callable
 from contextlib import suppress
-from typing import NamedTuple
+from typing import Generic, NamedTuple
 
 import casadi as ca
 
@@ -34,6 +35,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steering import own_states
+from fifthwheel.dynamics.symbolic import Matrix
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import kalman
 from fifthwheel.filters.kalman import ChannelUpdate
@@ -79,26 +81,26 @@ class ObserverLayout(NamedTuple):
         )
 
 
-class FilterStep(NamedTuple):
+class FilterStep(NamedTuple, Generic[Matrix]):
     """One step of the filter."""
 
-    before: ca.SX  # predicted state (n,)
-    after: ca.SX  # state (n,)
-    covariance: ca.SX  # P (n, n)
-    considered: ca.SX  # s (n, 1); (n, 0) without a considered bank
-    channels: list[ChannelUpdate]
-    carry: ca.SX  # of the next step, as in `ObserverLayout`
-    linearised: tuple[tuple[ca.SX, ca.SX, ca.SX], ...] = ()
+    before: Matrix  # predicted state (n,)
+    after: Matrix  # state (n,)
+    covariance: Matrix  # P (n, n)
+    considered: Matrix  # s (n, 1); (n, 0) without a considered bank
+    channels: list[ChannelUpdate[Matrix]]
+    carry: Matrix  # of the next step, as in `ObserverLayout`
+    linearised: tuple[tuple[Matrix, Matrix, Matrix], ...] = ()
     """Of each channel of an extended Kalman filter: state (n,) of the linearisation, row (1, n) of H, gain (n, 1)."""
 
 
-FilterFunction = Callable[[ObservedChain, ObserverLayout, ca.SX, ca.SX, ca.SX], FilterStep]
+FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
 """(model, layout, carry, sample, constant) -> one step of a filter."""
 
 
 def filter_step(
-    model: ObservedChain, layout: ObserverLayout, carry: ca.SX, sample: ca.SX, constant: ca.SX
-) -> FilterStep:
+    model: ObservedChain, layout: ObserverLayout, carry: Matrix, sample: Matrix, constant: Matrix
+) -> FilterStep[Matrix]:
     """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `ObserverLayout`.
 
     Each channel is linearised at the state that the channels before it have corrected. After a start with a wide
@@ -107,18 +109,13 @@ def filter_step(
     x, P, s = split(carry, layout.carry)
     dt, d, y, weight = split(sample, layout.sample)
     c, q, r, limit, _, sigma = split(constant, layout.constant)
-    n, m, no_p = x.shape[0], y.shape[0], ca.SX(0, 1)
-    before, P, F = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
-    state = ca.SX.sym("state", n)
-    outputs, H = kalman.observe(model, state, d, no_p, c)
-    direct = ca.SX(m, s.shape[0] // n)
-    s = ca.reshape(s, n, direct.shape[1])
-    if not model.estimates_bank:
-        s = F @ s + model.bank_jacobian(x, dt, d, no_p, c) * sigma
-        direct = model.observation_bank_jacobian(state, d, no_p, c) * sigma
+    n, no_p = x.shape[0], type(x)(0, 1)
+    before, P, slopes = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    s = slopes @ _effects(s, n, sigma)
     x, channels, linearised = before, [], []
-    for i in range(m):
-        predicted, row, effect = ca.substitute([outputs[i], H[i, :], direct[i, :]], [state], [x])
+    for i in range(y.shape[0]):
+        predicted, slope = kalman.observe(model, x, d, no_p, c, slice(i, i + 1))
+        row, effect = slope[:, :n], slope[:, n:] @ ca.diag(sigma)
         point, innovation = x, y[i] - predicted
         x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
         channels.append(channel)
@@ -126,46 +123,55 @@ def filter_step(
     return FilterStep(before, x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
 
 
-def _effect_of_bank(report: ObservedChain, x: ca.SX, d: ca.SX, c: ca.SX, sigma: ca.SX) -> ca.SX:
-    """Change (m, 1) of reported signals by one standard deviation of a considered bank at a fixed state; (m, 0) without
-    one."""
-    if report.estimates_bank:
-        return ca.SX(len(report.outputs), 0)
-    return report.observation_bank_jacobian(x, d, ca.SX(0, 1), c) * sigma
+def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
+    """Change (n + 1, 1) of state and bank by one standard deviation of a considered bank; (n, 0) without one."""
+    return ca.vertcat(ca.reshape(s, n, sigma.shape[0]), ca.diag(sigma))
 
 
-@compiled(Scan)
+@compiled(functools.partial(Scan, matrices=True))
 def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     """The compiled step of an observer; see `monitored_step`."""
-    return monitored_step(model, report, filter_step)
+    return monitored_step(model, report, filter_step, ca.MX)
 
 
-def monitored_step(model: ObservedChain, report: ObservedChain, filter_step: FilterFunction) -> ca.Function:
-    """A filter of `model` with the outputs of `report`, their variances, and the monitor.
+def monitored_step(
+    model: ObservedChain, report: ObservedChain, filter_step: FilterFunction[Matrix], kind: type[Matrix]
+) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor, with matrices of a type.
 
     carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
-    considered bank, settings of the monitor]; output = [reported, their variances, innovation, variance, accepted,
+    considered bank, settings of the monitor]; output = [reported, their sigmas, innovation, variance, accepted,
     settling, NIS, restart].
     """
     layout = ObserverLayout.of(model, report)
-    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START))
-    sample, dt, d, _, weight = partitioned("sample", *layout.sample)
-    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2)
+    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=kind)
+    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=kind)
+    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=kind)
     _, _, _, limit, c_report, sigma = split(numbers, layout.constant)
     step = filter_step(model, layout, filtered, sample, numbers)
-    direct = _effect_of_bank(report, step.after, d, c_report, sigma)
-    reported, variances = kalman.report_outputs(
-        report, step.after, step.covariance, step.considered, direct, d, c_report
-    )
-    before, after = ca.vertsplit(d, len(model.inputs))
-    sudden = monitor.sudden_change(model.inputs, before, after, dt)
-    monitored, findings = monitor.monitor(monitored, step.channels, weight, dt, sudden, limit, monitor_settings)
+    effects = _effects(step.considered, len(model.states), sigma)
+    reported, variances = kalman.report_outputs(report, step.after, step.covariance, effects, d, c_report)
+    channels = kalman.channel_columns(step.channels)
+    arguments = [monitored, channels, weight, dt, d, limit, monitor_settings, reported, variances]
+    monitored, sigmas, findings = _findings(model, len(report.outputs)).call(arguments)
+    carried, output = ca.vertcat(step.carry, monitored), ca.vertcat(reported, sigmas, channels, findings)
+    return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})
+
+
+def _findings(model: ObservedChain, n_report: int) -> ca.Function:
+    """(carry of the monitor, `channel_columns`, weight, dt, d, gate^2, settings, reported signals, their variances) ->
+    (carry of the monitor, sigmas of the reported signals, [settling, NIS, restart])."""
+    k, m = len(model.inputs), len(model.outputs)
+    arguments = [ca.SX.sym("a", size) for size in (len(monitor.START), 3 * m, m, 1, 2 * k, 1, 2, n_report, n_report)]
+    carry, columns, weight, dt, d, limit, settings, reported, variances = arguments
+    channels = [ChannelUpdate(*ca.vertsplit(columns[i::m])) for i in range(m)]
+    sudden = monitor.sudden_change(model.inputs, d[:k], d[k:], dt)
+    carry, findings = monitor.monitor(carry, channels, weight, dt, sudden, limit, settings)
     settling, nis, disagrees = ca.vertsplit(findings)
     restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
-    carried = ca.vertcat(step.carry, monitored)
-    channels = kalman.channel_columns(step.channels)
-    output = ca.vertcat(reported, monitor.excess(nis) * variances, channels, settling, nis, restart)
-    return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})
+    raised = monitor.excess(nis) * variances
+    sigmas = ca.sqrt(ca.if_else(raised < 0, 0, raised))  # not a number remains so
+    return ca.Function("findings", arguments, [carry, sigmas, ca.vertcat(settling, nis, restart)], {"cse": True})
 
 
 @compiled(DirectionScan)
@@ -188,9 +194,9 @@ def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function
     for i, (point, row, gain) in enumerate(step.linearised):
         after_dot = after_dot - gain @ (row @ after_dot + ca.substitute(direct_dot[i], state, point))
     reported = report.observation(state, d, no_p, c_report)
-    _, H = kalman.observe(report, step.after, d, no_p, c_report)
+    _, slopes = kalman.observe(report, step.after, d, no_p, c_report)
     reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
-    of_bank = ca.sum2((H @ step.considered + _effect_of_bank(report, step.after, d, c_report, sigma)) ** 2)
+    of_bank = ca.sum2((slopes @ _effects(step.considered, n_x, sigma)) ** 2)
     results = [step.carry, of_bank, after_dot, ca.substitute(reported_dot, state, step.after)]
     arguments = [carry, sample, constant, x_dot, parameters_dot]
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})

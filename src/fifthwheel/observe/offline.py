@@ -38,7 +38,7 @@ class Outputs(NamedTuple):
     The memory of a long record is that of these arrays: all else is computed in chunks of rows.
     """
 
-    reported: Array  # (N, 2 n) values, variances
+    reported: Array  # (N, 2 n) values, sigmas
     innovation: Array  # (N, 2 m) innovations, variances
     nis: Array  # (N,)
     accepted: NDArray[np.bool_]  # (N, m)
@@ -77,7 +77,8 @@ def _outputs(
             filtered = output.at(of_filter.samples)
             part = of_filter.with_accepted(filtered.accepted)  # smoother and sigma points use the same samples
             if smooth and is_finite(smoothed := smoothed_states(observer, part, start, filtered, points)):
-                filtered.reported[:] = smoothed
+                values, variances = np.hsplit(smoothed, 2)
+                filtered.reported[:] = np.hstack([values, np.sqrt(variances)])
             elif points.steps.size:  # the states of the filter remain where the smoother diverges
                 add_parameter_variance(observer, part, start, filtered, points)
             if smooth:  # later samples have agreed with the first ones
@@ -115,7 +116,8 @@ def smoothed_states(
     if points.steps.size:
         effects = observer.effects(part.first)
         shape = len(part.rows), len(observer.report.outputs)
-        variance = sigma_point_variance(points, effects, start, run, observer.scan.lanes, shape)
+        lanes = smoother.smoother_step(model, observer.report).lanes
+        variance = sigma_point_variance(points, effects, start, run, lanes, shape)
         own[:] = _total_variance(own, own * excess, excess, variance[part.sample_indices])
     else:
         own *= excess
@@ -125,15 +127,15 @@ def smoothed_states(
 def add_parameter_variance(
     observer: ObserverModel, part: StreamSegment, start: Array, output: Outputs, points: SigmaPoints
 ) -> None:
-    """Add what is uncertain to the variances of the reported signals in the output of a filter.
+    """Add what is uncertain to the sigmas of the reported signals in the output of a filter.
 
     Arguments as of `smoothed_states`.
     """
-    effects, variances = observer.effects(part.first), np.hsplit(output.reported, 2)[1]
+    effects, sigmas = observer.effects(part.first), np.hsplit(output.reported, 2)[1]
     for rows, variance in parameter_variance(observer, points, effects, start, part.rows):
         samples, indices = part.samples_of(rows)
-        excess, raised = monitor.excess(output.nis[samples, None]), variances[samples]
-        raised[:] = _total_variance(raised / excess, raised, excess, variance[indices])
+        excess, raised = monitor.excess(output.nis[samples, None]), sigmas[samples] ** 2
+        sigmas[samples] = np.sqrt(_total_variance(raised / excess, raised, excess, variance[indices]))
 
 
 def _total_variance(own: Array, raised: Array, excess: Array, variance: Array) -> Array:
@@ -189,19 +191,18 @@ def filtered_parts(
 def _states(record: Record, observer: ObserverModel, status: NDArray[np.int8], output: Outputs) -> States:
     """States from the outputs of the compiled step, whose memory they take."""
     names, measured = observer.report.outputs, observer.model.outputs
-    values, variances = np.hsplit(output.reported, 2)
-    innovation, innovation_variance = np.hsplit(output.innovation, 2)
-    for squares in (variances, innovation_variance):
-        np.sqrt(squares, out=squares)  # a sigma each; a copy would need the memory of all states
+    values, sigmas = np.hsplit(output.reported, 2)
+    innovation, innovation_sigmas = np.hsplit(output.innovation, 2)
+    np.sqrt(innovation_sigmas, out=innovation_sigmas)  # of variances; a copy would need the memory of all states
     innovation[~np.isfinite(measurements(record, observer.stream.measured))] = np.nan
     return States(
         name=record.name,
         time=record.time,
         values={name: values[:, i] for i, name in enumerate(names)},
-        sigma={name: variances[:, i] for i, name in enumerate(names)},
+        sigma={name: sigmas[:, i] for i, name in enumerate(names)},
         status=status,
         nis=output.nis,
         innovation={name: innovation[:, i] for i, name in enumerate(measured)},
-        innovation_sigma={name: innovation_variance[:, i] for i, name in enumerate(measured)},
+        innovation_sigma={name: innovation_sigmas[:, i] for i, name in enumerate(measured)},
         accepted={name: output.accepted[:, i] for i, name in enumerate(measured)},
     )

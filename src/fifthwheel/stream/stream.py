@@ -185,4 +185,4 @@ class Stream:
         self.times, self._running = numbers(saved["seen"], -math.inf), saved["running"]
         self._confirmed = list(saved["confirmed"])
         if self._speed_rate:
-            self._speed_rate.carry = np.array(saved["speed_rate"])
+            self._speed_rate.carry[:] = saved["speed_rate"]

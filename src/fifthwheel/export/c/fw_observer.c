@@ -153,9 +153,8 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     states->status = fw_judged(fw_stream_finish(&observer->stream, accepted), out[FW_NIS], out[FW_SETTLES]);
     states->nis = out[FW_NIS];
     for (int i = 0; i < FW_STATE_COUNT; i++) {
-        const fw_real variance = out[FW_STATE_COUNT + i];
         states->value[i] = out[i];
-        states->sigma[i] = FW_SQRT((variance > FW_REAL(0.0)) ? variance : FW_REAL(0.0));
+        states->sigma[i] = out[FW_STATE_COUNT + i];
     }
     return FW_SUCCESS;
 }
