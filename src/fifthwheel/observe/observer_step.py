@@ -174,29 +174,62 @@ def _findings(model: ObservedChain, n_report: int) -> ca.Function:
     return ca.Function("findings", arguments, [carry, sigmas, ca.vertcat(settling, nis, restart)], {"cse": True})
 
 
-@compiled(DirectionScan)
-def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
-    """The compiled step: `observer_step`, and the change of its reported signals along directions of the parameters.
+class TrackedLayout(NamedTuple):
+    """Numbers of elements of the parts of an output of `tracked_step`."""
 
-    carry, sample and constant as there, without those of the monitor; output = variances of the reported signals that
-    the considered bank causes; carry' = x'; constant' = [c', c' of the report]; output' = reported'.
+    x: int  # state before the step
+    points: int  # states at which the channels are linearised
+    gains: int  # of the channels
+    after: int  # state after the step
+    of_bank: int  # variances of the reported signals that a considered bank causes
+
+    @classmethod
+    def of(cls, model: ObservedChain, report: ObservedChain) -> "TrackedLayout":
+        """The layout for an observer."""
+        n, _, _, _, m = sizes(model)
+        return cls(n, n * m, n * m, n, len(report.outputs))
+
+
+@compiled(functools.partial(Scan, matrices=True))
+def tracked_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step of the filter with what its sensitivities need: `TrackedLayout`.
+
+    carry, sample and constant are those of `observer_step` without those of the monitor.
     """
     layout = ObserverLayout.of(model, report)
-    n_x, n_c, n_report = layout.carry[0], layout.constant[0], layout.constant[4]
-    carry, x, *_ = partitioned("carry", *layout.carry)
-    sample, dt, d, _, _ = partitioned("sample", *layout.sample)
-    constant, c, *_, c_report, sigma = partitioned("constant", *layout.constant)
-    parameters_dot, c_dot, report_dot = partitioned("parameters_dot", n_c, n_report)
-    no_p, x_dot, state = ca.SX(0, 1), ca.SX.sym("x_dot", n_x), ca.SX.sym("state", n_x)
+    carry, sample, constant = (ca.MX.sym(name, sum(part)) for name, part in zip(layout._fields, layout, strict=True))
     step = filter_step(model, layout, carry, sample, constant)
-    before_dot = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
-    direct_dot, after_dot = ca.jtimes(model.observation(state, d, no_p, c), c, c_dot), before_dot
-    for i, (point, row, gain) in enumerate(step.linearised):
-        after_dot = after_dot - gain @ (row @ after_dot + ca.substitute(direct_dot[i], state, point))
-    reported = report.observation(state, d, no_p, c_report)
-    _, slopes = kalman.observe(report, step.after, d, no_p, c_report)
-    reported_dot = ca.jtimes(reported, ca.vertcat(state, c_report), ca.vertcat(after_dot, report_dot))
-    of_bank = ca.sum2((slopes @ _effects(step.considered, n_x, sigma)) ** 2)
-    results = [step.carry, of_bank, after_dot, ca.substitute(reported_dot, state, step.after)]
-    arguments = [carry, sample, constant, x_dot, parameters_dot]
+    (x, *_), (_, d, *_), (*_, c_report, sigma) = map(split, (carry, sample, constant), layout)
+    points, gains = (ca.vertcat(*[each[i] for each in step.linearised]) for i in (0, 2))
+    _, slopes = kalman.observe(report, step.after, d, ca.MX(0, 1), c_report)
+    effects = _effects(step.considered, len(model.states), sigma)
+    of_bank = ca.sum2((slopes[:, : effects.shape[0]] @ effects) ** 2)
+    output = ca.densify(ca.vertcat(x, points, gains, step.after, of_bank))
+    return ca.Function("tracked", [carry, sample, constant], [step.carry, output], {"cse": True})
+
+
+@compiled(DirectionScan)
+def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step of the change of a filter's state and reported signals along directions of the parameters.
+
+    No carry; sample = [dt, d, then x, points, gains and state after the step of `TrackedLayout`]; constant = [c, c of
+    the report]; no output; carry' = x'; constant' = [c', c' of the report]; output' = reported'.
+    """
+    layout, tracked = ObserverLayout.of(model, report), TrackedLayout.of(model, report)
+    n, m = tracked.x, len(model.outputs)
+    sample, dt, d, x, points, gains, after = partitioned("sample", *layout.sample[:2], *tracked[:-1])
+    sizes_of_c = layout.constant[0], layout.constant[4]
+    constant, c, c_report = partitioned("constant", *sizes_of_c)
+    constant_dot, c_dot, report_dot = partitioned("constant_dot", *sizes_of_c)
+    nothing, no_p, x_dot = ca.SX.sym("nothing", 0), ca.SX(0, 1), ca.SX.sym("x_dot", n)
+    later = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
+    state = ca.SX.sym("state", n)
+    y = model.observation(state, d, no_p, c)
+    for i, (point, gain) in enumerate(zip(ca.vertsplit(points, n), ca.vertsplit(gains, n), strict=True) if m else ()):
+        y_dot = ca.jtimes(y[i], ca.vertcat(state, c), ca.vertcat(later, c_dot))
+        later = later - gain * ca.substitute(y_dot, state, point)
+    reported = report.observation(after, d, no_p, c_report)
+    reported_dot = ca.jtimes(reported, ca.vertcat(after, c_report), ca.vertcat(later, report_dot))
+    results = [ca.SX(0, 1), ca.SX(0, 1), later, reported_dot]
+    arguments = [nothing, sample, constant, x_dot, constant_dot]
     return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})

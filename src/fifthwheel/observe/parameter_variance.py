@@ -15,7 +15,7 @@ from fifthwheel._types import Array
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.observer_step import ObserverLayout, sensitivity_step
+from fifthwheel.observe.observer_step import ObserverLayout, TrackedLayout, sensitivity_step, tracked_step
 from fifthwheel.observe.uncertainty import Uncertainty, positive_parameters
 
 CHUNK = 1_000
@@ -60,19 +60,24 @@ def parameter_variance(
     the change (u, n_x) of the first state per unit of bank and offsets; `start`, [x, P, s] before the first row, does
     not depend on the other parameters, because P is wide enough.
     """
-    scan = sensitivity_step(observer.model, observer.report)
-    n_c, *between, n_report, _ = ObserverLayout.of(observer.model, observer.report).constant
+    models = observer.model, observer.report
+    layout, of_bank = ObserverLayout.of(*models), TrackedLayout.of(*models).of_bank
+    n_c, *between, n_report, _ = layout.constant
     slopes = (points.constants[::2] - points.constants[1::2]) / (2 * points.steps[:, None])
     first_report = n_c + sum(between)
     directions = np.hstack([slopes[:, :n_c], slopes[:, first_report : first_report + n_report]])
-    constant = observer.constant(gate=np.inf)[: scan.sizes[2]]
-    carry, carry_dot = start, points.unknowns @ effects
+    constant = observer.constant(gate=np.inf)[: sum(layout.constant)]
+    known = np.concatenate([constant[:n_c], constant[first_report : first_report + n_report]])
+    carry, carry_dot, nothing = start, points.unknowns @ effects, np.empty(0)
     for first in range(0, len(rows), CHUNK):
         chunk = slice(first, min(first + CHUNK, len(rows)))
-        result = scan(carry, rows[chunk], constant, carry_dot, directions, threads=os.cpu_count() or 1)
+        samples = rows[chunk]
+        carry, tracked = tracked_step(*models)(carry, samples, constant)
+        samples = np.hstack([samples[:, : sum(layout.sample[:2])], tracked[:, :-of_bank]])
+        result = sensitivity_step(*models)(nothing, samples, known, carry_dot, directions, threads=os.cpu_count() or 1)
         squares = np.einsum("rnk,rnk->rn", result.output_dot, result.output_dot)
-        yield chunk, squares - points.with_bank * result.output
-        carry, carry_dot = result.carry, result.carry_dot
+        yield chunk, squares - points.with_bank * tracked[:, -of_bank:]
+        carry_dot = result.carry_dot
 
 
 def sigma_point_variance(
