@@ -21,7 +21,8 @@ class Model(Hashable, Protocol):
     model for the cache of machine code (`native.step`). `state_jacobian`, with the arguments of the transition, gives
     dx+/dx, and `observation_jacobian`, with those of the observation, dy/dx, with fewer operations than automatic
     differentiation. In place of `state_jacobian` a model may have `transition_parts`, with the same arguments, and a
-    method `transition_matrix` that makes dx+/dx of their results by a few products of matrices.
+    method `transition_matrix` that makes dx+/dx of their results by a few products of matrices. Further columns of
+    dx+/dx and dy/dx are derivatives with respect to parameters that a filter considers.
 
     `rates`, (x, x+, dt, d, p, c) -> x' at the beginning and at the end of a step, gives dx+/dp by the trapezoidal rule
     with few operations. `rate_slopes` and `observation_slopes`, with the arguments of the rates and of the observation,
