@@ -46,7 +46,8 @@ def test_without_undefined_behaviour(
         states = replayed(replay, observer, record)
         # the filter restarts again and again, which amplifies rounding; in single precision it may restart later
         if fault not in (("reversed_steer", "slow") if precision else ("reversed_steer",)):
-            assert_equal(states, pushed(observer, record), 1e-4 if precision else 1e-12)
+            limit = 3e-12 if fault == "slow" else 1e-12  # see `test_c_observer.AMPLIFIED`
+            assert_equal(states, pushed(observer, record), 1e-4 if precision else limit)
 
 
 def cppcheck_version() -> str | None:
