@@ -52,7 +52,7 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     assert quadratic.cost == pytest.approx(p.cost(z), rel=1e-9)
     step = 1e-4
     for i in range(0, len(z), 1 if form == "output_error" else 3):
-        if p.names[i].endswith(".delay") and form == "output_error":
+        if p.names[i] in ("speed.delay", "steer.tractor.front.delay"):
             continue  # a shifted input is constant beyond the ends of a segment: the cost has kinks there
         shift = np.eye(len(z))[i] * step
         expected = (p.cost(z + shift) - p.cost(z - shift)) / (2 * step)

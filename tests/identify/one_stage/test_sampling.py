@@ -22,7 +22,7 @@ CONSIDER = {name: sigma for name, sigma in OneStage().consider.items() if name !
 """The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above."""
 
 
-def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.25) -> tuple[Array, float]:
+def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.4) -> tuple[Array, float]:
     """Samples (steps, k) of x, and the fraction of accepted proposals."""
     centre, P = density.mean, density.covariance
     factor, precision, rng = np.linalg.cholesky(P), np.linalg.inv(P), np.random.default_rng(seed)
