@@ -146,7 +146,7 @@ def unscented_step(form: Form) -> FilterFunction[ca.SX]:
         root = lower_triangular(wide)
         covariance = root @ root.T
         stored = pack(root) if form == "square root" else pack(covariance)
-        return FilterStep(before, after, covariance, s, channels, ca.vertcat(after, stored, ca.vec(s)))
+        return FilterStep(after, covariance, s, channels, ca.vertcat(after, stored, ca.vec(s)))
 
     return filter_step
 

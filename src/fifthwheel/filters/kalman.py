@@ -93,8 +93,13 @@ def report_outputs(
     variance; (n, 0) without any.
     """
     outputs, slopes = observe(model, x, d, type(x)(0, 1), c)
-    H, spread = slopes[:, : x.shape[0]], slopes[:, : effects.shape[0]] @ effects
-    return outputs, ca.sum2((H @ covariance) * H) + ca.sum2(spread**2)
+    H = slopes[:, : x.shape[0]]
+    return outputs, ca.sum2((H @ covariance) * H) + variances_by(effects, slopes)
+
+
+def variances_by(effects: Matrix, slopes: Matrix) -> Matrix:
+    """Variances (m,) that the unknowns of `report_outputs` cause, by the derivatives H (m, n + k) of `observe`."""
+    return ca.sum2((slopes[:, : effects.shape[0]] @ effects) ** 2)
 
 
 def correct(

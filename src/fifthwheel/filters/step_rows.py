@@ -89,19 +89,19 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     """Inputs of a record by name, (N,) each, shifted by their delays.
 
     The play of a steering changes its angle, unless its contact is an input of its own. The derivative of the speed, if
-    it is an input, has no delay, and contains gravity along the road where the record has the grade. Of the errors of
-    the sensors, "<name>.delay" is the delay of an input, s, "<name>.play" the play of a steering, rad at the wheels,
-    and "<name>.gain" the angle of the wheels by that of the sensor.
+    it is an input, is shifted with the speed, is not late itself, and contains gravity along the road where the record
+    has the grade. Of the errors of the sensors, "<name>.delay" is the delay of an input, s, "<name>.play" the play of a
+    steering, rad at the wheels, and "<name>.gain" the angle of the wheels by that of the sensor.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
-    measured, late = {"speed": record.input("speed")}, errors.get(dynamics.SPEED_DELAY, 0.0)
+    inputs, delay = {"speed": record.input("speed")}, errors.get(dynamics.SPEED_DELAY, 0.0)
     if dynamics.SPEED_RATE in names:
-        measured[dynamics.SPEED_RATE] = central_speed_rates(record.time, measured["speed"])
-    inputs = {}
-    for name, values in measured.items():
-        inputs[name], inputs[dynamics.SLOPES[name]] = _shifted(record.time, values, late)
+        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"])
+    for name, slope in dynamics.SLOPES.items():
+        if name in inputs and (delay or slope in names):  # a spline takes time
+            inputs[name], inputs[slope] = _shifted(record.time, inputs[name], delay)
     if dynamics.SPEED_RATE in names:
         inputs[dynamics.SPEED_RATE] += _along_road(record)
     for name in names_of(STEER, names):

@@ -84,14 +84,13 @@ class ObserverLayout(NamedTuple):
 class FilterStep(NamedTuple, Generic[Matrix]):
     """One step of the filter."""
 
-    before: Matrix  # predicted state (n,)
     after: Matrix  # state (n,)
     covariance: Matrix  # P (n, n)
     considered: Matrix  # s (n, 1); (n, 0) without a considered bank
     channels: list[ChannelUpdate[Matrix]]
     carry: Matrix  # of the next step, as in `ObserverLayout`
-    linearised: tuple[tuple[Matrix, Matrix, Matrix], ...] = ()
-    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, row (1, n) of H, gain (n, 1)."""
+    linearised: tuple[tuple[Matrix, Matrix], ...] = ()
+    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, gain (n, 1)."""
 
 
 FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
@@ -110,17 +109,16 @@ def filter_step(
     dt, d, y, weight = split(sample, layout.sample)
     c, q, r, limit, _, sigma = split(constant, layout.constant)
     n, no_p = x.shape[0], type(x)(0, 1)
-    before, P, slopes = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
-    s = slopes @ _effects(s, n, sigma)
-    x, channels, linearised = before, [], []
+    x, P, slopes = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    s, channels, linearised = slopes @ _effects(s, n, sigma), [], []
     for i in range(y.shape[0]):
         predicted, slope = kalman.observe(model, x, d, no_p, c, slice(i, i + 1))
         row, effect = slope[:, :n], slope[:, n:] @ ca.diag(sigma)
         point, innovation = x, y[i] - predicted
         x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
         channels.append(channel)
-        linearised.append((point, row, gain))
-    return FilterStep(before, x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
+        linearised.append((point, gain))
+    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
 
 
 def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
@@ -200,10 +198,10 @@ def tracked_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
     carry, sample, constant = (ca.MX.sym(name, sum(part)) for name, part in zip(layout._fields, layout, strict=True))
     step = filter_step(model, layout, carry, sample, constant)
     (x, *_), (_, d, *_), (*_, c_report, sigma) = map(split, (carry, sample, constant), layout)
-    points, gains = (ca.vertcat(*[each[i] for each in step.linearised]) for i in (0, 2))
+    points, gains = (ca.vertcat(*[each[i] for each in step.linearised]) for i in (0, 1))
     _, slopes = kalman.observe(report, step.after, d, ca.MX(0, 1), c_report)
     effects = _effects(step.considered, len(model.states), sigma)
-    of_bank = ca.sum2((slopes[:, : effects.shape[0]] @ effects) ** 2)
+    of_bank = kalman.variances_by(effects, slopes)
     output = ca.densify(ca.vertcat(x, points, gains, step.after, of_bank))
     return ca.Function("tracked", [carry, sample, constant], [step.carry, output], {"cse": True})
 

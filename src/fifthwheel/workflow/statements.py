@@ -340,9 +340,10 @@ def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list
             )
         return [name]
     if name in SENSOR_PRIORS:
-        inputs = {SPEED: (SPEED.quantity,), STEER: vehicle.steer_signals()}
-        of_setting = [(c, e.kind) for c in inputs for e in c.errors if e.setting == name and len(inputs[c]) == 1]
-        return [f"{inputs[c][0]}.{kind}" for c, kind in of_setting] if statement.value and of_setting else [name]
+        inputs = (SPEED, (SPEED.quantity,)), (STEER, vehicle.steer_signals())
+        single = [(e, signals[0]) for channel, signals in inputs if len(signals) == 1 for e in channel.errors]
+        named = [f"{signal}.{e.kind}" for e, signal in single if e.setting == name]
+        return named if statement.value and named else [name]
     if _is_sensor_error(name):
         _require_sensor(vehicle, statement)
         return [name]

@@ -23,8 +23,6 @@ SMALLEST_RADIUS = 1e-9
 """The search stops when the trust region is smaller: the cost does not follow its derivatives."""
 SMALLEST_RATIO = 1e-3
 """A step is taken if the cost decreases by more than this fraction of the predicted decrease."""
-
-
 LEAST_RATIO = -2.0
 """A step with a smaller ratio is not shortened along its direction: the trust region gives a better one."""
 
