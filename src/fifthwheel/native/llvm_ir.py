@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import casadi as ca
+import numpy as np
 
 from fifthwheel.native.instructions import translate
 
@@ -29,6 +30,8 @@ _INTRINSIC = {
 _LIBRARY = {ca.OP_ATAN: "atan", ca.OP_TANH: "tanh"}
 _ARGUMENTS = ("carry", "sample", "constant")
 
+ALIGNMENT = {"double": 8, "float": 4}
+"""Of the types of a number, bytes."""
 BLOCK = 1000
 """Lines of a basic block. LLVM needs the more time for a line, the longer its block is, so a long step is divided. A
 branch whose condition is always true, which LLVM does not know, keeps the blocks apart."""
@@ -38,13 +41,17 @@ Register = tuple[str, bool]
 
 
 class Emitter:
-    """The lines of a loop over the samples of a named step; `lanes` vehicles, or directions, are one vector."""
+    """The lines of a loop over the samples of a named step; `lanes` vehicles, or directions, are one vector.
 
-    def __init__(self, name: str, lanes: int) -> None:
-        self.name, self.lanes = name, lanes
-        self.type = "double" if lanes == 1 else f"<{lanes} x double>"
+    `scalar` is the type of a number in a lane, "double" or "float".
+    """
+
+    def __init__(self, name: str, lanes: int, scalar: str = "double") -> None:
+        self.name, self.lanes, self.scalar = name, lanes, scalar
+        self.type = scalar if lanes == 1 else f"<{lanes} x {scalar}>"
         self.mask = "i1" if lanes == 1 else f"<{lanes} x i1>"
-        self.suffix = "f64" if lanes == 1 else f"v{lanes}f64"
+        bits = "f64" if scalar == "double" else "f32"
+        self.suffix = bits if lanes == 1 else f"v{lanes}{bits}"
         self.once: list[str] = []  # lines before the loop
         self.loop: list[str] = []  # lines in the loop
         self.intrinsics: set[str] = set()
@@ -53,10 +60,11 @@ class Emitter:
 
     def constant(self, value: float) -> str:
         """The literal of a number."""
-        bits = f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
+        rounded = value if self.scalar == "double" else float(np.float32(value))
+        bits = f"0x{struct.unpack('<Q', struct.pack('<d', rounded))[0]:016X}"
         if self.lanes == 1:
             return bits
-        return "<" + ", ".join([f"double {bits}"] * self.lanes) + ">"
+        return "<" + ", ".join([f"{self.scalar} {bits}"] * self.lanes) + ">"
 
     def emit(self, text: str, invariant: bool) -> Register:
         """Write an instruction, before the loop if it is invariant; its register and `invariant`."""
@@ -69,22 +77,29 @@ class Emitter:
         """Load an element of an array; constants are invariant."""
         invariant = array == "constant"
         pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{array}.here, i64 {element}", invariant)
-        return self.emit(f"load {self.type}, ptr {pointer}, align 8", invariant)
+        return self.emit(f"load {self.type}, ptr {pointer}, align {ALIGNMENT[self.scalar]}", invariant)
 
     def broadcast(self, array: str, element: int, invariant: bool) -> Register:
         """Load an element of an array of scalars into all lanes."""
-        pointer, _ = self.emit(f"getelementptr double, ptr %{array}.here, i64 {element}", invariant)
-        scalar, _ = self.emit(f"load double, ptr {pointer}, align 8", invariant)
+        pointer, _ = self.emit(f"getelementptr {self.scalar}, ptr %{array}.here, i64 {element}", invariant)
+        scalar, _ = self.emit(f"load {self.scalar}, ptr {pointer}, align {ALIGNMENT[self.scalar]}", invariant)
         if self.lanes == 1:
             return scalar, invariant
-        first, _ = self.emit(f"insertelement {self.type} poison, double {scalar}, i64 0", invariant)
+        first, _ = self.emit(f"insertelement {self.type} poison, {self.scalar} {scalar}, i64 0", invariant)
         zeros = f"<{self.lanes} x i32> zeroinitializer"
         return self.emit(f"shufflevector {self.type} {first}, {self.type} poison, {zeros}", invariant)
 
     def store(self, value: str, array: str, element: int | str, invariant: bool = False) -> None:
         """Store a register in an element of an array."""
         pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{array}.here, i64 {element}", invariant)
-        (self.once if invariant else self.loop).append(f"  store {self.type} {value}, ptr {pointer}, align 8")
+        where = self.once if invariant else self.loop
+        where.append(f"  store {self.type} {value}, ptr {pointer}, align {ALIGNMENT[self.scalar]}")
+
+    def store_rounded(self, value: str, array: str, element: int, invariant: bool = False) -> None:
+        """Store a register of one lane as a float."""
+        pointer, _ = self.emit(f"getelementptr float, ptr %{array}.here, i64 {element}", invariant)
+        rounded, _ = self.emit(f"fptrunc double {value} to float", invariant)
+        (self.once if invariant else self.loop).append(f"  store float {rounded}, ptr {pointer}, align 4")
 
     def select(self, condition: str, invariant: bool, value: str, other: str) -> Register:
         """`value` where the condition is true, else `other`."""
@@ -129,7 +144,7 @@ class Emitter:
             types = ", ".join([self.type] * len(arguments))
             self.intrinsics.add(f"declare {self.type} @llvm.{name}.{self.suffix}({types})")
             return self.emit(f"call {self.type} @llvm.{name}.{self.suffix}({parameters})", invariant)
-        if op in _LIBRARY:
+        if op in _LIBRARY and self.scalar == "double":
             return self.library(_LIBRARY[op], a, invariant)
         if op == ca.OP_NEG:
             return self.emit(f"fneg {self.type} {a}", invariant)

@@ -9,16 +9,16 @@ def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
         void propagate(i64 samples, i64 directions, ptr adjoint, ptr output, ptr slopes, ptr first, ptr column,
                        ptr value, ptr output')
 
-    adjoint (samples, n + n_p, groups, lanes); output (samples, n_output), of which the last 3 m are read; slopes
-    (directions, groups, lanes), the derivatives [x', d'], updated in place; first, column and value are the elements of
-    p' that are not zero; output' (samples, m, directions). For each sample and direction
+    adjoint (samples, n + n_p, groups, lanes), in single precision; output (samples, n_output), of which the last 3 m
+    are read; slopes (directions, groups, lanes), the derivatives [x', d'], updated in place; first, column and value
+    are the elements of p' that are not zero; output' (samples, m, directions). For each sample and direction
 
         [x+', e'] = J [x', p'] - [0, a d'],    d+' = b d' + c e',
 
     where a lane of x has a = b = 0 and c = 1.
     """
     groups, outputs, adjoint = -(-(n + m) // lanes), sizes[6], sizes[8]
-    vector, width = f"<{lanes} x double>", groups * lanes
+    vector, single, width = f"<{lanes} x double>", f"<{lanes} x float>", groups * lanes
     lines: list[str] = []
     count = 0
 
@@ -29,7 +29,8 @@ def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
         return f"%v{count}"
 
     def load(kind: str, base: str, number: int | str) -> str:
-        return emit(f"load {kind}, ptr {emit(f'getelementptr {kind}, ptr {base}, i64 {number}')}, align 8")
+        pointer = emit(f"getelementptr {kind}, ptr {base}, i64 {number}")
+        return emit(f"load {kind}, ptr {pointer}, align {4 if kind == single else 8}")
 
     def spread(scalar: str) -> str:
         first = emit(f"insertelement {vector} poison, double {scalar}, i64 0")
@@ -45,7 +46,10 @@ def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
         text, lines[:] = "\n".join(lines), []
         return text
 
-    jacobian = [[load(vector, "%J", i * groups + g) for g in range(groups)] for i in range(n)]
+    def element(base: str, number: int | str) -> str:
+        return emit(f"fpext {single} {load(single, base, number)} to {vector}")
+
+    jacobian = [[element("%J", i * groups + g) for g in range(groups)] for i in range(n)]
     in_state = [[float(g * lanes + lane < n) for lane in range(lanes)] for g in range(groups)]
     feedback = [
         [literal([0.0] * lanes) for _ in range(groups)],
@@ -67,9 +71,9 @@ def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
     end = load("i64", "%first.here", 1)
     of_direction = take()
     place = emit(f"mul i64 {load('i64', '%column', '%j')}, {groups}")
-    base = emit(f"getelementptr {vector}, ptr %J, i64 {place}")
+    base = emit(f"getelementptr {single}, ptr %J, i64 {place}")
     slope = spread(load("double", "%value", "%j"))
-    sums = [add(f"%sum.{g}", load(vector, base, g), slope) for g in range(groups)]
+    sums = [add(f"%sum.{g}", element(base, g), slope) for g in range(groups)]
     of_element = take()
     a, b, c = feedback
     results = [add(f"%total.{g}", a[g], before[g], "fsub") for g in range(groups)]
@@ -99,7 +103,7 @@ entry:
 row:
   %t = phi i64 [0, %entry], [%t.next, %row.end]
   %J.at = mul i64 %t, {adjoint * groups}
-  %J = getelementptr {vector}, ptr %adjoint, i64 %J.at
+  %J = getelementptr {single}, ptr %adjoint, i64 %J.at
   %output.at = mul i64 %t, {outputs}
   %row.output = getelementptr double, ptr %output, i64 %output.at
   %slope.at = mul i64 %t, %pitch

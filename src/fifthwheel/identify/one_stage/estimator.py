@@ -1,6 +1,6 @@
 """Identification in one stage: all unknowns together, over complete logs.
 
-    logs, vehicle -> maximum of the posterior by Gauss-Newton steps on exact derivatives (problem.py, gauss_newton.py)
+    logs, vehicle -> maximum of the posterior by Gauss-Newton steps on the derivatives (problem.py, gauss_newton.py)
                   -> covariance that allows for model error (posterior.py), a verdict for each parameter (verdict.py)
                   -> identified vehicle
 
@@ -47,7 +47,7 @@ EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
 START_ITERATIONS = 8
 """Largest number of steps of the fit with linear tyres that only gives a start to tyres that saturate."""
-EARLY_SAMPLES = 12_000
+EARLY_SAMPLES = 4_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
 LEAST_DECAY = 0.1
 """Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
@@ -143,19 +143,23 @@ class _Estimator:
         """Estimated parameters that the logs do not determine, by the information that the inputs excite.
 
         The estimated initial states are set to their prior means: along them the noise of the sensors would look like
-        excitation.
+        excitation. A part of the logs that informs all parameters saves the rest.
         """
         problem, excited_by_inputs, setup = minimum.objective, minimum.z.copy(), self.setup
         for segments in problem.layout.initial_states:
             for indices in segments:
                 excited_by_inputs[indices] = 0.0
-        own = np.diag(
-            problem.prior.own_precision(excited_by_inputs)
-        )  # the information of earlier logs counts as information
-        information = problem.expand(excited_by_inputs).hessian - own
-        posterior = ScaledPosterior.from_information(problem.names, information, nuisances=problem.nuisances)
+        own = np.diag(problem.prior.own_precision(excited_by_inputs))  # that of earlier logs counts as information
         unseen = setup.without_roll_rate - frozenset(self.earlier.names if self.earlier else ())
-        return uninformed_parameters(posterior, setup.estimated, unseen, setup.settings.excited)
+
+        def of(logs: Problem) -> dict[str, Verdict]:
+            information = logs.expand(excited_by_inputs).hessian - own
+            posterior = ScaledPosterior.from_information(logs.names, information, nuisances=logs.nuisances)
+            return uninformed_parameters(posterior, setup.estimated, unseen, setup.settings.excited)
+
+        part = problem.shortened(EARLY_SAMPLES) if problem.output_error else problem
+        of_part = of(part)
+        return of_part if part is problem or of_part.keys() <= unseen else of(problem)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
@@ -179,7 +183,7 @@ class _Estimator:
         """The maximum of the posterior.
 
         With adapted noise in several fits: each after the first fits the noise model to the residuals of the fit
-        before, and keeps it.
+        before, and keeps it. The last, whose first step is the largest, fits it once more after that step.
         """
         tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
         if not self.setup.settings.adapt_noise:
@@ -195,7 +199,7 @@ class _Estimator:
         else:  # the parts begin later than the segments
             for indices in itertools.chain(*problem.layout.initial_states):
                 z[indices] = 0.0
-        return self._fit(problem.with_residual_noise(z, autocorrelated=True), z, FINAL, progress)
+        return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
 
     def _fit(
         self,
@@ -206,7 +210,7 @@ class _Estimator:
         *,
         tolerance: float = ROUND_TOLERANCES[-1],
         steps: int | None = None,
-        reweighted: Callable[[Problem, Array], Problem] = lambda problem, _: problem,
+        reweighted: Callable[[Problem, Array, int], Problem] = lambda problem, *_: problem,
         fixed: NDArray[np.bool_] | None = None,
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
@@ -230,9 +234,15 @@ class _Estimator:
         return minimum
 
 
-def _white(problem: Problem, z: Array) -> Problem:
-    """The problem with white noise of the variances that the residuals at z have."""
+def _white(problem: Problem, z: Array, steps: int) -> Problem:
+    """The problem with white noise of the variances that the residuals at z have; after every step."""
+    del steps
     return problem.with_residual_noise(z, autocorrelated=False)
+
+
+def _coloured(problem: Problem, z: Array, steps: int = 0) -> Problem:
+    """The problem with the noise models of the residuals at z; after the first step only."""
+    return problem.with_residual_noise(z, autocorrelated=True) if steps <= 1 else problem
 
 
 def _is_early(name: str) -> bool:

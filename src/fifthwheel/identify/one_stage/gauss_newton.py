@@ -71,7 +71,7 @@ def minimise(
     tolerance: float = TOLERANCE,
     radius: float = INITIAL_RADIUS,
     model: Quadratic | None = None,
-    reweighted: Callable[[ObjectiveT, Array], ObjectiveT] = lambda objective, _: objective,
+    reweighted: Callable[[ObjectiveT, Array, int], ObjectiveT] = lambda objective, *_: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
     """Search a minimum of a cost from z.
@@ -85,8 +85,8 @@ def minimise(
             more than 1.4 times this fraction of its standard deviation.
         radius: of the trust region at the first step.
         model: the quadratic model about z, if it is known.
-        reweighted: the objective for the next step, such as one with other weights, from the last one and each accepted
-            point.
+        reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
+            point, and the number of steps done.
         progress: called with the number of steps done and the largest number of steps.
     """
     steps, model, converged = 0, model or objective.expand(z), False
@@ -119,7 +119,7 @@ def minimise(
             radius *= 2
         if ratio > SMALLEST_RATIO:
             z = z + step
-            objective = reweighted(objective, z)
+            objective = reweighted(objective, z, steps)
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break

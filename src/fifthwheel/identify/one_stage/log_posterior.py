@@ -128,7 +128,10 @@ class LogPosterior:
         return -self.problem.cost(z) if ((z >= lower) & (z <= upper)).all() else -np.inf
 
     def gradient(self, x: ArrayLike | Mapping[str, float]) -> Array:
-        """Derivatives (k,) of the logarithm of the density by x, exact; arguments and errors as of `density(x)`."""
+        """Derivatives (k,) of the logarithm of the density by x; arguments and errors as of `density(x)`.
+
+        They are exact but for rounding: with tyres that saturate they are computed in single precision.
+        """
         return -self.problem.expand(self._finite(x)).gradient[self._indices]
 
     def fisher_information(self, x: ArrayLike | Mapping[str, float]) -> Array:

@@ -1,4 +1,4 @@
-"""The one-stage problem: the cost of all unknowns over all logs, and its exact derivatives.
+"""The one-stage problem: the cost of all unknowns over all logs, and its derivatives.
 
 Unknowns. z holds every unknown in units of its prior, z ~ N(0, I) (`unknown.Unknown`):
 
@@ -18,9 +18,9 @@ with rho of Huber (1964), see `likelihood`. Two forms of the residual e (Ljung 1
     output error        e = y - h(x, d, p) with x free-running from x_0; s is a constant of the channel
     prediction error    e is the innovation of a Kalman filter from x_0, s its standard deviation, which depends on z
 
-Derivatives. e and s are differentiated exactly along every unknown (`filters.tangent`). `Problem.expand` combines them
-to the gradient of J, and to the Hessian W + H with the precision W of the prior and the Fisher information H of the
-logs (Gauss-Newton).
+Derivatives. e and s are differentiated along every unknown, without differences (`filters.tangent`). `Problem.expand`
+combines them to the gradient of J, and to the Hessian W + H with the precision W of the prior and the Fisher
+information H of the logs (Gauss-Newton).
 """
 
 import copy
@@ -212,7 +212,7 @@ class Problem:
         return total if np.isfinite(total) else np.inf
 
     def expand(self, z: Array) -> Quadratic:
-        """J about z: its exact gradient and the Gauss-Newton Hessian."""
+        """J about z: its gradient and the Gauss-Newton Hessian."""
         cost, gradient, hessian = self.prior.expand(z)
         limit = self.settings.outlier
         with np.errstate(over="ignore", invalid="ignore"):

@@ -1,4 +1,4 @@
-"""One run of the model through a segment: its residuals and their exact derivatives, in both forms."""
+"""One run of the model through a segment: its residuals and their derivatives, in both forms."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import astuple, dataclass
