@@ -1,15 +1,16 @@
 """Processor time of the command line, commit by commit, over that of a bare import of the libraries.
 
-    python benchmarks/speed_history.py [COMMIT ...]    # HEAD by default
+    python benchmarks/speed_history.py [COMMIT ...]        # HEAD by default
+    python benchmarks/speed_history.py --durations 120     # of logs of 120 s alone
 
-It adds rows to speed_history.csv, which `python docs/_figures` draws for the documentation. Each commit runs from a
-work tree of its own with the libraries that are installed. A ratio changes little from machine to machine; rows of one
-run of this program are best comparable.
+It prints rows and adds them to speed_history.csv, which `python docs/_figures` draws for the documentation. Each commit
+runs from a work tree of its own with the libraries that are installed. A ratio changes little from machine to machine;
+rows of one run of this program are best comparable.
 """
 
+import argparse
 import csv
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
@@ -41,16 +42,22 @@ def rows_of(commit: str, logs: list[str]) -> list[dict[str, str | float]]:
 
 
 def main() -> None:
-    """Measure the commits and add them to the table."""
+    """Measure the commits, print their rows and add them to the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("commits", nargs="*", default=["HEAD"])
+    parser.add_argument("--durations", type=int, nargs="+", default=[120, 600], help="of the logs, s")
+    arguments = parser.parse_args()
     new = not TABLE.exists()
     with tempfile.TemporaryDirectory() as folder, TABLE.open("a", newline="") as file:
         table = csv.DictWriter(file, COLUMNS)
         if new:
             table.writeheader()
-        logs = [everyday_log(duration, folder)[0] for duration in (120, 600)]
-        for commit in sys.argv[1:] or ["HEAD"]:
+        logs = [everyday_log(duration, folder)[0] for duration in arguments.durations]
+        for commit in arguments.commits:
             bare_import.cache_clear()
-            table.writerows(rows_of(commit, logs))
+            for row in rows_of(commit, logs):
+                table.writerow(row)
+                print(*row.values(), sep=",")
             file.flush()
 
 

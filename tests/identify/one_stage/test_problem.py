@@ -1,6 +1,5 @@
 """The cost of the one-stage problem, and its derivatives against differences."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -60,23 +59,6 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
         scale = np.sqrt(quadratic.hessian[i, i])
         assert abs(quadratic.gradient[i] - expected) < 2e-4 * (abs(expected) + scale), p.names[i]
     assert np.linalg.eigvalsh(quadratic.hessian).min() > 0.99
-
-
-@pytest.mark.slow
-def test_single_precision_hardly_moves_a_step(truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The reverse mode has it; the forward mode, for the same saturating tyres, has double precision."""
-    record = simulate(truck, count=1, seed=1)
-    p = problem(truck, [record], OneStage(tyres="saturating"))
-    z = np.clip(0.2 * np.random.default_rng(2).normal(size=len(p.names)), *p.bounds)
-    single = p.expand(z)
-    monkeypatch.setattr(tangent, "simulation_adjoint", tangent.simulation_directions)
-    double = p.expand(z)
-    step, shift = (np.linalg.solve(double.hessian, g) for g in (double.gradient, single.gradient - double.gradient))
-    length, error = (math.sqrt(s @ double.hessian @ s) for s in (step, shift))  # in standard deviations
-    assert length > 10
-    assert 0 < error < 3e-5 * length
-    sigma = [np.sqrt(np.diag(np.linalg.inv(quadratic.hessian))) for quadratic in (single, double)]
-    np.testing.assert_allclose(*sigma, rtol=2e-5)
 
 
 def test_derivatives_by_model_errors(truck: Vehicle) -> None:
