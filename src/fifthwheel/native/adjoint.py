@@ -151,8 +151,10 @@ class _Compiled:
 
         def nominal(begin: int, shared: Single) -> int:
             rows = min(BLOCK, len(sample) - begin)
-            arrays = carry, sample[begin:], constant, output[begin:], shared, fixed
-            self.nominal(rows, 1, *(a.ctypes.data for a in arrays))
+            arrays = carry, sample[begin:], constant, output[begin:]
+            self.nominal(
+                rows, 1, *(a.ctypes.data for a in arrays), shared.ctypes.data if k else None, fixed.ctypes.data
+            )
             return rows
 
         def jacobian(rows: int, shared: Single, adjoint: Single) -> None:

@@ -1,11 +1,11 @@
 """LLVM assembly of a symbolic step with directional derivatives: the nominal step once, the derivatives in lanes.
 
 A step (carry, sample, constant, carry', constant') -> (carry, output, carry', output') is divided into two loops over
-the samples. `nominal` computes what does not depend on a direction, and stores the values that derivatives need.
-`directions` computes the rest, with one direction in each lane.
+the samples. `nominal` computes what does not depend on a direction: carry and output, and then, if derivatives are
+wanted, the values that they need. `directions` computes the rest, with one direction in each lane.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import casadi as ca
@@ -50,6 +50,7 @@ class _Divider:
         self.shared: dict[str, int] = {}  # registers of `nominal` that pass to `directions`, and their places
         self.fixed: dict[str, int] = {}  # of all samples together
         self.absorbed = self._absorbed()
+        self.rest: list[str] = []  # lines of `nominal` that only derivatives need
 
     def _absorbed(self) -> set[int]:
         """Numbers of the instructions that only serve as a term of one sum."""
@@ -83,8 +84,8 @@ class _Divider:
         return self.directions.broadcast(array, places.setdefault(name, len(places)), invariant)
 
     def divide(self) -> None:
-        """Write all instructions."""
-        stores = []
+        """Write all instructions; a carry is read before it is written."""
+        stores, operations = [], []
         loaded: dict[tuple[int, int], Register] = {}
         for k, instruction in enumerate(self.instructions):
             op, emitter = instruction.op, self.directions if self.varies[k] else self.nominal
@@ -98,10 +99,35 @@ class _Divider:
             elif op == ca.OP_OUTPUT:
                 stores.append(instruction)
             elif not self.varies[k]:
-                self.registers[k] = self.nominal.operation(op, [self.registers[i] for i in instruction.operands])
+                operations.append(k)
+        of_values = self._needed([store for store in stores if store.place[0] < len(_RESULTS)])
+        self._operate(k for k in operations if k in of_values)
+        for store in stores:
+            result, element = store.place
+            if result < len(_RESULTS):
+                self.nominal.store(self.registers[store.operands[0]][0], _RESULTS[result], element)
+        values = len(self.nominal.loop)
+        self._operate(k for k in operations if k not in of_values)
         for k in self._order(stores):
             self.registers[k] = self._derivative(k)
         self._store(stores)
+        self.rest, self.nominal.loop[values:] = self.nominal.loop[values:], []
+
+    def _needed(self, outputs: Sequence[Instruction]) -> set[int]:
+        """Numbers of the instructions that outputs depend on."""
+        needed, waiting = set[int](), [number for output in outputs for number in output.operands]
+        while waiting:
+            number = waiting.pop()
+            if number not in needed:
+                needed.add(number)
+                waiting += self.instructions[number].operands
+        return needed
+
+    def _operate(self, numbers: Iterable[int]) -> None:
+        """Write instructions that do not vary."""
+        for k in numbers:
+            op, operands = self.instructions[k].op, self.instructions[k].operands
+            self.registers[k] = self.nominal.operation(op, [self.registers[i] for i in operands])
 
     def _order(self, outputs: Sequence[Instruction]) -> list[int]:
         """The instructions of `directions`, each soon before its first use: its value is then still in a register."""
@@ -155,14 +181,13 @@ class _Divider:
         return total
 
     def _store(self, outputs: Sequence[Instruction]) -> None:
-        """Store results and what passes to `directions`; last, so that carries are read before they are written."""
+        """Store the derivatives of the results, and what passes to `directions`."""
         for instruction in outputs:
             (result, element), (number,) = instruction.place, instruction.operands
-            if result < 2:
-                self.nominal.store(self.registers[number][0], _RESULTS[result], element)
+            if result < len(_RESULTS):
                 continue
             value, _ = self.vector(number)
-            if result == 2:
+            if result == len(_RESULTS):
                 self.directions.store(value, "carry", element)
             else:
                 offset, _ = self.directions.emit(f"mul i64 %pitch, {element}", True)
@@ -184,7 +209,8 @@ def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
 
     carry (n,), sample (samples, n), constant (n,), output (samples, n), shared (samples, n), fixed (n,);
     carry' (groups, n, lanes), constant' (groups, n, lanes), output' (samples, n, pitch, lanes), of which `groups` are
-    written. Both carries are updated in place. A NotImplementedError if an operation of the step cannot be translated.
+    written. Both carries are updated in place. `shared` is null if no derivatives are wanted. A NotImplementedError if
+    an operation of the step cannot be translated.
     """
     divider = _Divider(step, lanes)
     divider.divide()
@@ -202,6 +228,8 @@ def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
             ArrayLayout("shared", directions.scalar, "0", str(shared)),
             ArrayLayout("fixed", directions.scalar, "0"),
         ],
+        rest=divider.rest,
+        of_rest="shared",
     )
     source += function(
         "directions",

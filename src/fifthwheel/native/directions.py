@@ -179,6 +179,7 @@ class _Compiled:
         size = max(BUFFER // (4 * max(self.shared, 1)), 16)
         buffers = np.empty((size, self.shared), np.float32), np.empty(self.fixed, np.float32)
         shared, fixed = (buffer.ctypes.data for buffer in buffers)
+        wanted = shared if len(carry_dot) else None
         state, source, numbers, result, state_dot, numbers_dot, result_dot = (
             array.ctypes.data for array in (carry, sample, constant, output, carry_dot, constant_dot, output_dot)
         )
@@ -186,7 +187,7 @@ class _Compiled:
         for begin in range(0, len(sample), size):
             rows = min(size, len(sample) - begin)
             here, there = source + begin * sample.strides[0], result + begin * output.strides[0]
-            self.nominal(rows, 1, state, here, numbers, there, shared, fixed)
+            self.nominal(rows, 1, state, here, numbers, there, wanted, fixed)
             if groups:
                 slopes = result_dot + begin * output_dot.strides[0]
                 self.directions(rows, groups, pitch, state_dot, numbers_dot, slopes, shared, fixed)

@@ -175,14 +175,21 @@ class Emitter:
         raise NotImplementedError(f"{self.name}: CasADi operation {op} cannot be compiled; write the step without it")
 
 
-def _in_blocks(lines: Sequence[str]) -> tuple[str, str]:
-    """The lines of the block `row`, divided into blocks of at most `BLOCK` lines, and the name of the last block."""
-    text, last = "\n".join(lines[:BLOCK]), "row"
+def _in_blocks(lines: Sequence[str], first: str = "row") -> tuple[str, str]:
+    """The lines of a block, divided into blocks of at most `BLOCK` lines, and the name of the last block."""
+    text, last = "\n".join(lines[:BLOCK]), first
     for start in range(BLOCK, len(lines), BLOCK):
-        last = f"row.{start}"
+        last = f"{first}.{start}"
         branch = f"  br i1 %something, label %{last}, label %done"
         text += "\n".join(["", branch, f"{last}:", *lines[start : start + BLOCK]])
     return text, last
+
+
+def _with_rest(lines: Sequence[str], rest: Sequence[str], array: str) -> tuple[str, str]:
+    """The lines of the block `row`, and the rest, which is skipped if an array is null, as `_in_blocks`."""
+    (text, _), (more, _) = _in_blocks(lines), _in_blocks(rest, "rest")
+    choice = [f"  %wanted = icmp ne ptr %{array}, null", "  br i1 %wanted, label %rest, label %row.end", "rest:"]
+    return "\n".join([text, *choice, more, "  br label %row.end", "row.end:"]), "row.end"
 
 
 class ArrayLayout(NamedTuple):
@@ -203,12 +210,15 @@ def function(
     strides: Sequence[str] = (),
     attributes: str = "",
     last: str = "",
+    rest: Sequence[str] = (),
+    of_rest: str = "",
 ) -> str:
     """LLVM assembly of `void name(i64 samples, i64 groups, [i64 pitch,] ptr array, ...)`.
 
     The emitter has the lines for each group before its loop over the samples, and in the loop. `strides` are lines that
     compute registers for the layouts of the arrays from `samples` and `pitch`; `attributes` are those of LLVM. Lines
-    that contain blocks of their own end in the block `last`; others are divided into blocks.
+    that contain blocks of their own end in the block `last`; others are divided into blocks. `rest` are further lines
+    of the loop, which are skipped if the array `of_rest` is null.
     """
     arguments = ["i64 %samples", "i64 %groups", *["i64 %pitch"] * pitch, *(f"ptr noalias %{a.name}" for a in layouts)]
     starts, rows = [], []
@@ -221,7 +231,10 @@ def function(
             rows.append(f"  %{a.name}.here = getelementptr {a.type}, ptr {first}, i64 %{a.name}.row")
     newline = "\n"
     lines = [*rows, *emitter.loop]
-    loop, last = ("\n".join(lines), last) if last else _in_blocks(lines)
+    if rest:
+        loop, last = _with_rest(lines, rest, of_rest)
+    else:
+        loop, last = ("\n".join(lines), last) if last else _in_blocks(lines)
     return f"""
 define void @{name}({", ".join(arguments)}){attributes} {{
 entry:
