@@ -1,7 +1,7 @@
 """The compiled loop of a step and its directional derivatives over the samples of a record.
 
 Values are in double precision, derivatives in single precision: twice as many directions fit into a vector register,
-and estimates move by less than 1e-4 of their sigmas.
+and estimates move by less than 1e-3 of their sigmas.
 """
 
 import ctypes
