@@ -38,9 +38,9 @@ from fifthwheel.vehicle.parameters import FRICTION
 
 START, WHITE, EARLY, FINAL = "fit with linear tyres", "fit", "fit with first noise", "fit with estimated noise"
 """Of the progress of the fits, in this order."""
-WHITE_TOLERANCE = 1.0
+WHITE_TOLERANCE = 1.4
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
-ROUND_TOLERANCES = (0.3, 0.05)
+ROUND_TOLERANCES = (0.4, 0.07)
 """Of the fits with a noise model; each takes the noise from the residuals of the one before. The prediction-error form
 has the last one only. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
 EARLY_ITERATIONS = 25

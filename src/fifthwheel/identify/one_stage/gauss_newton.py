@@ -17,7 +17,7 @@ from fifthwheel._types import Array
 
 INITIAL_RADIUS = 2.0
 """Of the trust region, in prior standard deviations."""
-TOLERANCE = 0.02
+TOLERANCE = 0.03
 """Of a search, by default."""
 SMALLEST_RADIUS = 1e-9
 """The search stops when the trust region is smaller: the cost does not follow its derivatives."""
@@ -81,8 +81,7 @@ def minimise(
         z: initial point (k,).
         lower, upper: bounds of z (k,).
         iterations: largest number of steps.
-        tolerance: converged when a full step would decrease the cost by less than its square, which moves no unknown by
-            more than 1.4 times this fraction of its standard deviation.
+        tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
         radius: of the trust region at the first step.
         model: the quadratic model about z, if it is known.
         reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
@@ -95,7 +94,7 @@ def minimise(
         steps += 1
         gradient, hessian = model.gradient, model.hessian
         full_step = newton_step(z, gradient, hessian, lower, upper)
-        if full_step @ hessian @ full_step <= 2 * tolerance**2:
+        if (np.abs(full_step) <= tolerance * _sigma(hessian, lower < upper)).all():
             converged = True
             break
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
@@ -124,6 +123,13 @@ def minimise(
         elif radius < SMALLEST_RADIUS:
             break
     return Minimum(objective=objective, z=z, model=model, converged=converged, steps=steps, radius=radius)
+
+
+def _sigma(hessian: Array, free: NDArray[np.bool_]) -> Array:
+    """Standard deviations (k,) of the unknowns; 0 of those that are not free."""
+    sigma = np.zeros(len(hessian))
+    sigma[free] = np.sqrt(np.diag(np.linalg.inv(hessian[np.ix_(free, free)])))
+    return sigma
 
 
 def _best_scale(slope: float, decrease: float) -> float:
