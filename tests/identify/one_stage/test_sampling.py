@@ -22,7 +22,7 @@ CONSIDER = {name: sigma for name, sigma in OneStage().consider.items() if name !
 """The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above."""
 
 
-def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.4) -> tuple[Array, float]:
+def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.3) -> tuple[Array, float]:
     """Samples (steps, k) of x, and the fraction of accepted proposals."""
     centre, P = density.mean, density.covariance
     factor, precision, rng = np.linalg.cholesky(P), np.linalg.inv(P), np.random.default_rng(seed)
@@ -46,9 +46,10 @@ def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.4) -> tup
 def test_means_and_sigmas_are_those_of_samples(tyres: str) -> None:
     record = Plant(TRUCK).drive(lane_changes(count=1)).record(article_sensors(TRUCK), seed=1)
     density = log_posterior([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=CONSIDER))
-    # The noise of the solution is fixed. With saturating tyres the posterior is skew: its mode and its mean differ.
-    skew = 0.4 if tyres == "linear" else 0.8
-    chain, accepted = sampled(density, 3000, seed=2)
+    # The noise of the solution is fixed. The posterior is skew: its mode and its mean differ, by 0.35 sigma with linear
+    # tyres and more with saturating ones. Means of chains of this length differ by 0.15 sigma.
+    skew = 0.6 if tyres == "linear" else 0.8
+    chain, accepted = sampled(density, 4000, seed=2)
     assert accepted > 0.1
     for name in (name for name in density.solution.estimated if not name.startswith("road")):
         i = density.names.index(name)

@@ -33,7 +33,7 @@ CANDIDATE_FRACTION = 0.5
 MOST_CANDIDATES = 12
 SAMPLES = 6_000
 """Of longer logs, the fits use about this number of samples."""
-ITERATIONS, TOLERANCE = (5, 4, 7), 1.4
+ITERATIONS, TOLERANCE = (5, 4, 7), 0.5
 """Of each fit, whose result is a rank and a size. After the first steps, and again after the next ones, the half of the
 fits goes on that promises more, with those that are about as good as the best one. The first steps are within a small
 trust region: after three of them, a cause of 50 prior standard deviations explains less than a wrong one."""
