@@ -91,7 +91,7 @@ def test_derivatives(setting: Setting, form: str, monkeypatch) -> None:
         ]
         expected = (ends[0][0] - ends[1][0])[:, :differentiated] / (2 * step)
         scale = np.abs(expected).max(axis=0) + 1e-12
-        assert np.abs((slopes[..., j] - expected) / scale).max() < 2e-5  # single precision
+        assert np.abs((slopes[..., j] - expected) / scale).max() < 1e-5
 
 
 def test_free_running_innovations_are_those_of_generalised_least_squares(

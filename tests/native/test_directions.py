@@ -43,12 +43,12 @@ def test_agrees_with_the_interpreter(
         for j in range(directions):
             *_, later_dot, output_dot = step(carry, sample[row], constant, carry_dot[j], constant_dot[j])
             dots.append(np.array(later_dot).ravel())
-            np.testing.assert_allclose(actual.output_dot[row, :, j], np.array(output_dot).ravel(), rtol=1e-6, atol=1e-6)
+            np.testing.assert_allclose(actual.output_dot[row, :, j], np.array(output_dot).ravel(), rtol=1e-9, atol=1e-9)
         later, output, *_ = step(carry, sample[row], constant, np.zeros(2), np.zeros(2))
         np.testing.assert_allclose(actual.output[row], np.array(output).ravel(), rtol=1e-9, atol=1e-9)
         carry, carry_dot = np.array(later).ravel(), np.array(dots).reshape(directions, 2)
     np.testing.assert_allclose(actual.carry, carry, rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(actual.carry_dot, carry_dot, rtol=1e-6, atol=1e-6)
+    np.testing.assert_allclose(actual.carry_dot, carry_dot, rtol=1e-9, atol=1e-9)
 
 
 def test_arguments_stay_as_they_are() -> None:

@@ -1,8 +1,8 @@
 """Derivatives of a model or a filter with respect to its parameters and its initial state.
 
 The nominal step is computed once, the derivatives along any number of directions in the lanes of vector registers, by
-the forward or by the reverse mode. They are exact but for the rounding of single precision. One compiled step serves
-every choice of unknowns.
+the forward or by the reverse mode. They are exact but for rounding: the reverse mode computes in single precision. One
+compiled step serves every choice of unknowns.
 
 Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
 is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.

@@ -36,7 +36,7 @@ class _Divider:
     the compiler turns into fused multiply-adds; a division by a value that does not vary becomes a product.
     """
 
-    def __init__(self, step: ca.Function, lanes: int) -> None:
+    def __init__(self, step: ca.Function, lanes: int, scalar: str) -> None:
         self.instructions = instructions(step)
         self.varies: list[bool] = []  # whether an instruction differs between directions
         self.invariant: list[bool] = []  # whether it is the same for all samples
@@ -45,7 +45,7 @@ class _Divider:
             self.varies.append(argument >= _FIRST_DIRECTION if is_input else any(self.varies[i] for i in operands))
             constant = _ARRAYS[argument] == "constant" if is_input else all(self.invariant[i] for i in operands)
             self.invariant.append(constant)
-        self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes, "float")
+        self.nominal, self.directions = Emitter(step.name(), 1), Emitter(step.name(), lanes, scalar)
         self.registers: dict[int, Register] = {}  # of instructions, each in its own loop
         self.shared: dict[str, int] = {}  # registers of `nominal` that pass to `directions`, and their places
         self.fixed: dict[str, int] = {}  # of all samples together
@@ -194,14 +194,14 @@ class _Divider:
                 self.directions.store(value, "output", offset)
         for names, array in ((self.shared, "shared"), (self.fixed, "fixed")):
             for name, element in names.items():
-                self.nominal.store_rounded(name, array, element, invariant=array == "fixed")
+                self.nominal.store(name, array, element, invariant=array == "fixed", scalar=self.directions.scalar)
 
 
-def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
+def direction_module(step: ca.Function, lanes: int, scalar: str = "double") -> DirectionModule:
     """LLVM assembly of the two loops of a step; all arrays are row-major.
 
-    Derivatives are in single precision, which halves their time: carry', constant', output', shared and fixed are
-    floats. All else is in double precision.
+    `scalar` is the type of carry', constant', output', shared and fixed; "float" halves the time of the derivatives.
+    All else is in double precision.
 
         void nominal(i64 samples, i64 1, ptr carry, ptr sample, ptr constant, ptr output, ptr shared, ptr fixed)
         void directions(i64 samples, i64 groups, i64 pitch, ptr carry', ptr constant', ptr output', ptr shared,
@@ -212,7 +212,7 @@ def direction_module(step: ca.Function, lanes: int) -> DirectionModule:
     written. Both carries are updated in place. `shared` is null if no derivatives are wanted. A NotImplementedError if
     an operation of the step cannot be translated.
     """
-    divider = _Divider(step, lanes)
+    divider = _Divider(step, lanes, scalar)
     divider.divide()
     nominal, directions = divider.nominal, divider.directions
     n_carry, n_sample, n_constant, n_carry_dot, n_constant_dot = (step.numel_in(i) for i in range(5))

@@ -1,8 +1,4 @@
-"""The compiled loop of a step and its directional derivatives over the samples of a record.
-
-Values are in double precision, derivatives in single precision: twice as many directions fit into a vector register,
-and estimates move by less than 1e-3 of their sigmas.
-"""
+"""The compiled loop of a step and its directional derivatives over the samples of a record."""
 
 import ctypes
 import functools
@@ -11,7 +7,6 @@ from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.native.direction_ir import direction_module
@@ -20,9 +15,6 @@ from fifthwheel.native.step import Step, compiling
 
 BUFFER = 400_000
 """Bytes of the values that pass from the nominal step to the derivatives; they stay in the processor's cache."""
-
-
-Single = NDArray[np.float32]
 
 
 class Derivatives(NamedTuple):
@@ -48,7 +40,7 @@ class DirectionScan:
         TypeError: the step has other inputs or outputs; for a `Step`, when it is built.
     """
 
-    def __init__(self, step: ca.Function | Step, lanes: int = 16) -> None:
+    def __init__(self, step: ca.Function | Step, lanes: int = 8) -> None:
         self._step, self.lanes = Step.of(step), lanes
         self._compiled: _Compiled | None = None
         if not isinstance(step, Step):
@@ -89,7 +81,7 @@ class DirectionScan:
         compiled = self._compile()
         groups = -(-directions // self.lanes)
         output = np.empty((rows, sizes[6]))
-        output_dot = np.empty((rows, sizes[8], groups, self.lanes), np.float32)
+        output_dot = np.empty((rows, sizes[8], groups, self.lanes))
         dots = [self._to_lanes(array, groups) for array in (carry_dot, constant_dot)]
         count = max(min(threads, groups), 1)
         edges = np.linspace(0, groups, count + 1).astype(int).tolist()
@@ -108,7 +100,7 @@ class DirectionScan:
             list(workers().map(process, range(count)))
         last_dot = np.moveaxis(dots[0], -1, 1).reshape(groups * self.lanes, sizes[3])[:directions]
         slopes = output_dot.reshape(rows, output_dot.shape[1], groups * self.lanes)[..., :directions]
-        return Derivatives(carries[0], output, last_dot.astype(np.float64), slopes.astype(np.float64))
+        return Derivatives(carries[0], output, last_dot, slopes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return DirectionScan, (self.step, self.lanes)
@@ -119,9 +111,9 @@ class DirectionScan:
                 self._compiled = _Compiled(self)
             return self._compiled
 
-    def _to_lanes(self, array: Array, groups: int) -> Single:
+    def _to_lanes(self, array: Array, groups: int) -> Array:
         """(k, n) to (groups, n, lanes); unused lanes are zero."""
-        padded = np.zeros((groups * self.lanes, array.shape[1]), np.float32)
+        padded = np.zeros((groups * self.lanes, array.shape[1]))
         padded[: len(array)] = array
         return np.ascontiguousarray(padded.reshape(groups, self.lanes, array.shape[1]).transpose(0, 2, 1))
 
@@ -167,23 +159,23 @@ class _Compiled:
         sample: Array,
         constant: Array,
         output: Array,
-        carry_dot: Single,
-        constant_dot: Single,
-        output_dot: Single,
+        carry_dot: Array,
+        constant_dot: Array,
+        output_dot: Array,
     ) -> None:
         """Process a record; the carries are updated, and the outputs are written.
 
         carry_dot and constant_dot are (groups, n, lanes), output_dot (N, n_output_dot, groups, lanes) is a view of an
         array with more groups.
         """
-        size = max(BUFFER // (4 * max(self.shared, 1)), 16)
-        buffers = np.empty((size, self.shared), np.float32), np.empty(self.fixed, np.float32)
+        size = max(BUFFER // (8 * max(self.shared, 1)), 16)
+        buffers = np.empty((size, self.shared)), np.empty(self.fixed)
         shared, fixed = (buffer.ctypes.data for buffer in buffers)
         wanted = shared if len(carry_dot) else None
         state, source, numbers, result, state_dot, numbers_dot, result_dot = (
             array.ctypes.data for array in (carry, sample, constant, output, carry_dot, constant_dot, output_dot)
         )
-        groups, pitch = len(carry_dot), output_dot.strides[1] // (4 * output_dot.shape[3])
+        groups, pitch = len(carry_dot), output_dot.strides[1] // (8 * output_dot.shape[3])
         for begin in range(0, len(sample), size):
             rows = min(size, len(sample) - begin)
             here, there = source + begin * sample.strides[0], result + begin * output.strides[0]

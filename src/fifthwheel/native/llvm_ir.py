@@ -89,17 +89,15 @@ class Emitter:
         zeros = f"<{self.lanes} x i32> zeroinitializer"
         return self.emit(f"shufflevector {self.type} {first}, {self.type} poison, {zeros}", invariant)
 
-    def store(self, value: str, array: str, element: int | str, invariant: bool = False) -> None:
-        """Store a register in an element of an array."""
-        pointer, _ = self.emit(f"getelementptr {self.type}, ptr %{array}.here, i64 {element}", invariant)
-        where = self.once if invariant else self.loop
-        where.append(f"  store {self.type} {value}, ptr {pointer}, align {ALIGNMENT[self.scalar]}")
-
-    def store_rounded(self, value: str, array: str, element: int, invariant: bool = False) -> None:
-        """Store a register of one lane as a float."""
-        pointer, _ = self.emit(f"getelementptr float, ptr %{array}.here, i64 {element}", invariant)
-        rounded, _ = self.emit(f"fptrunc double {value} to float", invariant)
-        (self.once if invariant else self.loop).append(f"  store float {rounded}, ptr {pointer}, align 4")
+    def store(self, value: str, array: str, element: int | str, *, invariant: bool = False, scalar: str = "") -> None:
+        """Store a register in an element of an array; one of a single lane is rounded to the type `scalar`."""
+        kind, scalar = self.type, scalar or self.scalar
+        if scalar != self.scalar:
+            kind, value = scalar, self.emit(f"fptrunc {self.type} {value} to {scalar}", invariant)[0]
+        pointer, _ = self.emit(f"getelementptr {kind}, ptr %{array}.here, i64 {element}", invariant)
+        (self.once if invariant else self.loop).append(
+            f"  store {kind} {value}, ptr {pointer}, align {ALIGNMENT[scalar]}"
+        )
 
     def select(self, condition: str, invariant: bool, value: str, other: str) -> Register:
         """`value` where the condition is true, else `other`."""

@@ -130,7 +130,7 @@ class LogPosterior:
     def gradient(self, x: ArrayLike | Mapping[str, float]) -> Array:
         """Derivatives (k,) of the logarithm of the density by x; arguments and errors as of `density(x)`.
 
-        They are exact but for the rounding of single precision.
+        They are exact but for rounding: with tyres that saturate, Jacobians are in single precision.
         """
         return -self.problem.expand(self._finite(x)).gradient[self._indices]
 
