@@ -10,6 +10,7 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.identify import identify_one_stage
+from fifthwheel.identify.online.start import block_diagonal
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import MODEL_ERRORS, OneStage
 from fifthwheel.identify.unknowns.parameters import given_parameters
@@ -71,8 +72,7 @@ def estimate_sensor_errors(
         return estimated, None
     parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] not in OF_ROAD])
     sensors = sensors.among([n for n in sensors.names if n not in parameters.names])
-    k, m = len(parameters.names), len(sensors.names)
-    covariance = np.block([[parameters.covariance, np.zeros((k, m))], [np.zeros((m, k)), sensors.covariance]])
+    covariance = block_diagonal(parameters.covariance, sensors.covariance)
     return estimated, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
 
 
