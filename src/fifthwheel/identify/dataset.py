@@ -2,12 +2,13 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fifthwheel._memory import release_memory
+from fifthwheel._types import Array
 from fifthwheel.channels import (
     ARTICULATION,
     IDENTIFIED,
@@ -217,6 +218,12 @@ def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ..
     """Units with neither a yaw rate nor an articulation angle among the channels, such as a dolly, front to rear."""
     measured = {SignalName.of(name).unit for name in channels}
     return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
+
+
+def measured_columns(segment: Record, channels: Iterable[str]) -> Array:
+    """Channels (N, m) of a segment; NaN where one is missing."""
+    missing = np.full(len(segment), np.nan)
+    return np.column_stack([segment.signals.get(name, missing) for name in channels])
 
 
 def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:

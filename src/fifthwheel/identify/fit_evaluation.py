@@ -23,7 +23,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
-from fifthwheel.identify.dataset import Dataset, LogData
+from fifthwheel.identify.dataset import Dataset, LogData, measured_columns
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -219,10 +219,9 @@ def _free_run(
     bank = initial_sigma("bank.road") if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
     own, shared = _unit_responses(model, p, segment.time, inputs, initial_factor(P0), unknowns)
-    missing = np.full(len(segment.time), np.nan)
     return _FreeRun(
         time=segment.time,
-        measured=np.column_stack([segment.signals.get(name, missing) for name in model.outputs]),
+        measured=measured_columns(segment, model.outputs),
         response=free_response(model, p, segment.time, inputs, x0)[1],
         deviation=np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs]),
         own=own,

@@ -77,11 +77,8 @@ def estimate_sensor_errors(
 
 
 def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, float]:
-    """The uncertain parameters that the sensor errors depend on, each with its sigma as a fraction of its value.
-
-    If tyres saturate, a log informs the offset of the steering and the bank by the curvature of the tyre law, as far as
-    the law is known.
-    """
+    """The uncertain parameters with their sigma as a fraction of the value; by the curvature of the law of saturating
+    tyres, as far as it is known, a log informs the offset of the steering and the bank."""
     values = given_parameters(vehicle, settings)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
     uncertain = {n: s for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}

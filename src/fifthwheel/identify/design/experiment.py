@@ -189,11 +189,8 @@ def design_experiment(
 
 
 def _best_of_each_kind(candidates: Sequence[CandidateRun], planning: DesignSettings) -> list[CandidateRun]:
-    """The best run of each kind of manoeuvre, the best of all first.
-
-    The shortest run that reaches all targets, of equally long ones the gentlest. If none does: the shortest of those
-    that come nearest to the targets.
-    """
+    """The best run of each kind of manoeuvre, the best of all first: the shortest that reaches all targets, of equally
+    long ones the gentlest; if none does, the shortest of those that come nearest to them."""
     smallest = min(candidate.worst_ratio for candidate in candidates)
     met = smallest <= 1
     limit = 1.0 if met else planning.near * smallest

@@ -161,12 +161,8 @@ def _ratio(sigma: float, prior: float) -> float:
 
 
 def _knowable(predictor: InformationPredictor) -> list[str]:
-    """What could be known, as in `Remedy.known`.
-
-    Not the softening of tyres, the variation of their stiffness and self-steering, which no simple test gives. One
-    scale weighs all units, so their masses are known together.
-    """
-    unknowable = ".softening", ".variation", ".self_steering"
+    """What could be known, as in `Remedy.known`; one scale weighs all units, so their masses are known together."""
+    unknowable = ".softening", ".variation", ".self_steering"  # which no simple test gives
     names = [u.name for u in predictor.setup.unknowns if not u.name.endswith(unknowable)]
     weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
     return [name for name in names if name not in weighed]
