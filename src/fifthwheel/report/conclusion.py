@@ -254,17 +254,16 @@ def _not_identified(identification: Identification) -> list[str]:
 def _reason(identification: Identification, e: Estimate) -> str:
     """Why there is no estimate of a parameter, and what its value is."""
     value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
+    estimate = with_sigma(e.value, e.sigma, e.unit)
     if e.verdict is Verdict.FIXED:
         return f"{value}, as requested"
     if e.verdict is Verdict.STATED:
-        return f"{with_sigma(e.value, e.sigma, e.unit)}; the logs add little to what you stated"
+        return f"{estimate}; the logs add little to what you stated"
     if e.verdict is Verdict.AT_BOUND:
         return f"{value} is the limit of the permitted range and not an estimate"
     if e.verdict is Verdict.DOUBTFUL:
-        estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
     if e.verdict is Verdict.NOT_CONVERGED:
-        estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
@@ -313,9 +312,8 @@ def conclude_states(
     summaries = [summarise_states(s, records) for s in states]
     cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
     unsure = _why_unsure(identification) if identification else ""
-    reasons = (
-        ranked(identification_cautions(identification), identification.doubts)[0] if identification and unsure else []
-    )
+    found = identification_cautions(identification) if identification and unsure else []
+    reasons, _ = ranked(found, identification.doubts if identification else ())
     lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
     doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.log not in lifting))  # a lift is the cause
     valid = valid_fraction(states)
