@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel.channels import STEER, is_of
-from fifthwheel.checks import Fault, Finding, raise_errors
+from fifthwheel.checks import Fault, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
@@ -88,7 +88,9 @@ def with_references(
     and the faults whose errors are refused."""
     method = method_of(test)
     driven = motion(record, vehicle, shortest=method.shortest)
-    suspicions = [finding for finding in check_signals(record, vehicle) if not _is_steady_steer(finding)]
+    findings = check_signals(record, vehicle)
+    # a step, and a pulse by a machine, have a constant steer angle
+    suspicions = [f for f in findings if not (f.fault is Fault.STUCK and is_of(f.signal, STEER))]
     raise_errors(suspicion for suspicion in suspicions if suspicion.fault in refused)
     found = method.evaluate(driven)
     notes = (*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions))
@@ -114,8 +116,3 @@ def without_sigma(found: Evaluation, references: frozenset[str]) -> Evaluation:
         ),
         arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
     )
-
-
-def _is_steady_steer(finding: Finding) -> bool:
-    """Whether it is a constant steer angle, which a step, and a pulse by a machine, have."""
-    return finding.fault is Fault.STUCK and is_of(finding.signal, STEER)

@@ -164,7 +164,10 @@ def prepare_dataset(
     )
     if settings.brakes:
         records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
-    logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
+    logs, validation = (
+        tuple(LogData(name=r.name, segments=segments_above(remove_spikes(r), settings.min_speed)) for r in group)
+        for group in (records, validate)
+    )
     release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
@@ -263,7 +266,3 @@ def _without_empty_channels(record: Record) -> Record:
     signals = {name: values for name, values in record.signals.items() if name not in empty}
     notes = [f"{name}: no samples; it counts as absent. Map another column." for name in empty]
     return replace(record, signals=signals, notes=(*record.notes, *notes))
-
-
-def _log_data(record: Record, settings: CommonSettings) -> LogData:
-    return LogData(name=record.name, segments=segments_above(remove_spikes(record), settings.min_speed))

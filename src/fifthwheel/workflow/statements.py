@@ -25,6 +25,7 @@ from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
+from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.setup import with_tyre_law
 from fifthwheel.identify.unknowns.parameters import (
@@ -125,7 +126,7 @@ def _apply_to_one_stage(
             result.set_sensors(resolved(name, SENSOR_PRIORS[name], mean, together))
         elif _is_sensor_error(name):
             mean, sigma = prior_of_sensor_error(vehicle, name, settings) or (0.0, 0.0)
-            result.set_sensor(resolved(name, _unit_of_error(name), mean, together), sigma)
+            result.set_sensor(resolved(name, sensor_error_unit(name), mean, together), sigma)
         else:
             stated = resolved(name, unit_of(name), result.known[name], together)
             result.set_parameter(stated)
@@ -405,11 +406,6 @@ def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
     if kind not in error_kinds(signal):
         cure = suggestion(kind, error_kinds(signal))
         raise SignalError(f"--set {statement}: {signal} has no error {kind!r}; {cure}")
-
-
-def _unit_of_error(name: str) -> str:
-    error = SensorErrorName.of(name)
-    return (error.unit if error else None) or "1"
 
 
 def _example(vehicle: Vehicle, name: str) -> str:
