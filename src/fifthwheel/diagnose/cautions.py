@@ -47,7 +47,7 @@ def identification_cautions(
     states: Sequence[States] = (),
     validated: Sequence[Identification] = (),
 ) -> list[Caution]:
-    """All cautions of an identification; `causes.ranked` puts the causes first.
+    """All cautions of an identification; `ranked` puts the causes first.
 
     Args:
         runs: how the logs were driven.

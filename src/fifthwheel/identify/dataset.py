@@ -49,7 +49,7 @@ class LogData:
     segments: Sequence[Record]
     errors: Mapping[str, float] = field(default_factory=dict)  # sensor errors that belong to this log, by name, SI
     noise: Mapping[str, float] = field(default_factory=dict)  # variance of each channel's residuals, SI squared
-    autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `residuals`
+    autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `noise_model`
     noise_models: Mapping[str, NoiseModel] = field(default_factory=dict)  # of each channel; white noise where missing
 
     def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":

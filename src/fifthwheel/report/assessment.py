@@ -188,13 +188,7 @@ def _lane_change(runs: Runs) -> Iterator[pages.Block]:
             _figure("From above", "paths", _paths(runs), note="Front axle, and last axle of each unit."),
             _over_time("Lateral acceleration", "lateral acceleration", "m/s²", runs, lambda run: run.acceleration),
             _over_time("Roll angle", "roll", "deg", runs, lambda run: {n: np.degrees(v) for n, v in run.roll.items()}),
-            _over_time(
-                "Load transfer ratio",
-                "load transfer ratio",
-                "",
-                runs,
-                lambda run: {"load transfer ratio": run.load_transfer},
-            ),
+            _over_time("Load transfer ratio", ratio, "", runs, lambda run: {ratio: run.load_transfer}),
         ]
     )
 

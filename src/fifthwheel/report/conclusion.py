@@ -9,8 +9,7 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
-from fifthwheel.diagnose.causes import ranked
-from fifthwheel.diagnose.caution import CautionKind
+from fifthwheel.diagnose.caution import CautionKind, ranked
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
