@@ -56,7 +56,9 @@ class Conclusion:
 
     def box(self, first: Sequence[pages.Block] = ()) -> pages.Headline:
         """The headline with what to rely on and what to do, at the top of a page; `first` comes before the lists."""
-        cautions = [*_leading(self.cautions, "Cautions", "more cautions")]
+        cautions: list[pages.Block] = [pages.Items(self.cautions[:SHOWN], "Cautions")]
+        if more := self.cautions[SHOWN:]:
+            cautions.append(pages.Folded(f"{len(more)} more cautions", [pages.Items(more)]))
         if self.consequences:
             cautions.append(pages.Folded(CONSEQUENCES, [pages.Items(self.consequences)]))
         missing = (pages.Items(self.not_identified, "Not identified"),)
@@ -84,13 +86,6 @@ class Conclusion:
             *([pages.Paragraph(where)] if more > 0 or any(step.option for step in self.steps) else []),
             pages.Items(self.notes, "Notes"),
         )
-
-
-def _leading(lines: Sequence[str], title: str, rest: str) -> Iterator[pages.Block]:
-    """The first lines of a list, and the others folded."""
-    yield pages.Items(lines[:SHOWN], title)
-    if lines[SHOWN:]:
-        yield pages.Folded(f"{len(lines) - SHOWN} {rest}", [pages.Items(lines[SHOWN:])])
 
 
 def conclude_identification(
