@@ -75,12 +75,17 @@ def value_and_sigma(value: float, sigma: float | None) -> tuple[str, str | None]
     return fixed(value, decimals), fixed(sigma, decimals)
 
 
+def shown_parts(value: float, sigma: float | None, si_unit: str | None) -> tuple[str, str | None, str]:
+    """Value, sigma and the name of the display unit of an SI quantity, rounded as by `value_and_sigma`."""
+    unit = shown(si_unit)
+    return *value_and_sigma(value * unit.factor, None if sigma is None else sigma * unit.factor), unit.name
+
+
 def with_sigma(value: float, sigma: float | None, si_unit: str) -> str:
     """Value, sigma and display unit in one text: "475.3 ± 4.3 kN/rad"."""
-    unit = shown(si_unit)
-    number, spread = value_and_sigma(value * unit.factor, None if sigma is None else sigma * unit.factor)
+    number, spread, unit = shown_parts(value, sigma, si_unit)
     text = number if spread is None else f"{number} ± {spread}"
-    return f"{text} {unit.name}".rstrip()
+    return f"{text} {unit}".rstrip()
 
 
 def approximate(value: float, si_unit: str | None) -> str:

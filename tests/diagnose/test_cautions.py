@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.diagnose.causes import ranked
+from fifthwheel.diagnose.caution import ranked
 from fifthwheel.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
 from fifthwheel.diagnose.fit_quality import white_noise_sigma
 from fifthwheel.diagnose.summaries import RunSummary

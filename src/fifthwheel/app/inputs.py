@@ -17,6 +17,7 @@ from fifthwheel._atomic.locks import try_lock
 from fifthwheel.app.workspace import HIDDEN, Workspace
 from fifthwheel.channels import STEER, is_of
 from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.identify.settings import Progress
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.files import record_of
 from fifthwheel.logs.mapping.name_rules import classify_columns
@@ -27,7 +28,7 @@ from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import catalogue
 from fifthwheel.workflow import SignalEvidence, propose_signals, signal_evidence
-from fifthwheel.workflow.inputs import Progress, report_fraction
+from fifthwheel.workflow.inputs import report_fraction
 
 _SURVEY = "survey.json"
 _PART, _LOCK = ".part", "lock"

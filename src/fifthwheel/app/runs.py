@@ -17,6 +17,7 @@ from fifthwheel.identify import Fit, Identification
 from fifthwheel.identify.design.assess import InformationAssessment, predict_sigmas
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.result.display import fit_panel, prediction
+from fifthwheel.identify.settings import Progress
 from fifthwheel.pages import Document
 from fifthwheel.plots import Line, Plot
 from fifthwheel.plots.palette import CYCLE
@@ -35,7 +36,6 @@ from fifthwheel.workflow import (
     starts_of,
     write_loads,
 )
-from fifthwheel.workflow.inputs import Progress
 from fifthwheel.workflow.note import Note
 
 RESULT = "identification.json"

@@ -11,7 +11,7 @@ from fifthwheel.assess.propagation import Order
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import DisplayUnit, percent, shown, with_sigma
-from fifthwheel.pages.html import notebook
+from fifthwheel.pages.html import Displayed
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 
@@ -94,7 +94,7 @@ class MeasureResult:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Assessment:
+class Assessment(Displayed):
     """What a truck does: its performance-based measures, each with sigma.
 
     Example:
@@ -191,13 +191,6 @@ class Assessment:
         simulated = any(m.nonlinear is not None for m in self)
         kept = [k for k, head in enumerate(HEADS) if simulated or head != "Nonlinear>"]
         return pages.Table([HEADS[k] for k in kept], [[row[k] for k in kept] for row in self.rows()])
-
-    def __str__(self) -> str:
-        return str(self._document())
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        return notebook(self._document())
 
     def _document(self) -> pages.Document:
         return pages.Document(self.title, [self.table(), pages.Items([*filter(None, [self.instability]), *self.notes])])

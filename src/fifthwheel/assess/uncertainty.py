@@ -12,7 +12,7 @@ import numpy as np
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.identify import CommonSettings, Identification
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
-from fifthwheel.names import ends_with
+from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.observe import Uncertainty
 from fifthwheel.vehicle import Vehicle, changes
 
@@ -30,9 +30,9 @@ def assumed(vehicle: Vehicle) -> dict[str, float]:
     """Sigma, SI, of the parameters on which the vehicle file states nothing; the longest end of a path counts."""
     sigmas = {}
     for path, value in vehicle.parameters().items():
-        ends = [end for end in ASSUMED if ends_with(path, end)]
-        if ends and value and path not in vehicle.stated:
-            sigmas[path] = ASSUMED[max(ends, key=len)] * abs(value)
+        end = longest_matching_key(path, ASSUMED)
+        if end and value and path not in vehicle.stated:
+            sigmas[path] = ASSUMED[end] * abs(value)
     moved = {path for change in changes(vehicle) for path in change.slopes}
     return {path: sigma for path, sigma in sigmas.items() if path not in moved or "yaw_inertia" in path}
 
@@ -67,9 +67,6 @@ def complete(
     these are exact."""
     kept = uncertainty.among([name for name in uncertainty.names if name not in replaced])
     sigmas = {name: stated[name] for name in replaced if stated.get(name)} | {HALF_TRACK: body.half_track_sigma}
-    sigmas = {name: sigma for name, sigma in sigmas.items() if sigma}
-    k = len(kept.names)
-    covariance = np.zeros((k + len(sigmas), k + len(sigmas)))
-    covariance[:k, :k] = kept.covariance
-    covariance[range(k, k + len(sigmas)), range(k, k + len(sigmas))] = np.square(list(sigmas.values()))
-    return Uncertainty(names=(*kept.names, *sigmas), covariance=covariance)
+    for name, sigma in sigmas.items():
+        kept = kept.with_independent(name, sigma) if sigma else kept
+    return kept

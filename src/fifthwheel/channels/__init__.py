@@ -301,6 +301,11 @@ def is_sensor_error(name: str, kind: str | None = None) -> bool:
     return error is not None and kind in (None, error.kind)
 
 
+def channels_with_errors() -> tuple[Channel, ...]:
+    """The channels of whose sensors one stage estimates errors."""
+    return (*INPUTS, *IDENTIFIED)
+
+
 def error_kinds(signal: str) -> tuple[str, ...]:
     """The kinds of errors of the sensor of a signal that one stage estimates; none where it does not use the signal.
 
@@ -308,7 +313,7 @@ def error_kinds(signal: str) -> tuple[str, ...]:
     ('offset', 'gain', 'misalignment', 'delay')
     """
     channel = channel_of(signal)
-    if channel is None or channel not in (SPEED, STEER, *IDENTIFIED):
+    if channel is None or channel not in channels_with_errors():
         return ()
     return (*(error.kind for error in channel.errors), *(("delay",) if channel in GYROS else ()))
 
@@ -357,6 +362,7 @@ __all__ = [
     "SignalLimits",
     "SignalName",
     "channel_of",
+    "channels_with_errors",
     "checked_name",
     "error_kinds",
     "header",

@@ -1,6 +1,6 @@
 """`Channel`: everything that the package knows of one measured or computed quantity. The names of signals."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal, NamedTuple, Self
@@ -36,6 +36,10 @@ class SignalName(NamedTuple):
         quantity, _, place = name.partition(".")
         unit, _, part = place.partition(".")
         return cls(quantity, unit, part)
+
+    def fits(self, units: Collection[str]) -> bool:
+        """Whether it is a signal of one of the units, or of the whole vehicle."""
+        return self.unit in ("", *units)
 
     @property
     def place(self) -> str:

@@ -38,6 +38,8 @@ _TOWED_LENGTH = 8.0
 """m; length of a towed unit from coupling to axles, where none is known."""
 _LEAST_YAW_RATE = 0.01
 """rad/s; standard deviation of the leading yaw rate above which it shows turns and not only noise."""
+_CLEAR = 0.5
+"""Correlation above which a signal has the expected sign, and below minus which it has the other one."""
 _SMOOTHING = 0.3
 """s; time constant of the lag that both signals pass before they are compared."""
 
@@ -79,7 +81,7 @@ class Relation:
     @property
     def agrees(self) -> bool:
         """Whether the signal has the expected sign."""
-        return self.excited and self.correlation > 0.5
+        return self.excited and self.correlation > _CLEAR
 
     @property
     def fault(self) -> Fault | None:
@@ -91,7 +93,7 @@ class Relation:
         if self.excited and not turn.has_other_causes and self.coherence < 0.3:
             return Fault.WRONG_COLUMN
         # in a sweep, a unit that lags by half a period looks inverted: it agrees better at a delay
-        if self.excited and self.correlation < -0.5 and self.inverted > self.best:
+        if self.excited and self.correlation < -_CLEAR and self.inverted > self.best:
             return Fault.SWAPPED_SIGN
         if self.excited and self.lead > turn.longest_lead:
             return Fault.WRONG_COLUMN
@@ -135,7 +137,7 @@ def _leading_faults(turning: Sequence[Relation], rolling: Sequence[Relation]) ->
     wheels = sorted((r for r in turning if r.turn.sign_only), key=lambda relation: relation.fault is not None)
     witnesses = [*(r for r in turning if not r.turn.sign_only), *wheels[:1]]
     counts = Counter(relation.fault for relation in witnesses)
-    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -0.5}
+    opposite = {SignalName.of(r.signal).unit for r in turning if is_of(r.signal, YAW_RATE) and r.correlation < -_CLEAR}
     # a roll rate that agrees with a yaw rate is inverted with it
     following = [r for r in rolling if r.agrees and SignalName.of(r.signal).unit not in opposite]
     agreeing = {Fault.SWAPPED_SIGN: len(following), Fault.WRONG_COLUMN: 0}

@@ -24,7 +24,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.residuals import long_run_covariance
+from fifthwheel.identify.noise_model import long_run_covariance
 from fifthwheel.record import Record
 
 SINGULAR = 1e14

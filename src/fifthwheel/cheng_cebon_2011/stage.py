@@ -23,7 +23,7 @@ from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.residuals import autocorrelation_factor
+from fifthwheel.identify.noise_model import autocorrelation_factor
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import ParameterPath

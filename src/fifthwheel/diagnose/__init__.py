@@ -1,8 +1,7 @@
 """Diagnosis of identifications and states: findings as data, with a message each, usable without a report."""
 
 from fifthwheel.diagnose.advice import Advice, next_steps
-from fifthwheel.diagnose.causes import ranked
-from fifthwheel.diagnose.caution import Caution, CautionKind
+from fifthwheel.diagnose.caution import Caution, CautionKind, ranked
 from fifthwheel.diagnose.cautions import identification_cautions, state_cautions
 from fifthwheel.diagnose.comparison import ComparedParameter, Comparison, Difference, compare
 from fifthwheel.diagnose.fit_quality import FitQuality, PredictedLog, fit_quality, predicted_logs

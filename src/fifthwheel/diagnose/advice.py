@@ -198,7 +198,8 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         if not sources:
             continue
         fraction = percent(sum(term.fraction for term in terms if term.source in sources))
-        message = f"Measure {_listed(sources)}: about {fraction} {subject} comes from {_them(sources)}."
+        them = "it" if len(sources) == 1 else "them"
+        message = f"Measure {_listed(sources)}: about {fraction} {subject} comes from {them}."
         options = [
             f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
         ]
@@ -212,7 +213,3 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
 
 def _listed(names: Sequence[str]) -> str:
     return enumerated(list(map(named, names)))
-
-
-def _them(names: Sequence[str]) -> str:
-    return "it" if len(names) == 1 else "them"

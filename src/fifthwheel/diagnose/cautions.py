@@ -47,7 +47,7 @@ def identification_cautions(
     states: Sequence[States] = (),
     validated: Sequence[Identification] = (),
 ) -> list[Caution]:
-    """All cautions of an identification; `causes.ranked` puts the causes first.
+    """All cautions of an identification; `ranked` puts the causes first.
 
     Args:
         runs: how the logs were driven.
@@ -130,7 +130,8 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     for e in identification.parameters:
         if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
             continue
-        if identification.covariance is not None and not _has_doubt(identification, DoubtKind.ESTIMATE, e.name):
+        doubts = [d for d in identification.doubts if d.kind is DoubtKind.ESTIMATE and _concerns(d, e.name)]
+        if identification.covariance is not None and not doubts:
             continue
         if e.name == FRICTION:  # roads differ
             continue
@@ -195,10 +196,6 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         yield Caution(
             CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
         )
-
-
-def _has_doubt(identification: Identification, kind: DoubtKind, name: str) -> bool:
-    return any(doubt.kind is kind and _concerns(doubt, name) for doubt in identification.doubts)
 
 
 def _concerns(doubt: Doubt, name: str) -> bool:

@@ -10,13 +10,13 @@ from fifthwheel._arguments import expect
 from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
 from fifthwheel.dynamics.state_space import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
-from fifthwheel.pages.html import notebook
+from fifthwheel.pages.html import Displayed
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 
 
 @dataclass(frozen=True, kw_only=True)
-class VehicleSummary:
+class VehicleSummary(Displayed):
     """Loads, handling and modes of a vehicle at one speed; `print` shows a table."""
 
     name: str
@@ -51,13 +51,6 @@ class VehicleSummary:
     def table(self, head: str = "Value") -> pages.Table:
         """The rows below their heads."""
         return pages.Table(("Quantity", f"{head}>"), self.rows(), label="Loads and handling")
-
-    def __str__(self) -> str:
-        return str(self._document())
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        return notebook(self._document())
 
     def _document(self) -> pages.Document:
         return pages.Document(f"{self.name} {self.at_speed}", [self.table()])

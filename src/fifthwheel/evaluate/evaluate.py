@@ -1,13 +1,14 @@
 """The evaluation of a log by a test method of ISO."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from types import ModuleType
 
 import numpy as np
 
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel.channels import STEER, is_of
-from fifthwheel.checks import Fault, Finding, raise_errors
+from fifthwheel.checks import Fault, raise_errors
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
 from fifthwheel.evaluate.conditions import conditions
@@ -29,35 +30,17 @@ class Method:
     evaluate: Callable[[MeasuredMotion], MethodResult]
 
 
+def _method(title: str, standard: str, module: ModuleType) -> Method:
+    return Method(title=title, standard=standard, shortest=module.SHORTEST, evaluate=module.evaluate)
+
+
 METHODS: Mapping[str, Method] = {
-    "steady_state": Method(
-        title="Steady-state circular test",
-        standard="ISO 14792:2011",
-        shortest=steady_state.SHORTEST,
-        evaluate=steady_state.evaluate,
-    ),
-    "frequency_response": Method(
-        title="Frequency response",
-        standard="ISO 14793:2011 and ISO 14791:2000",
-        shortest=frequency_response.SHORTEST,
-        evaluate=frequency_response.evaluate,
-    ),
-    "step": Method(
-        title="Step input", standard="ISO 14793:2011", shortest=step_input.SHORTEST, evaluate=step_input.evaluate
-    ),
-    "lane_change": Method(
-        title="Single lane change",
-        standard="ISO 14791:2000",
-        shortest=lane_change.SHORTEST,
-        evaluate=lane_change.evaluate,
-    ),
-    "pulse": Method(title="Pulse input", standard="ISO 14791:2000", shortest=pulse.SHORTEST, evaluate=pulse.evaluate),
-    "sine_with_dwell": Method(
-        title="Sine with dwell",
-        standard="ISO 18375:2016",
-        shortest=sine_with_dwell.SHORTEST,
-        evaluate=sine_with_dwell.evaluate,
-    ),
+    "steady_state": _method("Steady-state circular test", "ISO 14792:2011", steady_state),
+    "frequency_response": _method("Frequency response", "ISO 14793:2011 and ISO 14791:2000", frequency_response),
+    "step": _method("Step input", "ISO 14793:2011", step_input),
+    "lane_change": _method("Single lane change", "ISO 14791:2000", lane_change),
+    "pulse": _method("Pulse input", "ISO 14791:2000", pulse),
+    "sine_with_dwell": _method("Sine with dwell", "ISO 18375:2016", sine_with_dwell),
 }
 """Test methods by name."""
 
@@ -95,30 +78,29 @@ def evaluate(record: Record, test: str, *, vehicle: Vehicle | None = None, check
     """
     expect("record", record, Record)
     expect_optional("vehicle", vehicle, Vehicle)
-    return without_sigma(*with_references(record, test, vehicle, check=check))
+    return without_sigma(*with_references(record, test, vehicle, refused=tuple(Fault) if check else ()))
 
 
 def with_references(
-    record: Record, test: str, vehicle: Vehicle | None, *, check: bool
+    record: Record, test: str, vehicle: Vehicle | None, *, refused: Collection[Fault]
 ) -> tuple[Evaluation, frozenset[str]]:
-    """The evaluation with a sigma by the scatter of reference signals too, and their names; arguments as `evaluate`."""
+    """The evaluation with a sigma by the scatter of reference signals too, and their names; arguments as `evaluate`,
+    and the faults whose errors are refused."""
     method = method_of(test)
     driven = motion(record, vehicle, shortest=method.shortest)
-    suspicions = [finding for finding in check_signals(record, vehicle) if not _is_steady_steer(finding)]
-    if check:
-        raise_errors(suspicions)
+    findings = check_signals(record, vehicle)
+    # a step, and a pulse by a machine, have a constant steer angle
+    suspicions = [f for f in findings if not (f.fault is Fault.STUCK and is_of(f.signal, STEER))]
+    raise_errors(suspicion for suspicion in suspicions if suspicion.fault in refused)
     found = method.evaluate(driven)
+    notes = (*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions))
     evaluation = Evaluation(
+        **vars(replace(found, notes=notes)),
         log=record.name,
         test=test,
         title=method.title,
         standard=method.standard,
-        measures=found.measures,
         conditions=conditions(driven, found),
-        arrays=found.arrays,
-        start=found.start,
-        noise=found.noise,
-        notes=(*found.notes, *driven.notes, *(suspicion.message for suspicion in suspicions)),
     )
     return evaluation, frozenset(driven.references)
 
@@ -134,8 +116,3 @@ def without_sigma(found: Evaluation, references: frozenset[str]) -> Evaluation:
         ),
         arrays={n: np.full_like(v, np.nan) if n in unknown else v for n, v in found.arrays.items()},
     )
-
-
-def _is_steady_steer(finding: Finding) -> bool:
-    """Whether it is a constant steer angle, which a step, and a pulse by a machine, have."""
-    return finding.fault is Fault.STUCK and is_of(finding.signal, STEER)

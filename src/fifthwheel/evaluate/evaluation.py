@@ -12,7 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.errors import suggestion
 from fifthwheel.evaluate.diagrams import diagram
 from fifthwheel.formatting import with_sigma
-from fifthwheel.pages.html import notebook
+from fifthwheel.pages.html import Displayed
 from fifthwheel.plots import Plot
 
 if TYPE_CHECKING:
@@ -61,18 +61,19 @@ class MethodResult:
     """What a test method finds in a motion."""
 
     measures: tuple[EvaluatedMeasure, ...]
-    arrays: Mapping[str, Array]
-    """Columns of equal length by name, SI; the first is the x axis of the diagrams."""
-    start: float | None
+    arrays: Mapping[str, Array] = field(repr=False)
+    """Columns of equal length by name, SI: `pandas.DataFrame(arrays)`; the first is the x axis of the diagrams."""
+    start: float | None = None
     """Time of the first steering, s; None where the method needs no straight entry."""
-    noise: Mapping[str, float | Array]
+    noise: Mapping[str, float | Array] = field(default_factory=dict, repr=False)
     """Standard deviation of the columns by noise, one or (n,); NaN where it is not known."""
     has_constant_speed: bool = True
+    """Whether the method needs a constant speed."""
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
-class Evaluation:
+class Evaluation(MethodResult, Displayed):
     """A log evaluated by a test method.
 
     Example:
@@ -94,15 +95,7 @@ class Evaluation:
     title: str
     """Of the test method."""
     standard: str
-    measures: tuple[EvaluatedMeasure, ...]
     conditions: tuple[Condition, ...]
-    arrays: Mapping[str, Array] = field(repr=False)
-    """Columns of the diagram by name, SI: `pandas.DataFrame(evaluation.arrays)`."""
-    start: float | None = None
-    """Time of the first steering, s; None where the method needs no straight entry."""
-    noise: Mapping[str, float | Array] = field(default_factory=dict, repr=False)
-    """Standard deviation of the columns by noise, one or (n,); NaN where it is not known."""
-    notes: tuple[str, ...] = ()
 
     def __getitem__(self, name: str) -> EvaluatedMeasure:
         """A measure by name; KeyError if the log does not give it."""
@@ -158,13 +151,6 @@ class Evaluation:
         """Conditions of the test."""
         rows = [(c.name, c.required, c.found, c.word) for c in self.conditions]
         return pages.Table(("Condition|name", "Required", "Found", "Met"), rows, label="Conditions")
-
-    def __str__(self) -> str:
-        return str(self._document())
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        return notebook(self._document())
 
     def _document(self) -> pages.Document:
         blocks: list[pages.Block] = [self.table(), self.condition_table(), pages.Items(self.notes)]

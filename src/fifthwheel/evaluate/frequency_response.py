@@ -64,28 +64,38 @@ NEAR_PEAK = 0.95
 
 
 @dataclass(frozen=True, kw_only=True)
+class LocalFit:
+    """One output at the evaluated frequencies, (f,) each."""
+
+    gain: NDArray[np.complex128]
+    sigma: Array
+    """Of the magnitude of the gain."""
+    coherence: Array
+    steered: NDArray[np.bool_]
+    """Frequencies at which the truck is steered, and apart from the transients."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Responses:
-    """Responses of the outputs by name to the steer angle, (f,) each."""
+    """Responses of the outputs to the steer angle."""
 
     frequency: Array
-    """Hz."""
+    """Hz, (f,)."""
     band: float
     """Band of frequencies from which each response is estimated, Hz."""
     steered: NDArray[np.bool_]
-    """Frequencies at which the truck is steered."""
-    gains: Mapping[str, NDArray[np.complex128]]
-    sigmas: Mapping[str, Array]
-    """Of the magnitudes."""
-    coherences: Mapping[str, Array]
+    """Frequencies at which the truck is steered, (f,)."""
+    fits: Mapping[str, LocalFit]
+    """By output."""
 
     def relative_sigma(self, name: str) -> Array:
         """Sigma of the gain divided by the gain, and of the phase, rad, (f,)."""
         parabola = PARABOLA * (self.band / (2 * BANDWIDTH)) ** 2
-        return np.asarray(np.hypot(self.sigmas[name] / np.abs(self.gains[name]), parabola))
+        return np.asarray(np.hypot(self.fits[name].sigma / np.abs(self.fits[name].gain), parabola))
 
     def coherent(self, *names: str) -> NDArray[np.bool_]:
         """Frequencies at which the truck is steered and the outputs are coherent, (f,)."""
-        return np.asarray(self.steered & np.all([self.coherences[n] >= COHERENT for n in names], axis=0))
+        return np.asarray(self.steered & np.all([self.fits[n].coherence >= COHERENT for n in names], axis=0))
 
 
 def evaluate(motion: MeasuredMotion) -> MethodResult:
@@ -105,14 +115,12 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
             f"{first}: coherence with the steer angle of {COHERENT:g} or more at {responses.coherent(first).sum()} "
             f"frequencies of {motion.name}, at least 3 needed; steer at random or by a sweep, over a longer time"
         )
-    measures = [m for name in responses.gains for m in _of_output(responses, name)]
+    measures = [m for name in responses.fits for m in _of_output(responses, name)]
     measures += [m for pair in amplified(motion) if (m := _amplification(responses, *pair))]
     band, arrays = f"Each response is a mean over {responses.band:.2f} Hz, along a parabola.", _arrays(responses)
-    noise = {f"phase.{name}": responses.relative_sigma(name) for name in responses.gains}
-    noise |= {f"gain.{name}": arrays[f"gain_sigma.{name}"] for name in responses.gains}
-    return MethodResult(
-        measures=tuple(measures), arrays=arrays, start=None, noise=noise, notes=(band, compared(motion))
-    )
+    noise = {f"phase.{name}": responses.relative_sigma(name) for name in responses.fits}
+    noise |= {f"gain.{name}": arrays[f"gain_sigma.{name}"] for name in responses.fits}
+    return MethodResult(measures=tuple(measures), arrays=arrays, noise=noise, notes=(band, compared(motion)))
 
 
 def _require_continuous_steering(motion: MeasuredMotion) -> None:
@@ -130,14 +138,7 @@ def _responses(motion: MeasuredMotion, names: list[str]) -> Responses:
     """The responses by the local polynomial method, of each output behind its lag."""
     fits = {name: _fit(motion, name) for name in names}
     frequency, band = _frequencies(motion)
-    return Responses(
-        frequency=frequency,
-        band=band,
-        steered=fits[f"yaw_rate.{motion.units[0]}"].steered,
-        gains={name: fit.gain for name, fit in fits.items()},
-        sigmas={name: fit.sigma for name, fit in fits.items()},
-        coherences={name: fit.coherence for name, fit in fits.items()},
-    )
+    return Responses(frequency=frequency, band=band, steered=fits[f"yaw_rate.{motion.units[0]}"].steered, fits=fits)
 
 
 def _frequencies(motion: MeasuredMotion) -> tuple[Array, float]:
@@ -146,17 +147,6 @@ def _frequencies(motion: MeasuredMotion) -> tuple[Array, float]:
     half = max(NEIGHBOURS, round(BANDWIDTH / step)) * step
     distance = max(RESOLUTION, step)
     return np.asarray(distance * np.arange(1, int(min(HIGHEST, motion.rate / 4) / distance) + 1)), 2 * half
-
-
-@dataclass(frozen=True, kw_only=True)
-class LocalFit:
-    """One output at the evaluated frequencies, (f,) each."""
-
-    gain: NDArray[np.complex128]
-    sigma: Array
-    coherence: Array
-    steered: NDArray[np.bool_]
-    """Frequencies at which the truck is steered, and apart from the transients."""
 
 
 def _fit(motion: MeasuredMotion, name: str) -> LocalFit:
@@ -203,7 +193,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
     used = np.flatnonzero(responses.coherent(name))
     if not used.size:
         return []
-    gain, sigma, f = np.abs(responses.gains[name]), responses.relative_sigma(name), responses.frequency
+    gain, sigma, f = np.abs(responses.fits[name].gain), responses.relative_sigma(name), responses.frequency
     lowest = used[0]
     of = named(name).removeprefix("the ")
     measures = [
@@ -216,7 +206,7 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
             signals=(name,),
         )
     ]
-    response = responses.gains[name][used]
+    response = responses.fits[name].gain[used]
     lag = -np.unwrap(np.angle(response * np.sign(response[0].real)))  # an articulation angle has a negative gain
     behind = np.flatnonzero(lag >= np.pi / 4)
     if behind.size and 0 < behind[0] == used[behind[0]] - lowest:  # no frequency is left out before it
@@ -241,7 +231,7 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
     used = np.flatnonzero(responses.coherent(first, last))
     if used.size < 3:
         return None
-    ratio = np.abs(responses.gains[last][used] / responses.gains[first][used])
+    ratio = np.abs(responses.fits[last].gain[used] / responses.fits[first].gain[used])
     sigma = ratio * np.hypot(responses.relative_sigma(first)[used], responses.relative_sigma(last)[used])
     f, top = responses.frequency[used], int(np.argmax(ratio))
     near = (ratio > NEAR_PEAK * ratio[top]) & (np.abs(np.arange(ratio.size) - top) <= max(3, ratio.size // 6))
@@ -274,14 +264,14 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
 def _arrays(responses: Responses) -> dict[str, Array]:
     """Gain, its sigma, phase and coherence of each output; NaN where it is not evaluated."""
     arrays = {"frequency": responses.frequency}
-    for name in responses.gains:
-        used, gain = responses.coherent(name), responses.gains[name]
+    for name in responses.fits:
+        used, gain = responses.coherent(name), responses.fits[name].gain
         phase = np.full(used.size, np.nan)
         phase[used] = np.unwrap(np.angle(gain[used]))
         arrays |= {
             f"gain.{name}": np.where(used, np.abs(gain), np.nan),
             f"gain_sigma.{name}": np.where(used, np.abs(gain) * responses.relative_sigma(name), np.nan),
             f"phase.{name}": phase,
-            f"coherence.{name}": responses.coherences[name],
+            f"coherence.{name}": responses.fits[name].coherence,
         }
     return arrays

@@ -92,7 +92,6 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
     return MethodResult(
         measures=tuple(measures),
         arrays=arrays,
-        start=None,
         noise={name: _scatter(values) for name, values in arrays.items()},
         has_constant_speed=kind == "constant speed",
         notes=tuple(notes),

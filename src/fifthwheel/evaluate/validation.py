@@ -19,7 +19,7 @@ from fifthwheel import pages
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel._types import Array
 from fifthwheel.channels import ARTICULATION, ROLL, YAW_RATE, names_of
-from fifthwheel.checks import Fault, check, raise_errors
+from fifthwheel.checks import Fault
 from fifthwheel.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.conditions import SPEED
@@ -28,7 +28,7 @@ from fifthwheel.evaluate.evaluate import method_of, with_references, without_sig
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.tolerances import Tolerance, require_used, tolerance_of
 from fifthwheel.formatting import approximate, enumerated, percent, with_sigma
-from fifthwheel.pages.html import notebook
+from fifthwheel.pages.html import Displayed
 from fifthwheel.plots import Plot
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -68,7 +68,7 @@ class ComparedMeasure:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Validation:
+class Validation(Displayed):
     """A simulation's results compared with the log of the same test.
 
     Example:
@@ -153,13 +153,6 @@ class Validation:
     def __repr__(self) -> str:
         return f"Validation({self.log.test}, {self.results.log} against {self.log.log}: {self.verdict})"
 
-    def __str__(self) -> str:
-        return str(self._document())
-
-    def _repr_html_(self) -> str:
-        """What a notebook shows."""
-        return notebook(self._document())
-
     def _document(self) -> pages.Document:
         blocks: list[pages.Block] = [self.table(), self.curve_table(), pages.Items(self.notes)]
         return pages.Document(f"{self.log.title}, {self.results.log} against {self.log.log}: {self.verdict}", blocks)
@@ -235,11 +228,9 @@ def _evaluated(role: str, record: Record, test: str, vehicle: Vehicle | None) ->
     """The evaluation of a record, without faults of its signal map, and its reference signals."""
     expect(role, record, Record)
     try:
-        evaluated = with_references(record, test, vehicle, check=False)
-        raise_errors(finding for finding in check(record) if finding.fault in WRONG)
+        return with_references(record, test, vehicle, refused=WRONG)
     except SignalError as error:
         raise SignalError(f"{role}, {error}") from None
-    return evaluated
 
 
 def _require_signs(results: Record, log: Record) -> None:

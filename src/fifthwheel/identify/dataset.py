@@ -2,12 +2,13 @@
 
 import itertools
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fifthwheel._memory import release_memory
+from fifthwheel._types import Array
 from fifthwheel.channels import (
     ARTICULATION,
     IDENTIFIED,
@@ -48,7 +49,7 @@ class LogData:
     segments: Sequence[Record]
     errors: Mapping[str, float] = field(default_factory=dict)  # sensor errors that belong to this log, by name, SI
     noise: Mapping[str, float] = field(default_factory=dict)  # variance of each channel's residuals, SI squared
-    autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `residuals`
+    autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `noise_model`
     noise_models: Mapping[str, NoiseModel] = field(default_factory=dict)  # of each channel; white noise where missing
 
     def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":
@@ -163,7 +164,10 @@ def prepare_dataset(
     )
     if settings.brakes:
         records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
-    logs, validation = (tuple(_log_data(r, settings) for r in group) for group in (records, validate))
+    logs, validation = (
+        tuple(LogData(name=r.name, segments=segments_above(remove_spikes(r), settings.min_speed)) for r in group)
+        for group in (records, validate)
+    )
     release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
@@ -219,6 +223,12 @@ def unmeasured_units(channels: Sequence[str], vehicle: Vehicle) -> tuple[str, ..
     return tuple(unit.name for unit in vehicle.units if unit.name not in measured)
 
 
+def measured_columns(segment: Record, channels: Iterable[str]) -> Array:
+    """Channels (N, m) of a segment; NaN where one is missing."""
+    missing = np.full(len(segment), np.nan)
+    return np.column_stack([segment.signals.get(name, missing) for name in channels])
+
+
 def speed_range(logs: Sequence[LogData]) -> tuple[float, float]:
     """Lowest and highest speed of logs, m/s."""
     lowest, highest = zip(*[log.speeds for log in logs], strict=True)
@@ -256,7 +266,3 @@ def _without_empty_channels(record: Record) -> Record:
     signals = {name: values for name, values in record.signals.items() if name not in empty}
     notes = [f"{name}: no samples; it counts as absent. Map another column." for name in empty]
     return replace(record, signals=signals, notes=(*record.notes, *notes))
-
-
-def _log_data(record: Record, settings: CommonSettings) -> LogData:
-    return LogData(name=record.name, segments=segments_above(remove_spikes(record), settings.min_speed))

@@ -179,8 +179,8 @@ class Evidence:
             if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
                 kind = DoubtKind.SENSOR
                 parameters = self._moved(self.covariance[:, i] / self.covariance[i, i] * deviation)
-            elif _is_guess(u) and abs(deviation) > UNUSUAL_ESTIMATE:
-                kind, parameters = DoubtKind.ESTIMATE, (name,)
+            elif u.kind is UnknownKind.PARAMETER and u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:
+                kind, parameters = DoubtKind.ESTIMATE, (name,)  # a stiffness or inertia; the prior of a height is wide
             else:
                 continue
             causes = (self._cause(name, deviation),)
@@ -197,8 +197,3 @@ class Evidence:
         changes = {path: rate * u.change(deviation) for path, rate in u.slopes.items()}
         mean = None if u.moves else u.centre
         return Cause(name=name, changes=changes, prior_sigmas=deviation, prior_mean=mean)
-
-
-def _is_guess(unknown: Unknown) -> bool:
-    """Whether it is an estimated stiffness or inertia; the prior of a height is wide."""
-    return unknown.kind is UnknownKind.PARAMETER and unknown.logarithmic

@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, measured_columns
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
@@ -146,10 +146,8 @@ def _is_body_parameter(name: str, unit: str) -> bool:
 
 
 def _derived_slopes(vehicle: Vehicle, names: Sequence[str]) -> dict[str, dict[str, float]]:
-    """Derivatives of all derived quantities with respect to each named parameter above 0, by central differences.
-
-    They are one-sided at the limit of what is possible, such as a payload that is as heavy as its unit allows.
-    """
+    """Derivatives of all derived quantities with respect to each named parameter above 0, by central differences, or
+    one-sided ones at the limit of what is possible, such as a payload that is as heavy as its unit allows."""
     values = vehicle.parameters()
     slopes = {}
     for name in names:
@@ -199,12 +197,7 @@ def sensor_error_unit(name: str) -> str:
 
 def log_summary(record: Record, log: LogData, outputs: Sequence[str], accepted: Array) -> LogSummary:
     """What was used of a record: `accepted` (N, m) is 1 where a sample of a channel was used."""
-    present = np.concatenate(
-        [
-            np.column_stack([np.isfinite(s.signals.get(name, np.full(len(s), np.nan))) for name in outputs])
-            for s in log.segments
-        ]
-    )
+    present = np.concatenate([np.isfinite(measured_columns(segment, outputs)) for segment in log.segments])
     rejected = 1 - accepted.sum(axis=0) / np.maximum(present.sum(axis=0), 1)
     measured = [name for name in outputs if name in record.signals]
     return LogSummary(

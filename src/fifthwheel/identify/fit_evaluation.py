@@ -23,7 +23,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
-from fifthwheel.identify.dataset import Dataset, LogData
+from fifthwheel.identify.dataset import Dataset, LogData, measured_columns
 from fifthwheel.identify.result import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -120,14 +120,10 @@ def free_run_fits(
     The sensor offsets among the unknowns have their priors here; `values` are sensor gains and delays, SI.
     """
     runs = [_free_run(model, vehicle, log, segment, unknowns, values) for segment in log.segments]
-    designs = [_Design(len(run.time), run.own, run.shared, 1 / run.deviation) for run in runs]
-    solutions = _robust_solution(designs, [(run.measured - run.response) / run.deviation for run in runs])
+    solutions = _robust_solution(runs)
     time, measured = (np.concatenate([getattr(run, key) for run in runs]) for key in ("time", "measured"))
     predicted = np.concatenate(
-        [
-            run.response + design.prediction(theta) * run.deviation
-            for run, design, theta in zip(runs, designs, solutions, strict=True)
-        ]
+        [run.response + run.effect(theta) * run.deviation for run, theta in zip(runs, solutions, strict=True)]
     )
     return channel_fits(log.name, model.outputs, time, measured, predicted, identified_on=identified_on)
 
@@ -162,14 +158,50 @@ def channel_fits(
 
 @dataclass(frozen=True, kw_only=True)
 class _FreeRun:
-    """The free run of one segment, and the responses to unit changes of theta."""
+    """The free run of one segment, and the responses to unit changes of theta.
+
+    They are the columns of a design matrix (N, m, j) in units of the noise. It is made in blocks of samples, because it
+    would not fit into memory.
+    """
 
     time: Array  # (N,) s
     measured: Array  # (N, m)
     response: Array  # (N, m) from the steady initial state
     deviation: Array  # (m,) standard deviation of the noise
-    own: Sequence[Array]  # responses (N_i, m) to the initial state and the bank, in units of their priors
+    own: Sequence[Array]  # responses (N_i, m) to initial state and bank, in units of their priors, 0 from N_i on
     shared: Sequence[Array]  # responses (N, m) to the offsets of the log, in units of their priors
+
+    @property
+    def target(self) -> Array:
+        """What theta has to explain (N, m), in units of the noise; NaN where not measured."""
+        return np.asarray((self.measured - self.response) / self.deviation)
+
+    def blocks(self) -> Iterator[tuple[slice, Array, list[int]]]:
+        """Blocks of samples, their matrices (M, m, j), and the numbers of the j columns that are not zero."""
+        scale, columns = 1 / self.deviation, (*self.own, *self.shared)
+        for begin in range(0, len(self.time), BLOCK):
+            rows = slice(begin, min(begin + BLOCK, len(self.time)))
+            active = [i for i, column in enumerate(columns) if len(column) > begin]
+            matrix = np.zeros((rows.stop - begin, len(scale), len(active)))
+            for j, i in enumerate(active):
+                column = columns[i][rows]
+                matrix[: len(column), :, j] = column
+            yield rows, matrix * scale[:, None], active
+
+    def effect(self, theta: Array) -> Array:
+        """The product (N, m) of the design matrix with theta (j,) of the segment."""
+        return np.concatenate([matrix @ theta[active] for _, matrix, active in self.blocks()])
+
+    def normal_equations(self, target: Array, weight: Array) -> tuple[Array, Array]:
+        """Matrix (j, j) and right side (j,) of the weighted least squares; target and weight (N, m)."""
+        k = len(self.own) + len(self.shared)
+        normal, product = np.zeros((k, k)), np.zeros(k)
+        for rows, matrix, active in self.blocks():
+            if active:
+                weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
+                normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
+                product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
+        return normal, product
 
 
 def _free_run(
@@ -187,52 +219,14 @@ def _free_run(
     bank = initial_sigma("bank.road") if model.bank else None
     x0, P0 = initial_state(vehicle, first, values, roll=model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
     own, shared = _unit_responses(model, p, segment.time, inputs, initial_factor(P0), unknowns)
-    missing = np.full(len(segment.time), np.nan)
     return _FreeRun(
         time=segment.time,
-        measured=np.column_stack([segment.signals.get(name, missing) for name in model.outputs]),
+        measured=measured_columns(segment, model.outputs),
         response=free_response(model, p, segment.time, inputs, x0)[1],
         deviation=np.sqrt([variances.sensor_variance(vehicle, name, log.noise) for name in model.outputs]),
         own=own,
         shared=shared,
     )
-
-
-@dataclass(frozen=True)
-class _Design:
-    """The design matrix (N, m, j) of a segment, in blocks of samples: it would not fit into memory."""
-
-    samples: int  # N
-    own: Sequence[Array]  # of (N_i, m); a shorter one is zero from there on
-    shared: Sequence[Array]  # of (N, m), whose elements of theta are those of the log
-    scale: Array  # (m,) factor of each channel
-
-    def blocks(self) -> Iterator[tuple[slice, Array, list[int]]]:
-        """Blocks of samples, their matrices (M, m, j), and the numbers of the j columns that are not zero."""
-        channels, columns = len(self.scale), (*self.own, *self.shared)
-        for begin in range(0, self.samples, BLOCK):
-            rows = slice(begin, min(begin + BLOCK, self.samples))
-            active = [i for i, column in enumerate(columns) if len(column) > begin]
-            matrix = np.zeros((rows.stop - begin, channels, len(active)))
-            for j, i in enumerate(active):
-                column = columns[i][rows]
-                matrix[: len(column), :, j] = column
-            yield rows, matrix * self.scale[:, None], active
-
-    def prediction(self, theta: Array) -> Array:
-        """The product (N, m) with theta (j,) of the segment."""
-        return np.concatenate([matrix @ theta[active] for _, matrix, active in self.blocks()])
-
-    def normal_equations(self, target: Array, weight: Array) -> tuple[Array, Array]:
-        """Matrix (j, j) and right side (j,) of the weighted least squares; target and weight (N, m)."""
-        k = len(self.own) + len(self.shared)
-        normal, product = np.zeros((k, k)), np.zeros(k)
-        for rows, matrix, active in self.blocks():
-            if active:
-                weighted = (matrix * weight[rows, :, None]).reshape(-1, len(active))
-                normal[np.ix_(active, active)] += weighted.T @ matrix.reshape(-1, len(active))
-                product[active] += np.where(weight[rows] > 0, target[rows], 0.0).ravel() @ weighted
-        return normal, product
 
 
 def _unit_responses(
@@ -243,11 +237,8 @@ def _unit_responses(
     initial_factor: Array,
     unknowns: Sequence[Unknown],
 ) -> tuple[list[Array], list[Array]]:
-    """Responses (N, m) to one prior standard deviation of each element of theta: of the segment, and of the log.
-
-    To z (n,) of the deviation L z of the initial state with the factor L (n, n), which end where they have decayed; and
-    to the offsets of the steer angles and those of the outputs, as far as they are among the unknowns.
-    """
+    """Responses (N, m) to one prior standard deviation of each element of theta: to the initial state, with the factor
+    (n, n) of its covariance, which end where they have decayed; and to the offsets among the unknowns."""
     straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
 
     def run(x0: Array | None, steer: Mapping[str, Array], count: int = len(time)) -> Array:
@@ -278,31 +269,24 @@ def _decayed(response: Array) -> bool:
     return bool(second <= DECAYED * first)
 
 
-def _robust_solution(designs: Sequence[_Design], targets: Sequence[Array]) -> list[Array]:
-    """theta (j,) of each segment in units of its prior, by least squares in three iterations without outliers.
-
-    Designs and targets (N, m) are in units of the noise; a target is NaN where not measured.
-    """
+def _robust_solution(runs: Sequence[_FreeRun]) -> list[Array]:
+    """theta (j,) of each segment in units of its prior, by least squares in three iterations without outliers."""
+    targets = [run.target for run in runs]
     weights = [np.isfinite(target).astype(float) for target in targets]
     for _ in range(3):
-        solutions = _solution(
-            [d.normal_equations(*tw) for d, *tw in zip(designs, targets, weights, strict=True)], designs
-        )
-        residuals = [np.abs(t - d.prediction(x)) for t, d, x in zip(targets, designs, solutions, strict=True)]
+        solutions = _solution(runs, [r.normal_equations(*tw) for r, *tw in zip(runs, targets, weights, strict=True)])
+        residuals = [np.abs(t - run.effect(x)) for t, run, x in zip(targets, runs, solutions, strict=True)]
         typical = max(1.0, float(np.nanmedian(np.concatenate(residuals)) / 0.6745))
         weights = [(np.nan_to_num(r, nan=np.inf) < OUTLIER * typical).astype(float) for r in residuals]
     return solutions
 
 
-def _solution(equations: Sequence[tuple[Array, Array]], designs: Sequence[_Design]) -> list[Array]:
-    """theta (j,) of each segment, from its normal equations without the prior.
-
-    Elimination of the elements of each segment leaves equations of the shared ones: a log may have many segments.
-    """
-    k = len(designs[0].shared)
+def _solution(runs: Sequence[_FreeRun], equations: Sequence[tuple[Array, Array]]) -> list[Array]:
+    """theta (j,) of each segment, from its normal equations without the prior."""
+    k = len(runs[0].shared)
     matrix, right, eliminated = np.eye(k), np.zeros(k), []
-    for (normal, product), design in zip(equations, designs, strict=True):
-        n = len(design.own)
+    for run, (normal, product) in zip(runs, equations, strict=True):
+        n = len(run.own)  # eliminated, which leaves equations of the shared elements: a log may have many segments
         own = _solved(normal[:n, :n] + np.eye(n), np.column_stack([normal[:n, n:], product[:n]]))
         matrix += normal[n:, n:] - normal[n:, :n] @ own[:, :k]
         right += product[n:] - normal[n:, :n] @ own[:, k]
@@ -312,9 +296,7 @@ def _solution(equations: Sequence[tuple[Array, Array]], designs: Sequence[_Desig
 
 
 def _solved(matrix: Array, right: Array) -> Array:
-    """The solution (n, j) of normal equations; the least one if rounding makes them singular.
-
-    It does so where the vehicle is unstable: all responses then grow without limit in the same direction.
-    """
+    """The solution (n, j) of normal equations; the least one if they are singular, as of an unstable vehicle, of which
+    all responses grow without limit in the same direction."""
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1.0))[:, None]
     return np.asarray(scale * np.linalg.lstsq(matrix * scale * scale.T, scale * right)[0])

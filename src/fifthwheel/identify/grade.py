@@ -16,7 +16,7 @@ from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP
-from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means
+from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means, unbraked
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -38,13 +38,12 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     mass = sum(unit.mass for unit in vehicle.units)
     bare = replace(record, signals={name: v for name, v in record.signals.items() if name != GRADE.quantity})
     try:
-        known = force_balance(bare, vehicle, mass, mass, 0.0)[:, 0] > 0
+        rows = force_balance(bare, vehicle, mass, mass, 0.0, braked=False)
     except SignalError:
         return record
-    rows = force_balance(bare, vehicle, mass, mass, 0.0, braked=False)
     moved, distance, speed, present, without_force, by_force = rows.T[:6]
     usable = (moved > 0) & (present > 0) & np.append(False, present[:-1] > 0)
-    known &= usable
+    known = usable & unbraked(bare)
     if STEP * known.sum() < SHORTEST:
         return record
     lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - _cornering(record, vehicle, speed)

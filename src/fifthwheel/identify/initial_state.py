@@ -82,7 +82,7 @@ def steady_state_slopes(
         steps.append(1e-3 * unknowns[i].prior_sigma)
         for step in (steps[-1], -steps[-1]):
             change = {name: step * rate for name, rate in rates.items()}
-            changed = {**values, **_added(values, change)}
+            changed = {**values, **{name: values[name] + difference for name, difference in change.items()}}
             rows.append([changed.get(name, value) for name, value in parameters.items()])
             steers.append(steer_angles(vehicle, _delayed(inputs, change), changed))
     varied = dynamics.matrices_of_variants(vehicle, inputs["speed"], np.array(rows), roll=model.roll, bank=True)
@@ -90,10 +90,6 @@ def steady_state_slopes(
     slope = (unbalanced[::2] - unbalanced[1::2])[:, :-1] / (2 * np.array(steps))[:, None]
     slopes[list(moved), : len(x)] = equilibrium(m, np.linalg.solve(m.E[:-1, :-1], slope.T)).T
     return slopes
-
-
-def _added(values: Mapping[str, float], change: Mapping[str, float]) -> dict[str, float]:
-    return {name: values[name] + difference for name, difference in change.items()}
 
 
 def _delayed(inputs: Mapping[str, float], change: Mapping[str, float]) -> dict[str, float]:

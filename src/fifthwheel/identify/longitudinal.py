@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, missing_for_mass, names_of
@@ -131,13 +132,13 @@ def force_balance(
     moving = v > LOWEST_SPEED
     v = np.where(moving, v, LOWEST_SPEED)
     acceleration = np.gradient(np.convolve(np.pad(v, 2, mode="edge"), np.full(5, 0.2), "valid"), STEP)
-    brakes = [_held(means.of(name), hold) for name in names_of(BRAKING, record.signals)]
-    if not any((brake > 0).any() for brake in brakes) and (lost := -acceleration[moving].min(initial=0.0)) > COASTING:
+    brakes = _brakes(record)
+    if not (brakes > 0).any() and (lost := -acceleration[moving].min(initial=0.0)) > COASTING:
         raise SignalError(
             f"{', '.join(names_of(BRAKING, record.signals))}: never on in {record.name}, although the speed falls by up"
             f" to {lost:.1f} m/s^2; map the signal of the brakes, or leave this part out"
         )
-    interrupted = np.any([brake != 0 for brake in brakes], axis=0) & braked
+    interrupted = np.any(brakes != 0, axis=0) & braked
     engine, ratio, offset = np.zeros((3, v.size))
     if has_force:
         force = _filled(means.of("drive_force"), hold) / value["torque_scale"]
@@ -192,6 +193,18 @@ def force_balance(
     return np.column_stack([*sample, np.where(both[:, None], averaged, 0.0)])
 
 
+def unbraked(record: Record) -> NDArray[np.bool_]:
+    """Whether no brake acts at the ends of each step (N,) of `force_balance`, nor shortly before or after."""
+    free = ~_widened(np.any(_brakes(record) != 0, axis=0), SETTLING)
+    return np.append(False, free[1:] & free[:-1])
+
+
+def _brakes(record: Record) -> Array:
+    """Each signal of the brakes (n, N), NaN where it is missing."""
+    means, hold = _Means(record), round(LONGEST_HOLD / STEP)
+    return np.array([_held(means.of(name), hold) for name in names_of(BRAKING, record.signals)])
+
+
 def step_means(record: Record, name: str) -> Array:
     """Means (N,) of a signal over the steps of `force_balance`, NaN where a step has no sample."""
     return _Means(record).of(name)
@@ -243,6 +256,6 @@ def _smoothed(values: Array, ratios: Array) -> Array:
     return result
 
 
-def _widened(mask: Array, steps: int) -> Array:
+def _widened(mask: NDArray[np.bool_], steps: int) -> NDArray[np.bool_]:
     """A mask (N,) that also has so many steps before and after each of its own."""
     return np.asarray(np.convolve(mask, np.ones(2 * steps + 1), "same") > 0)

@@ -1,4 +1,4 @@
-"""The residuals of a channel as white noise plus a discrepancy: their spectrum and their fit.
+"""The residuals of a channel as white noise plus a discrepancy: their spectrum, their fit, their autocorrelation.
 
 A free-running model does not describe a real vehicle exactly, so its residuals are autocorrelated. They are modelled as
 the sum of white sensor noise and a stationary first-order process, the discrepancy (Kennedy and O'Hagan 2001):
@@ -7,6 +7,9 @@ the sum of white sensor noise and a stationary first-order process, the discrepa
 
 The innovations of its Kalman filter are white (`filters.tangent`), which turns generalised into ordinary least squares.
 r, q and tau maximise the likelihood of Whittle (1953) of the residuals' periodogram.
+
+N autocorrelated residuals contain less information than N independent ones. Sigma and noise variances allow for that by
+the long-run covariance (Newey and West 1987).
 """
 
 import math
@@ -136,3 +139,26 @@ def _periodogram(values: Array, dt: float) -> tuple[Array, Array]:
     if len(values) % 2 == 0:
         density[-1] /= 2  # the Nyquist frequency has no negative counterpart
     return np.asarray(np.fft.rfftfreq(len(values), dt)[1:]), np.asarray(density)
+
+
+def autocorrelation_factor(residuals: Array, lags: int) -> float:
+    """How many of the residuals (N,) contain the information of one independent residual, at least 1.
+
+    The factor is their long-run variance over their variance. `lags` is limited to N / 20.
+    """
+    variance = float(np.mean(residuals**2))
+    lags = max(min(lags, len(residuals) // 20), 1)
+    long_run = long_run_covariance(residuals[:, None], lags)[0, 0] / len(residuals)
+    return max(1.0, float(long_run) / variance)
+
+
+def long_run_covariance(scores: Array, lags: int) -> Array:
+    """Covariance (n, n) of the sum of scores (N, n) that are autocorrelated over up to `lags` samples.
+
+    The estimate of Newey and West (1987) with Bartlett weights. It is positive semi-definite, because it is computed
+    as the sum over all windows of `lags` samples: sum_k w_k w_k' / lags, with w_k the sum of the scores in window k.
+    """
+    edge = np.zeros((lags, scores.shape[1]))
+    total = np.cumsum(np.vstack([edge, scores, edge]), axis=0)
+    windows = total[lags:] - total[:-lags]
+    return np.asarray(np.einsum("ki,kj->ij", windows, windows) / lags)

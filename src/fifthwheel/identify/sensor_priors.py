@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from fifthwheel.channels import SPEED, SignalName, error_kinds
+from fifthwheel.channels import SignalName, error_kinds
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
@@ -41,7 +41,7 @@ def with_sensors(vehicle: Vehicle, settings: OneStage, sensors: Mapping[str, Sen
     noise: dict[str, float] = {}
     units, defaults = {unit.name for unit in vehicle.units}, OneStage()
     for signal, sensor in sensors.items():
-        if SignalName.of(signal).unit not in units and signal != SPEED.quantity:  # no model has it; it is refused later
+        if not SignalName.of(signal).fits(units):  # no model has it; it is refused later
             continue
         for kind in error_kinds(signal):
             name = f"{signal}.{kind}"

@@ -26,6 +26,20 @@ _JOINT = re.compile(r"(?<=[^\W\d])([._/])(?=\w)")
 """Where a path may break."""
 
 
+class Displayed:
+    """Base of a result that `print` and a notebook show as a document."""
+
+    def _document(self) -> pages.Document:
+        raise NotImplementedError
+
+    def __str__(self) -> str:
+        return str(self._document())
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return notebook(self._document())
+
+
 def notebook(document: pages.Document) -> str:
     """A document in a notebook: without scripts and plots, with a style of its own."""
     style = f"<style>{NOTEBOOK_STYLE}</style><b>{text(document.title)}</b>"

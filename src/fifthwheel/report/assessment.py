@@ -178,6 +178,7 @@ def _above_static(assessment: Assessment) -> Iterator[str]:
 
 
 def _lane_change(runs: Runs) -> Iterator[pages.Block]:
+    ratio = "load transfer ratio"
     yield pages.Heading("Lane change", key="lane-change")
     yield pages.Hint(
         "Single lane change of ISO 14791: one sine of 0.15 g at 0.4 Hz at the front axle. Dashed: nonlinear."
@@ -187,7 +188,7 @@ def _lane_change(runs: Runs) -> Iterator[pages.Block]:
             _figure("From above", "paths", _paths(runs), note="Front axle, and last axle of each unit."),
             _over_time("Lateral acceleration", "lateral acceleration", "m/s²", runs, lambda run: run.acceleration),
             _over_time("Roll angle", "roll", "deg", runs, lambda run: {n: np.degrees(v) for n, v in run.roll.items()}),
-            _over_time("Load transfer ratio", "load transfer ratio", "", runs, _load_transfer),
+            _over_time("Load transfer ratio", ratio, "", runs, lambda run: {ratio: run.load_transfer}),
         ]
     )
 
@@ -229,11 +230,6 @@ def _over_time(
             items.append(Line(run.time, values, name=_name(name, model), colour=_colour(run, name), dash=DASHES[model]))
     panel = Panel(items=items, x=Axis(label="time", unit="s"), y=Axis(unit=unit))
     return _figure(caption, title, panel, group="lane change")
-
-
-def _load_transfer(run: LaneChangeRun) -> Mapping[str, Array]:
-    """At 1 all inner wheels of the following axles lift."""
-    return {"load transfer ratio": run.load_transfer}
 
 
 def _colour(run: LaneChangeRun, name: str) -> str:

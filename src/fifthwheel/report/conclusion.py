@@ -9,8 +9,7 @@ import numpy as np
 from fifthwheel import pages
 from fifthwheel.channels import si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
-from fifthwheel.diagnose.causes import ranked
-from fifthwheel.diagnose.caution import CautionKind
+from fifthwheel.diagnose.caution import CautionKind, ranked
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.fit_quality import PredictedLog, predicted_logs
@@ -57,7 +56,9 @@ class Conclusion:
 
     def box(self, first: Sequence[pages.Block] = ()) -> pages.Headline:
         """The headline with what to rely on and what to do, at the top of a page; `first` comes before the lists."""
-        cautions = [*_leading(self.cautions, "Cautions", "more cautions")]
+        cautions: list[pages.Block] = [pages.Items(self.cautions[:SHOWN], "Cautions")]
+        if more := self.cautions[SHOWN:]:
+            cautions.append(pages.Folded(f"{len(more)} more cautions", [pages.Items(more)]))
         if self.consequences:
             cautions.append(pages.Folded(CONSEQUENCES, [pages.Items(self.consequences)]))
         missing = (pages.Items(self.not_identified, "Not identified"),)
@@ -85,13 +86,6 @@ class Conclusion:
             *([pages.Paragraph(where)] if more > 0 or any(step.option for step in self.steps) else []),
             pages.Items(self.notes, "Notes"),
         )
-
-
-def _leading(lines: Sequence[str], title: str, rest: str) -> Iterator[pages.Block]:
-    """The first lines of a list, and the others folded."""
-    yield pages.Items(lines[:SHOWN], title)
-    if lines[SHOWN:]:
-        yield pages.Folded(f"{len(lines) - SHOWN} {rest}", [pages.Items(lines[SHOWN:])])
 
 
 def conclude_identification(
@@ -254,17 +248,16 @@ def _not_identified(identification: Identification) -> list[str]:
 def _reason(identification: Identification, e: Estimate) -> str:
     """Why there is no estimate of a parameter, and what its value is."""
     value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
+    estimate = with_sigma(e.value, e.sigma, e.unit)
     if e.verdict is Verdict.FIXED:
         return f"{value}, as requested"
     if e.verdict is Verdict.STATED:
-        return f"{with_sigma(e.value, e.sigma, e.unit)}; the logs add little to what you stated"
+        return f"{estimate}; the logs add little to what you stated"
     if e.verdict is Verdict.AT_BOUND:
         return f"{value} is the limit of the permitted range and not an estimate"
     if e.verdict is Verdict.DOUBTFUL:
-        estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
     if e.verdict is Verdict.NOT_CONVERGED:
-        estimate = with_sigma(e.value, e.sigma, e.unit)
         return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
@@ -313,9 +306,8 @@ def conclude_states(
     summaries = [summarise_states(s, records) for s in states]
     cautions = [caution for s in states for caution in state_cautions(s, "vehicle file")]
     unsure = _why_unsure(identification) if identification else ""
-    reasons = (
-        ranked(identification_cautions(identification), identification.doubts)[0] if identification and unsure else []
-    )
+    found = identification_cautions(identification) if identification and unsure else []
+    reasons, _ = ranked(found, identification.doubts if identification else ())
     lifting = [c.log for c in cautions if c.log and c.kind is CautionKind.WHEEL_LIFT]
     doubtful = list(dict.fromkeys(c.log for c in cautions if c.log and c.log not in lifting))  # a lift is the cause
     valid = valid_fraction(states)

@@ -9,7 +9,7 @@ from fifthwheel.assess import Assessment
 from fifthwheel.assess.measures import ROLLOVER
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import WIDE_SIGMA
-from fifthwheel.formatting import enumerated, kmh, percent, relative, seconds, shown, value_and_sigma, with_sigma
+from fifthwheel.formatting import enumerated, kmh, percent, relative, seconds, shown_parts, with_sigma
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.result.display import DERIVED
 from fifthwheel.pages.html import text
@@ -99,14 +99,13 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
     files, rows = identification.initial_vehicle.parameters() | identification.initial_vehicle.derived(), []
     everything = (*identification.parameters, *identification.derived)
     for e in everything:
-        unit = shown(e.unit)
-        value, sigma = value_and_sigma(e.value * unit.factor, None if e.sigma is None else e.sigma * unit.factor)
+        value, sigma, unit = shown_parts(e.value, e.sigma, e.unit)
         rows.append(
             (
                 pages.Hinted(spoken(e.name), e.name),
                 value,
                 sigma or "–",
-                unit.name,
+                unit,
                 relative(e.value, e.sigma),
                 pages.Mark(
                     spoken_verdict(e.verdict) + (DERIVED if e in identification.derived else ""),

@@ -14,7 +14,7 @@ from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
-from fifthwheel.formatting import approximate, percent, shown, value_and_sigma, with_sigma
+from fifthwheel.formatting import approximate, percent, shown, shown_parts, with_sigma
 from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.estimates import sensor_error_unit
@@ -220,11 +220,9 @@ def _prior_alone(identification: Identification, name: str) -> tuple[float, floa
 
 def _change(value: float, sigma: float | None, initial: float, prior: float | None, unit: str) -> tuple[str, ...]:
     """Value, sigma, unit and prior of an uncertain number."""
-    unit_shown = shown(unit)
-    sizes = [None if size is None else size * unit_shown.factor for size in (sigma, prior)]
-    text, spread = value_and_sigma(value * unit_shown.factor, sizes[0])
-    before, prior_text = value_and_sigma(initial * unit_shown.factor, sizes[1])
-    return text, spread or "–", unit_shown.name, before if prior_text is None else f"{before} ± {prior_text}"
+    text, spread, name = shown_parts(value, sigma, unit)
+    before, prior_text, _ = shown_parts(initial, prior, unit)
+    return text, spread or "–", name, before if prior_text is None else f"{before} ± {prior_text}"
 
 
 def _sensor_errors(identification: Identification) -> pages.Table:

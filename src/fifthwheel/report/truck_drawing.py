@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.formatting import with_sigma
+from fifthwheel.formatting import shown_parts
 from fifthwheel.identify import Estimate, Verdict
 from fifthwheel.pages.html import text
 from fifthwheel.plots import Area, Line, Panel, Points
@@ -79,8 +79,7 @@ def _quantity(e: Estimate) -> str:
 
 def _number(e: Estimate) -> str:
     """Value and unit, with sigma if it is identified."""
-    number, _, rest = with_sigma(e.value, e.sigma, e.unit).partition(" ± ")
-    sigma, _, unit = rest.partition(" ")
+    number, sigma, unit = shown_parts(e.value, e.sigma, e.unit)
     return " ".join(filter(None, (number, f"± {sigma}" if sigma and e.verdict is Verdict.CONVERGED else "", unit)))
 
 

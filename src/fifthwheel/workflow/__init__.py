@@ -1,5 +1,6 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
+from fifthwheel.identify.knowledge.storage import file_of as knowledge_file
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_signals
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
@@ -32,7 +33,6 @@ from fifthwheel.workflow.results import (
     STATES_FILES,
     VALIDATION_FILES,
     compare_runs,
-    knowledge_file,
     read_truck,
     write_assessment,
     write_comparison,

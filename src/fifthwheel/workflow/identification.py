@@ -17,11 +17,11 @@ from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_errors import log_sensors
 from fifthwheel.identify.sensor_priors import with_sensors
+from fifthwheel.identify.settings import Progress
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.inputs import Progress
 from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.start import Start
 from fifthwheel.workflow.statements import require_signals

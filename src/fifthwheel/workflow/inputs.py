@@ -1,6 +1,6 @@
 """The inputs of a run: the vehicle, and the records of its logs, checked against the vehicle."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -10,12 +10,10 @@ from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import LEARNER_FILE
+from fifthwheel.identify.settings import Progress
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue, toml_format
-
-Progress = Callable[[str, int, int], None]
-"""Called with a title, the work done and the total."""
 
 
 def identification_file(name: str) -> Path | None:

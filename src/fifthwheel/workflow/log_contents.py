@@ -11,6 +11,7 @@ from fifthwheel._atomic import write_text
 from fifthwheel.checks import Fault
 from fifthwheel.checks.findings import is_gap
 from fifthwheel.errors import SignalError
+from fifthwheel.identify.settings import Progress
 from fifthwheel.logs.assemble import assemble
 from fifthwheel.logs.mapping.propose import MapProposal, as_toml, propose_map
 from fifthwheel.logs.mapping.survey import LogSurvey, survey_log
@@ -18,7 +19,7 @@ from fifthwheel.logs.readers import open_log
 from fifthwheel.logs.source import LogSource
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.inputs import Progress, report_fraction
+from fifthwheel.workflow.inputs import report_fraction
 
 
 @dataclass(frozen=True, kw_only=True)

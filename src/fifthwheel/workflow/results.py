@@ -12,7 +12,7 @@ from fifthwheel.diagnose import Comparison, compare
 from fifthwheel.errors import VehicleError
 from fifthwheel.evaluate import Evaluation, Validation
 from fifthwheel.identify import Identification
-from fifthwheel.identify.knowledge.storage import KNOWLEDGE, file_of
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.result.storage import read_contents
 from fifthwheel.observe import write_states
 from fifthwheel.report import (
@@ -39,11 +39,6 @@ EVALUATION_FILES = ("evaluation.json", "evaluation.html")
 """Results of an evaluation, besides figures."""
 VALIDATION_FILES = ("validation.json", "validation.html")
 """Results of a validation, besides figures."""
-
-
-def knowledge_file(path: Path) -> Path:
-    """The knowledge.json that a result folder, its identification.json, or a file stands for."""
-    return file_of(path)
 
 
 def read_truck(name: str) -> Vehicle | Identification:

@@ -10,12 +10,14 @@ from typing import Any, TypeVar
 
 from fifthwheel.channels import (
     CHANNELS,
-    IDENTIFIED,
+    INPUTS,
     SPEED,
     STEER,
+    Channel,
     SensorErrorName,
     SignalName,
     channel_of,
+    channels_with_errors,
     error_kinds,
     sensor_error_settings,
 )
@@ -23,6 +25,7 @@ from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import saturation_names, saturation_parameters
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import CommonSettings, OneStage
+from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.identify.setup import with_tyre_law
 from fifthwheel.identify.unknowns.parameters import (
@@ -123,7 +126,7 @@ def _apply_to_one_stage(
             result.set_sensors(resolved(name, SENSOR_PRIORS[name], mean, together))
         elif _is_sensor_error(name):
             mean, sigma = prior_of_sensor_error(vehicle, name, settings) or (0.0, 0.0)
-            result.set_sensor(resolved(name, _unit_of_error(name), mean, together), sigma)
+            result.set_sensor(resolved(name, sensor_error_unit(name), mean, together), sigma)
         else:
             stated = resolved(name, unit_of(name), result.known[name], together)
             result.set_parameter(stated)
@@ -340,9 +343,8 @@ def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list
             )
         return [name]
     if name in SENSOR_PRIORS:
-        inputs = (SPEED, (SPEED.quantity,)), (STEER, vehicle.steer_signals())
-        single = [(e, signals[0]) for channel, signals in inputs if len(signals) == 1 for e in channel.errors]
-        named = [f"{signal}.{e.kind}" for e, signal in single if e.setting == name]
+        single = [(c, signals[0]) for c in INPUTS if len(signals := _signals(vehicle, c)) == 1]
+        named = [f"{signal}.{e.kind}" for c, signal in single for e in c.errors if e.setting == name]
         return named if statement.value and named else [name]
     if _is_sensor_error(name):
         _require_sensor(vehicle, statement)
@@ -395,31 +397,28 @@ def _require_sensor(vehicle: Vehicle, statement: Statement) -> None:
         raise SignalError(
             f"--set {statement}: {signal} is no steer angle of {vehicle.name}; {suggestion(signal, steers)}"
         )
-    if channel is None or channel not in (SPEED, STEER, *IDENTIFIED):
-        names = ", ".join(c.quantity for c in (STEER, *IDENTIFIED))
+    if channel not in channels_with_errors():
+        names = ", ".join(c.quantity for c in channels_with_errors() if c is not SPEED)
         raise SignalError(f"--set {statement}: expected a signal that is compared with the model, one of {names}")
     unit, units = SignalName.of(signal).unit, [unit.name for unit in vehicle.units]
-    if unit not in units and channel is not SPEED:
+    if not SignalName.of(signal).fits(units):
         raise SignalError(f"--set {statement}: {unit}: no such unit in {vehicle.name}; {suggestion(unit, units)}")
     if kind not in error_kinds(signal):
         cure = suggestion(kind, error_kinds(signal))
         raise SignalError(f"--set {statement}: {signal} has no error {kind!r}; {cure}")
 
 
-def _unit_of_error(name: str) -> str:
-    error = SensorErrorName.of(name)
-    return (error.unit if error else None) or "1"
-
-
 def _example(vehicle: Vehicle, name: str) -> str:
     """A sensor error of a kind, as a name of one sensor."""
-    for channel in (STEER, *IDENTIFIED):
+    for channel in channels_with_errors():
         for error in channel.errors:
             if error.setting == name:
-                signal = (
-                    (vehicle.steer_signals() or ("steer",))[0]
-                    if channel is STEER
-                    else f"{channel.quantity}.{vehicle.units[-1].name}"
-                )
-                return f"{signal}.{error.kind}"
+                return f"{next(iter(_signals(vehicle, channel)), channel.quantity)}.{error.kind}"
     return "yaw_rate.tractor.gain"
+
+
+def _signals(vehicle: Vehicle, channel: Channel) -> tuple[str, ...]:
+    """The signals of a channel that a vehicle may have, those of the last unit first."""
+    if channel in INPUTS:
+        return vehicle.steer_signals() if channel is STEER else (channel.quantity,)
+    return tuple(f"{channel.quantity}.{unit.name}" for unit in reversed(vehicle.units))

@@ -11,13 +11,13 @@ from fifthwheel.checks import raise_errors
 from fifthwheel.formatting import with_sigma
 from fifthwheel.identify import Identification
 from fifthwheel.identify.sensor_errors import log_sensors
+from fifthwheel.identify.settings import Progress
 from fifthwheel.observe import Observer, ObserverSettings, States, Status, Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
-from fifthwheel.workflow.inputs import Progress
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,13 +1,4 @@
-"""Information before the fit: what logs contain, and the run that reaches target accuracies.
-
-assess             information in logs: predicted sigma, verdict and remedies of every parameter
-experiment         the shortest run that reaches target accuracies
-next_manoeuvre     what to drive next while a learner learns
-search             the candidate runs of that design
-predict            Fisher information of runs, and the posterior that a fit would give
-remedies           changes that would reduce a sigma
-impulse_response   information of any steer angle at one speed, by convolution
-"""
+"""Information before the fit: what logs contain, and the run that reaches target accuracies."""
 
 from fifthwheel.identify.design.assess import (
     AssessmentSettings,

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 import fifthwheel
-from fifthwheel import dynamics
 from fifthwheel._arguments import expect, expect_names, expect_optional
 from fifthwheel._types import Array
 from fifthwheel.channels import GYROS, MOTION, is_of
@@ -19,7 +18,7 @@ from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
-from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates
+from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates, stable_speeds
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
@@ -169,12 +168,7 @@ def design_experiment(
     targets = dict(targets) if targets else default_targets(vehicle, settings)
     settings = _with_targets_estimated(vehicle, targets, settings)
     truck = _prepared_vehicle(vehicle, channels, settings)
-    speeds = [speed for speed in planning.speeds if dynamics.is_stable(truck, speed)]
-    if not speeds:
-        raise VehicleError(
-            f"{truck.name}: unstable at {3.6 * min(planning.speeds):.0f} km/h with the values of its file; check the "
-            "file, or choose a lower speed"
-        )
+    speeds = stable_speeds(truck, planning)
     predictor = InformationPredictor.of(truck, settings, speeds, channels, earlier=earlier)
     noise = {name: variances.sensor_variance(truck, name, settings.noise) for name in channels}
     candidates = list(search_candidates(predictor, speeds, targets, noise, planning, progress))
@@ -195,11 +189,8 @@ def design_experiment(
 
 
 def _best_of_each_kind(candidates: Sequence[CandidateRun], planning: DesignSettings) -> list[CandidateRun]:
-    """The best run of each kind of manoeuvre, the best of all first.
-
-    The shortest run that reaches all targets, of equally long ones the gentlest. If none does: the shortest of those
-    that come nearest to the targets.
-    """
+    """The best run of each kind of manoeuvre, the best of all first: the shortest that reaches all targets, of equally
+    long ones the gentlest; if none does, the shortest of those that come nearest to them."""
     smallest = min(candidate.worst_ratio for candidate in candidates)
     met = smallest <= 1
     limit = 1.0 if met else planning.near * smallest

@@ -22,9 +22,8 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.errors import VehicleError
 from fifthwheel.filters.step_rows import play_contact
-from fifthwheel.identify.design.search import DesignSettings, sizes_within_limits
+from fifthwheel.identify.design.search import DesignSettings, sizes_within_limits, stable_speeds
 from fifthwheel.identify.online import Learner
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import steer_record
@@ -85,13 +84,9 @@ def manoeuvre_information(learner: Learner, settings: DesignSettings = DRIVEN) -
         VehicleError: the truck of the vehicle file is unstable at every speed of the settings.
     """
     vehicle = learner.live.setup.vehicle
-    speeds = [speed for speed in settings.speeds if dynamics.is_stable(vehicle, speed)]
-    if not speeds:
-        raise VehicleError(
-            f"{vehicle.name}: unstable at {3.6 * min(settings.speeds):.0f} km/h with the values of its file; check the "
-            "file, or choose a lower speed"
-        )
-    candidates = [m for speed in speeds for m in candidate_manoeuvres(speed, settings.frequencies)]
+    candidates = [
+        m for speed in stable_speeds(vehicle, settings) for m in candidate_manoeuvres(speed, settings.frequencies)
+    ]
     informative = []
     for manoeuvre in (m for m in candidates if m.kind != NOT_REPEATABLE):
         steer, _, sizes = sizes_within_limits(vehicle, manoeuvre, settings)

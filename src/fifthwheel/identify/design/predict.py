@@ -27,7 +27,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, measured_columns
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.identify.one_stage.problem import Problem
@@ -223,8 +223,7 @@ class InformationPredictor:
         """Whether each channel has each sample (N, m)."""
         if logged is not None:
             return np.tile([name in logged for name in self.setup.outputs], (len(segment), 1))
-        missing = np.full(len(segment), np.nan)
-        return np.column_stack([np.isfinite(segment.signals.get(name, missing)) for name in self.setup.outputs])
+        return np.isfinite(measured_columns(segment, self.setup.outputs))
 
     def posterior(
         self,

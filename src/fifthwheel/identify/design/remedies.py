@@ -112,12 +112,10 @@ class PredictedRemedies:
         best = self._best_of_each_kind(self.single, name, kept * sigma)
         best = best or self._best_of_each_kind(self.double, name, kept * sigma)
         for remedy in [r for r in best if r.kind == "know" and r.sigma > target and len(best) < max_count]:
-            best += self._best_of_each_kind(self._two_known(remedy.known), name, kept * remedy.sigma)
+            others = [(*remedy.known, other) for other in self.knowable if other not in remedy.known]
+            pairs = [_with_known(self.predictor, self.runs, both) for both in others]
+            best += self._best_of_each_kind(pairs, name, kept * remedy.sigma)
         return tuple(sorted(best, key=lambda remedy: (len(remedy.known), remedy.sigma))[:max_count])
-
-    def _two_known(self, known: tuple[str, ...]) -> list[Change]:
-        """One more known number, in addition to those that are known."""
-        return [_with_known(self.predictor, self.runs, (*known, name)) for name in self.knowable if name not in known]
 
     def _best_of_each_kind(self, changes: Sequence[Change], name: str, limit: float) -> list[Remedy]:
         """The remedy of each kind that gives a parameter the smallest sigma, if that is at most the limit, SI."""
@@ -161,12 +159,8 @@ def _ratio(sigma: float, prior: float) -> float:
 
 
 def _knowable(predictor: InformationPredictor) -> list[str]:
-    """What could be known, as in `Remedy.known`.
-
-    Not the softening of tyres, the variation of their stiffness and self-steering, which no simple test gives. One
-    scale weighs all units, so their masses are known together.
-    """
-    unknowable = ".softening", ".variation", ".self_steering"
+    """What could be known, as in `Remedy.known`; one scale weighs all units, so their masses are known together."""
+    unknowable = ".softening", ".variation", ".self_steering"  # which no simple test gives
     names = [u.name for u in predictor.setup.unknowns if not u.name.endswith(unknowable)]
     weighed = _unknowns(predictor, MASS_SCALE)[1:] if MASS_SCALE in names else []
     return [name for name in names if name not in weighed]

@@ -7,8 +7,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import Field
 
+from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.identify.design.predict import InformationPredictor
 from fifthwheel.identify.design.road_noise import ROUGHNESS, road_noise
@@ -107,6 +108,17 @@ class CandidateRun:
     def offset(self) -> float | None:
         """Lateral offset of a lane change, m; None for other manoeuvres."""
         return self.manoeuvre.offset(self.size)
+
+
+def stable_speeds(vehicle: Vehicle, settings: DesignSettings) -> list[float]:
+    """The candidate speeds at which a vehicle is stable, m/s; a VehicleError if there are none."""
+    speeds = [speed for speed in settings.speeds if dynamics.is_stable(vehicle, speed)]
+    if not speeds:
+        raise VehicleError(
+            f"{vehicle.name}: unstable at {3.6 * min(settings.speeds):.0f} km/h with the values of its file; check the "
+            "file, or choose a lower speed"
+        )
+    return speeds
 
 
 def search_candidates(

@@ -93,13 +93,7 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
         if alarm and found:
             kind, trip, probability = found
             changes.append(
-                TripChange(
-                    kind=kind,
-                    trip=trip,
-                    probability=probability,
-                    statistic=alarm[0],
-                    threshold=alarm[1],
-                )
+                TripChange(kind=kind, trip=trip, probability=probability, statistic=alarm[0], threshold=alarm[1])
             )
             if kind.name == OUTLIER:
                 skipped.add(trip)
@@ -116,16 +110,14 @@ def find_changes(truck: TruckTrips, false_alarm: float) -> tuple[list[TripChange
 def _statistic(
     truck: TruckTrips, states: Mapping[int, State], walk: Walk, window: range, skipped: set[int]
 ) -> tuple[float, int]:
-    """Normalised innovation squared of consecutive trips and its degrees of freedom.
-
-    The walk within the window counts as before it, which enlarges S a little.
-    """
+    """Normalised innovation squared of consecutive trips and its degrees of freedom."""
     first, last = window[0], window[-1]
     used = [truck.trips[k] for k in window if k not in skipped]
     if not used:
         return 0.0, 0
     trip = together(used)
     days = truck.trips[last].time - truck.trips[first].time
+    # the walk within the window counts as before it, which enlarges S a little
     before = walk.predict(states[first - 1], truck.trips, first).later(walk.rate * days)
     i, H, P = trip.places, trip.information, before.P
     gain = np.linalg.solve(np.eye(len(i)) + H @ P[np.ix_(i, i)], H)  # P - P+ = P gain P
@@ -148,11 +140,8 @@ def _statistic(
 def _dated(
     truck: TruckTrips, states: Mapping[int, State], walk: Walk, skipped: set[int], alarm: tuple[int, int, int]
 ) -> tuple[Kind, int, float] | None:
-    """The most probable kind and trip of a change with its probability; None if no change is more probable than none.
-
-    `alarm` has the trip of the change before, and the first and last trip of the window.
-    """
-    last, first, n = alarm
+    """The most probable kind and trip of a change with its probability; None if none is more probable."""
+    last, first, n = alarm  # the trip of the change before, and the first and last trip of the window
     begin, end = max(last, first - LOOK_BACK, 0), min(n + LOOK_AHEAD, len(truck.trips) - 1)
     trips = [k for k in range(begin, end + 1) if k not in skipped]
     places = together([truck.trips[k] for k in trips]).places  # all others are of no effect

@@ -81,19 +81,9 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
     """A log for JSON."""
     own = log.information
     origins = own.origins or ("",) * len(own.names)
-    columns = (own.names, own.centre, own.scale, own.logarithmic, own.non_negative, origins, own.vector)
-    unknowns = [
-        {
-            "name": name,
-            "centre": float(centre),
-            "scale": float(scale),
-            "logarithmic": bool(logarithmic),
-            "non_negative": bool(non_negative),
-            "origin": of,
-            "vector": float(v),
-        }
-        for name, centre, scale, logarithmic, non_negative, of, v in zip(*columns, strict=True)
-    ]
+    arrays = ("centre", "scale", "logarithmic", "non_negative", "vector")
+    columns = {"name": own.names, **{name: getattr(own, name).tolist() for name in arrays}, "origin": origins}
+    unknowns = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     return {
         **{name: getattr(log, name) for name in (*_LOG, "road")},
         "date": log.date.isoformat(),

@@ -5,15 +5,14 @@ is linear in them (`fit_evaluation`). With tyres that saturate they are found by
 values of the identification or, for another log, at the solution with linear tyres.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 
 from fifthwheel import dynamics
-from fifthwheel._types import Array
 from fifthwheel.dynamics.tyre_law import Tyres
-from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.dataset import LogData, measured_columns
 from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
 from fifthwheel.identify.one_stage.estimator import ROUND_TOLERANCES
 from fifthwheel.identify.one_stage.gauss_newton import TOLERANCE, minimise
@@ -56,12 +55,9 @@ def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
 def _saturating_fits(
     problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, start: Mapping[str, float]
 ) -> list[Fit]:
-    """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
-
-    `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
-    of all unknowns that logs share, and of all parameters, SI; the vehicle has its own, and gets the optional ones that
-    are unknowns: so it has the compiled model of the identification.
-    """
+    """Fit of every channel of a log with the values, SI, of all parameters and shared unknowns; `start` has its own
+    unknowns, none if it is only predicted."""
+    # with the optional numbers that are unknowns it has the compiled model of the identification
     vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
     own = vehicle.parameters()
     unknowns = [
@@ -86,12 +82,5 @@ def _saturating_fits(
         )
         start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
     time, error, _ = alone.residuals(minimum.z, 0, whitened=False)
-    measured = _measured(log, outputs)
+    measured = np.concatenate([measured_columns(segment, outputs) for segment in log.segments])
     return channel_fits(log.name, outputs, time, measured, measured - error, identified_on=identified_on)
-
-
-def _measured(log: LogData, outputs: Iterable[str]) -> Array:
-    """Measured channels (N, m) of all segments of a log; NaN where missing."""
-    return np.concatenate(
-        [np.column_stack([s.signals.get(name, np.full(len(s.time), np.nan)) for name in outputs]) for s in log.segments]
-    )

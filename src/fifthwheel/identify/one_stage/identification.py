@@ -105,11 +105,7 @@ def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
 def _estimate(
     solution: Solution, unknown: Unknown, value: float, converged: bool, doubtful: bool, explained: bool
 ) -> Estimate:
-    """The estimate of an estimated parameter.
-
-    Where nothing explains the logs, the noise of their residuals hides what they contain: that is no lack of
-    excitation.
-    """
+    """The estimate of an estimated parameter."""
     name, settings = unknown.name, solution.settings
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
@@ -117,7 +113,7 @@ def _estimate(
     if uninformed and is_stated(solution.problem.vehicle, settings, name):
         uninformed = Verdict.STATED
     elif not explained and name not in solution.problem.setup.without_roll_rate:
-        uninformed = None
+        uninformed = None  # where nothing explains the logs, the noise of their residuals hides what they contain
     verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
     settled = None if uninformed else history.settled_row(name, settings.tolerance)
     return estimates.parameter_estimate(
@@ -131,10 +127,8 @@ def _estimate(
 
 
 def _correlated(solution: Solution, posterior: ScaledPosterior, name: str, verdict: Verdict) -> tuple[str, ...]:
-    """Unknowns from which a parameter is hardly separable; initial states are left out.
-
-    A parameter that is not identifiable although its conditional sigma is small has at least one.
-    """
+    """Unknowns from which a parameter is hardly separable, but no initial states; at least one of a parameter that is
+    not identifiable although its conditional sigma is small."""
     if name in solution.problem.setup.without_roll_rate:
         return ()
     i, single_log = posterior.names.index(name), len(solution.dataset.logs) == 1
@@ -189,26 +183,16 @@ def _implausible(solution: Solution) -> Iterator[str]:
 
 
 def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], *, converged: bool) -> Array:
-    """Covariance (k, k) of the unknowns for what is computed from them.
-
-    A cause of a contradiction is one of several, so that the mean square of their shifts is added; the prior, where the
-    search did not converge.
-    """
+    """Covariance (k, k) of the unknowns for what follows from them; with the prior if the search did not converge."""
     covariance = solution.linearisation.posterior.covariance.copy()
-    for test in likely:
+    for test in likely:  # one of several causes, so that the mean square of their shifts is added
         covariance += np.outer(test.shifts, test.shifts) / len(likely)
     return covariance if converged else covariance + np.diag(solution.problem.prior.variance)
 
 
 def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], covariance: Array) -> Uncertainty:
-    """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
-
-    `covariance` (k, k) is that of the unknowns.
-
-    The sensor errors of log i, and the bank of its first segment, have the names "name@log". Those of any other log,
-    "name@", have their prior. A change of the vehicle file contributes to every parameter that it alters. The bank
-    varies within a log.
-    """
+    """Covariance, SI, of parameters and shared sensor errors, of sensor errors and bank of each log, "name@log", and of
+    those of any other log, "name@", with their prior; from that of the unknowns (k, k)."""
     known = dynamics.all_parameters(vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
     rows: dict[str, Array] = {}
@@ -237,10 +221,7 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
 
 
 def _with_posterior_sigmas(vehicle: Vehicle, posterior: Uncertainty) -> Vehicle:
-    """The vehicle with the standard deviation of the posterior of every number of which its file states one.
-
-    The axles of a group whose positions are all stated share one error, so these sigmas give that of a wheelbase, too.
-    """
+    """The vehicle with the standard deviation of the posterior of every number of which its file states one."""
     sigmas = dict(zip(posterior.names, np.sqrt(np.diag(posterior.covariance)).tolist(), strict=True))
     stated = [path for path, sigma in vehicle.stated.items() if sigma and path not in vehicle.assumed]
     return vehicle.with_stated({path: float(f"{sigmas[path]:.3g}") for path in stated if path in sigmas})
@@ -249,10 +230,8 @@ def _with_posterior_sigmas(vehicle: Vehicle, posterior: Uncertainty) -> Vehicle:
 def _variance_budget(
     problem: Problem, posterior: ScaledPosterior, estimated: Sequence[str]
 ) -> dict[str, dict[str, float]]:
-    """For each estimated parameter, by what fraction its variance would fall if each uncertain number were exact.
-
-    It is the squared correlation. The fractions do not add up to 1, because two uncertain numbers may act alike.
-    """
+    """For each estimated parameter, by what fraction its variance would fall if each uncertain number were exact: the
+    squared correlation. The fractions do not add up to 1, because two uncertain numbers may act alike."""
     P, names = posterior.covariance, posterior.names
     sources = [(name, names.index(name)) for name in _shared_uncertain(problem)]
     budget = {}

@@ -136,10 +136,8 @@ def _without_what_changed(
 
 
 def _is_contradicted(solution: Solution, before: JointPrior | None, members: Container[str]) -> bool:
-    """Whether a log contradicts earlier ones although some unknowns changed, or these changed implausibly.
-
-    An estimate that was unusual before is a wrong guess, and no contradiction.
-    """
+    """Whether a log contradicts earlier ones although some unknowns changed, or these changed implausibly."""
+    # an estimate that was unusual before is a wrong guess, and no contradiction
     means = dict(zip(before.names, before.mean.tolist(), strict=True)) if before else {}
     for doubt in quick_doubts(solution):
         changed = [c for c in doubt.causes if c.name in members and abs(means.get(c.name, 0.0)) < UNUSUAL_ESTIMATE]

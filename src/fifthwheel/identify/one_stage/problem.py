@@ -41,14 +41,13 @@ from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
-from fifthwheel.identify.noise_model import fit_noise_model
+from fifthwheel.identify.noise_model import autocorrelation_factor, fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.layout import ProblemLayout
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 from fifthwheel.identify.one_stage.segment_run import SegmentRun
-from fifthwheel.identify.residuals import autocorrelation_factor
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record

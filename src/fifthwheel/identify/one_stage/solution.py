@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Self
 
 import numpy as np
 
@@ -11,12 +10,12 @@ from fifthwheel._types import Array
 from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import PriorTest, prior_tests
 from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.noise_model import long_run_covariance
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.residuals import long_run_covariance
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.identify.verdict import Verdict
@@ -104,7 +103,7 @@ def _linearise(solution: Solution) -> Linearisation:
     rows = [problem.names.index(name) for name in solution.estimated]
     length = max(sum(len(s.time) for log in problem.logs for s in log.segments) // HISTORY_LENGTH, 1)
     elapsed, time, values, sigmas = 0.0, [], [], []
-    logs = [_LogSums.of(problem, i) for i in range(len(problem.logs))]
+    logs = [_nothing(problem, i) for i in range(len(problem.logs))]
     for i, j in problem.segments():
         segment = problem.logs[i].segments[j]
         lags = max(int(settings.correlation_time * segment.rate), 1)
@@ -115,7 +114,9 @@ def _linearise(solution: Solution) -> Linearisation:
                 piece_gradient, piece_information = likelihood.gradient_and_information(piece, settings.outlier)
                 information[np.ix_(piece.indices, piece.indices)] += piece_information
                 gradient[piece.indices] += piece_gradient
-                logs[i].add(piece.indices, piece_gradient, piece_information)
+                places = np.searchsorted(logs[i].indices, piece.indices)
+                logs[i].gradient[places] += piece_gradient
+                logs[i].information[np.ix_(places, places)] += piece_information
                 P = np.linalg.inv(prior.hessian + information)
                 values.append((z - P @ (prior.gradient + gradient))[rows])
                 sigmas.append(np.sqrt(np.diag(P))[rows])
@@ -126,7 +127,7 @@ def _linearise(solution: Solution) -> Linearisation:
         elapsed = time[-1]
         of_segment = long_run_covariance(scores, lags // size)
         score_covariance += of_segment
-        logs[i].score_covariance += of_segment[np.ix_(logs[i].indices, logs[i].indices)]
+        logs[i].score_covariance[:] += of_segment[np.ix_(logs[i].indices, logs[i].indices)]
     scale = scaling([u for u in problem.unknowns if u.name in solution.estimated])
     p = scale.to_p(np.array(values))
     history = ParameterHistory(
@@ -149,7 +150,7 @@ def _linearise(solution: Solution) -> Linearisation:
         gradient=gradient,
         history=history,
         tests=tuple(_prior_tests(problem, z, posterior)),
-        logs=tuple(sums.linearisation() for sums in logs),
+        logs=tuple(logs),
     )
 
 
@@ -160,31 +161,9 @@ def _prior_tests(problem: Problem, z: Array, posterior: ScaledPosterior) -> list
     return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, tested, prior.variance)
 
 
-class _LogSums:
-    """Sums over the segments of one log; arrays as in `LogLinearisation`."""
-
-    def __init__(self, indices: Indices) -> None:
-        k = len(indices)
-        self.indices = indices
-        self._gradient, self._information = np.zeros(k), np.zeros((k, k))
-        self.score_covariance = np.zeros((k, k))
-
-    @classmethod
-    def of(cls, problem: Problem, log: int) -> Self:
-        """Of a log of a problem, 0 at first."""
-        return cls(np.unique(np.concatenate([problem.layout.unknowns[log], *problem.layout.initial_states[log]])))
-
-    def add(self, indices: Indices, gradient: Array, information: Array) -> None:
-        """Add gradient (m,) and information (m, m) of some of the unknowns."""
-        places = np.searchsorted(self.indices, indices)
-        self._gradient[places] += gradient
-        self._information[np.ix_(places, places)] += information
-
-    def linearisation(self) -> LogLinearisation:
-        """The sums."""
-        return LogLinearisation(
-            indices=self.indices,
-            information=self._information,
-            gradient=self._gradient,
-            score_covariance=self.score_covariance,
-        )
+def _nothing(problem: Problem, log: int) -> LogLinearisation:
+    """What no sample of a log contributes, to which the samples are added."""
+    indices = np.unique(np.concatenate([problem.layout.unknowns[log], *problem.layout.initial_states[log]]))
+    k = len(indices)
+    zeros = {"information": np.zeros((k, k)), "gradient": np.zeros(k), "score_covariance": np.zeros((k, k))}
+    return LogLinearisation(indices=indices, **zeros)

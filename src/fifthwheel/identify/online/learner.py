@@ -432,11 +432,7 @@ class Learner:
 
 
 def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
-    """The vehicle with the values of another one's first unit.
-
-    Raises:
-        VehicleError: the first units have different parameters.
-    """
+    """The vehicle with the values of another one's first unit; a VehicleError if its parameters are others."""
     first = tractor.units[0].name
     values, replaced = (
         {path: value for path, value in v.parameters().items() if ParameterPath.of(path).unit == first}

@@ -191,11 +191,8 @@ class LiveFilter:
         return not age and stream.time - self._dropout_time >= learner.settling_time
 
     def _is_worse_than_a_start(self) -> bool:
-        """Whether the bank of the road is less certain than at a start.
-
-        A lane change hardly separates the bank from the offset of the steering, and the gains do not allow for
-        considered parameters: without a new start, the errors of both would grow from one lane change to the next.
-        """
+        """Whether the bank of the road is less certain than at a start: lane changes hardly separate it from the offset
+        of the steering, so that without new starts the errors of both grow from one to the next."""
         return self.view.bank_sigma() > self.setup.settings.bank_prior
 
     def _play(self) -> list[float]:

@@ -86,10 +86,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
 
 
 def _considered(setup: Setup) -> set[str]:
-    """Unknowns that a learner considers, to save time: what is uncertain of the vehicle and its model.
-
-    Exceptions are parameters with a prior of the settings.
-    """
+    """Unknowns that a learner considers, to save time: uncertain ones without a prior of the settings."""
     uncertain = {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN}
     return {n for n in uncertain if longest_matching_key(n, setup.settings.priors) is None}
 

@@ -57,13 +57,7 @@ class EstimateBlock:
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
-        return {
-            "names": self.names,
-            "centre": self.centre,
-            "scale": self.scale,
-            "z": self.z.tolist(),
-            "Pz": self.Pz.tolist(),
-        }
+        return vars(self) | {"z": self.z.tolist(), "Pz": self.Pz.tolist()}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> "EstimateBlock":

@@ -125,11 +125,7 @@ class Identification(IdentificationData):
         return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
-        """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`.
-
-        If there is a joint covariance, it contains the offsets of a log, so that they are exact for the observer of
-        that log.
-        """
+        """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`."""
         settings = self.settings
         if not settings.nuisances:
             return dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
@@ -142,7 +138,7 @@ class Identification(IdentificationData):
         def offset(channel: Channel, prior: float) -> float:
             offsets = [error for error in own if is_sensor_error(error.name, "offset")]
             sigmas = [error.sigma for error in offsets if is_of(error.name, channel)]
-            known = self.covariance is not None and sigmas
+            known = self.covariance is not None and sigmas  # it contains them
             return 0.0 if known else max(sigmas, default=prior)
 
         acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)

@@ -248,10 +248,7 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
 
 
 def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneStage) -> list[Unknown]:
-    """The changes of the masses and lengths of the vehicle file.
-
-    Parameters in `done` have an unknown of their own; parameters that the settings fix are exact.
-    """
+    """The changes of the masses and lengths of the vehicle file that have no unknown of their own (`done`)."""
     factor, exact = settings.consider.get("vehicle_file", 0.0), expand_names(vehicle, settings.fixed, settings)
     unknowns, values = list[Unknown](), vehicle.parameters()
     for change in changes(vehicle) if factor else ():
@@ -277,10 +274,7 @@ def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: On
 
 
 def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: OneStage) -> list[Unknown]:
-    """The self-steering of axles, from 0 to 1: of castor axles, and of fixed ones that may be castor axles.
-
-    Axles in `done` have an unknown.
-    """
+    """The self-steering of axles that are not `done`: of castor axles, and of fixed ones that may be castor axles."""
     factor, fixed = settings.consider.get("vehicle_file", 0.0), settings.consider.get("fixed_axles", 0.0)
     unstated = 0.0 if vehicle.is_exact else fixed
     sigmas = {name: vehicle.stated.get(name, unstated) for name in _fixed_last_axles(vehicle)}
@@ -376,26 +370,20 @@ def guess_prior(name: str, settings: OneStage) -> float:
 
 
 def _fraction_of_file(vehicle: Vehicle, name: str) -> float | None:
-    """The standard deviation that the vehicle file states of a number, as a fraction of its value; None or 0 if none.
-
-    What the class of a unit gives is a guess.
-    """
+    """The standard deviation that the vehicle file states of a number over its value; None or 0 if none."""
     value = vehicle.parameters().get(name)
     return vehicle.stated.get(name, 0.0) / abs(value) if value and name not in vehicle.assumed else None
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`.
-
-    A key that is the end of a path does not apply to values of 0, nor to the roll inertia of the sprung body below a
-    payload whose height is estimated: it acts like this height. What the vehicle file states replaces a default.
-    """
+    """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`."""
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
     done = {*estimated, *expand_names(vehicle, settings.fixed, settings)}
     unknowns = []
     for table, has_defaults in ((settings.priors, False), (settings.consider, True)):
         for name, value in given_parameters(vehicle, settings).items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
+            # unless stated by its path; the roll inertia of a body below a payload acts like an estimated height
             excluded = value <= 0 or (path.unit in loaded and ends_with(name, "sprung.roll_inertia"))
             if key is None or name in done or (excluded and key != name):
                 continue
