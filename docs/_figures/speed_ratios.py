@@ -27,7 +27,7 @@ def draw() -> str:
         shapes.append(svg.label(LEFT - 26, _height(tick) + 4, str(tick), "small"))
     for commit, date in dates.items():
         shapes += [
-            svg.label(places[commit], BOTTOM + 20, commit, "small middle"),
+            svg.label(places[commit], BOTTOM + 20, commit[:6], "small middle"),
             svg.label(places[commit], BOTTOM + 36, date[5:], "small middle"),
         ]
     names: list[tuple[float, str]] = []

@@ -22,7 +22,7 @@ CONSIDER = {name: sigma for name, sigma in OneStage().consider.items() if name !
 """The self-steering of a fixed axle is left out: it has its mode at its bound 0, and its mean above."""
 
 
-def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.3) -> tuple[Array, float]:
+def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.4) -> tuple[Array, float]:
     """Samples (steps, k) of x, and the fraction of accepted proposals."""
     centre, P = density.mean, density.covariance
     factor, precision, rng = np.linalg.cholesky(P), np.linalg.inv(P), np.random.default_rng(seed)
@@ -46,16 +46,15 @@ def sampled(density: LogPosterior, steps: int, seed: int, b: float = 0.3) -> tup
 def test_means_and_sigmas_are_those_of_samples(tyres: str) -> None:
     record = Plant(TRUCK).drive(lane_changes(count=1)).record(article_sensors(TRUCK), seed=1)
     density = log_posterior([record], initial_guess(TRUCK, 1), OneStage(tyres=tyres, consider=CONSIDER))
-    # The noise of the solution is fixed. The posterior is skew: its mode and its mean differ, by 0.35 sigma with linear
-    # tyres and more with saturating ones. Means of chains of this length differ by 0.15 sigma.
-    skew = 0.6 if tyres == "linear" else 0.8
-    chain, accepted = sampled(density, 4000, seed=2)
-    assert accepted > 0.1
+    # The noise of the solution is fixed. A chain may stay in a tail for long, so the median of five counts. The
+    # posterior is skew: its mode and its mean differ by up to 0.4 sigma, and medians of other chains by 0.2 sigma.
+    chains = [sampled(density, 800, seed)[0][100:] for seed in range(5)]
+    mean, sigma = (np.median([moment(chain, axis=0) for chain in chains], axis=0) for moment in (np.mean, np.std))
     for name in (name for name in density.solution.estimated if not name.startswith("road")):
         i = density.names.index(name)
-        sigma = np.sqrt(density.covariance[i, i])
-        assert abs(chain[250:, i].mean() - density.mean[i]) < skew * sigma, name
-        assert chain[250:, i].std() == pytest.approx(sigma, rel=0.3), name
+        normal = np.sqrt(density.covariance[i, i])
+        assert abs(mean[i] - density.mean[i]) < 0.7 * normal, name
+        assert sigma[i] == pytest.approx(normal, rel=0.3), name
 
 
 @pytest.mark.slow
