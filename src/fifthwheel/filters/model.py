@@ -75,6 +75,12 @@ def unpack_array(vector: Array, n: int) -> Array:
     return matrix
 
 
+def block_diagonal(first: Array, second: Array) -> Array:
+    """The matrix with two blocks on its diagonal."""
+    n, m = len(first), len(second)
+    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])
+
+
 def split(vector: Matrix, lengths: Sequence[int]) -> list[Matrix]:
     """Split a column vector into consecutive vectors of these lengths."""
     edges = [0, *itertools.accumulate(lengths)]

@@ -237,8 +237,11 @@ def _unit_responses(
     initial_factor: Array,
     unknowns: Sequence[Unknown],
 ) -> tuple[list[Array], list[Array]]:
-    """Responses (N, m) to one prior standard deviation of each element of theta: to the initial state, with the factor
-    (n, n) of its covariance, which end where they have decayed; and to the offsets among the unknowns."""
+    """Responses (N, m) to one prior standard deviation of each element of theta: of the segment, and of the log.
+
+    Those of the segment are to the initial state, by the factor (n, n) of its covariance; they end where they have
+    decayed. Those of the log are to the offsets among the unknowns.
+    """
     straight = {name: np.zeros_like(time) for name in model.inputs[1:]}
 
     def run(x0: Array | None, steer: Mapping[str, Array], count: int = len(time)) -> Array:

@@ -9,8 +9,8 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.model import block_diagonal
 from fifthwheel.identify.one_stage.identify import identify_one_stage
-from fifthwheel.identify.online.start import block_diagonal
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import MODEL_ERRORS, OneStage
 from fifthwheel.identify.unknowns.parameters import given_parameters
@@ -77,8 +77,11 @@ def estimate_sensor_errors(
 
 
 def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, float]:
-    """The uncertain parameters with their sigma as a fraction of the value; by the curvature of the law of saturating
-    tyres, as far as it is known, a log informs the offset of the steering and the bank."""
+    """The uncertain parameters that the sensor errors depend on, each with its sigma as a fraction of its value.
+
+    If tyres saturate, a log informs the offset of the steering and the bank by the curvature of the tyre law, as far as
+    the law is known.
+    """
     values = given_parameters(vehicle, settings)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
     uncertain = {n: s for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}

@@ -372,6 +372,21 @@ def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
     assert solve_one_stage([], truck, OneStage(form=form, tyres="linear")).form == expected
 
 
+@pytest.mark.parametrize("steered", [True, False])
+def test_a_part_tells_what_the_inputs_excite(steered: bool, truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As all samples do."""
+    record = simulate(truck, count=3, seed=1)
+    if not steered:
+        rng = np.random.default_rng(1)
+        noise = {name: 2e-3 * rng.normal(size=len(record)) for name in record.signals if "rate" in name}
+        record = record.with_signals({STEER: np.zeros(len(record)), **noise})
+    whole = solve_one_stage([record], truck, KNOWN)
+    monkeypatch.setattr(estimator, "EARLY_SAMPLES", 1000)
+    assert whole.problem.shortened(1000) is not whole.problem
+    assert solve_one_stage([record], truck, KNOWN).uninformed == whole.uninformed
+    assert bool(whole.uninformed) is not steered
+
+
 def test_all_samples_of_a_long_log_count(truck: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only the fits before the last one use a part of it."""
     record = simulate(truck, count=5, seed=1)

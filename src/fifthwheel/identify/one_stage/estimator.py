@@ -48,7 +48,8 @@ EARLY_ITERATIONS = 25
 START_ITERATIONS = 8
 """Largest number of steps of the fit with linear tyres that only gives a start to tyres that saturate."""
 EARLY_SAMPLES = 4_000
-"""Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part."""
+"""Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part. So
+does the first look at what the inputs excite."""
 LEAST_DECAY = 0.1
 """Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
 GRIP_MARGIN = 2.0
@@ -152,14 +153,14 @@ class _Estimator:
         own = np.diag(problem.prior.own_precision(excited_by_inputs))  # that of earlier logs counts as information
         unseen = setup.without_roll_rate - frozenset(self.earlier.names if self.earlier else ())
 
-        def of(logs: Problem) -> dict[str, Verdict]:
+        def uninformed_by(logs: Problem) -> dict[str, Verdict]:
             information = logs.expand(excited_by_inputs).hessian - own
             posterior = ScaledPosterior.from_information(logs.names, information, nuisances=logs.nuisances)
             return uninformed_parameters(posterior, setup.estimated, unseen, setup.settings.excited)
 
         part = problem.shortened(EARLY_SAMPLES) if problem.output_error else problem
-        of_part = of(part)
-        return of_part if part is problem or of_part.keys() <= unseen else of(problem)
+        uninformed = uninformed_by(part)
+        return uninformed if part is problem or uninformed.keys() <= unseen else uninformed_by(problem)
 
     def _initial(self, problem: Problem) -> Array:
         """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
@@ -234,15 +235,14 @@ class _Estimator:
         return minimum
 
 
-def _white(problem: Problem, z: Array, steps: int) -> Problem:
+def _white(problem: Problem, z: Array, *_: int) -> Problem:
     """The problem with white noise of the variances that the residuals at z have; after every step."""
-    del steps
     return problem.with_residual_noise(z, autocorrelated=False)
 
 
-def _coloured(problem: Problem, z: Array, steps: int = 0) -> Problem:
-    """The problem with the noise models of the residuals at z; after the first step only."""
-    return problem.with_residual_noise(z, autocorrelated=True) if steps <= 1 else problem
+def _coloured(problem: Problem, z: Array, accepted: int = 0) -> Problem:
+    """The problem with the noise models of the residuals at z; not after the second accepted step or later."""
+    return problem.with_residual_noise(z, autocorrelated=True) if accepted <= 1 else problem
 
 
 def _is_early(name: str) -> bool:

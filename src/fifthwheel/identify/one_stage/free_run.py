@@ -55,9 +55,12 @@ def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
 def _saturating_fits(
     problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, start: Mapping[str, float]
 ) -> list[Fit]:
-    """Fit of every channel of a log with the values, SI, of all parameters and shared unknowns; `start` has its own
-    unknowns, none if it is only predicted."""
-    # with the optional numbers that are unknowns it has the compiled model of the identification
+    """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
+
+    `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
+    of all unknowns that logs share, and of all parameters, SI.
+    """
+    # with the optional numbers that are unknowns, the vehicle has the compiled model of the identification
     vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
     own = vehicle.parameters()
     unknowns = [

@@ -85,10 +85,10 @@ def minimise(
         radius: of the trust region at the first step.
         model: the quadratic model about z, if it is known.
         reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
-            point, and the number of steps done.
+            point, and the number of points accepted.
         progress: called with the number of steps done and the largest number of steps.
     """
-    steps, model, converged = 0, model or objective.expand(z), False
+    steps, accepted, model, converged = 0, 0, model or objective.expand(z), False
     while steps < iterations:
         progress(steps, iterations)
         steps += 1
@@ -117,8 +117,8 @@ def minimise(
         elif ratio > 0.75 and not interior:
             radius *= 2
         if ratio > SMALLEST_RATIO:
-            z = z + step
-            objective = reweighted(objective, z, steps)
+            z, accepted = z + step, accepted + 1
+            objective = reweighted(objective, z, accepted)
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break

@@ -191,8 +191,12 @@ def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], *, con
 
 
 def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], covariance: Array) -> Uncertainty:
-    """Covariance, SI, of parameters and shared sensor errors, of sensor errors and bank of each log, "name@log", and of
-    those of any other log, "name@", with their prior; from that of the unknowns (k, k)."""
+    """Joint covariance of the parameters of the vehicle, of the sensor errors and of the bank of the road, SI.
+
+    `covariance` (k, k) is that of the unknowns. The sensor errors of log i, and the bank of its first segment, have the
+    names "name@log". Those of any other log, "name@", have their prior. A change of the vehicle file contributes to
+    every parameter that it alters. The bank varies within a log.
+    """
     known = dynamics.all_parameters(vehicle, problem.model.outputs, tyres=problem.model.tyres)  # by an observer
     banked = problem.model.bank and problem.output_error
     rows: dict[str, Array] = {}

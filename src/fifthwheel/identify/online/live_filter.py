@@ -12,11 +12,12 @@ from fifthwheel.channels import WHEEL_SPEED_DIFFERENCE, names_of
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
+from fifthwheel.filters.model import block_diagonal
 from fifthwheel.filters.relinearised import JointEstimate, RelinearisedFilter
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel, model_of
 from fifthwheel.identify.online.settings import LearnerSettings
-from fifthwheel.identify.online.start import Considered, block_diagonal, discrepancy_variances, start_state
+from fifthwheel.identify.online.start import Considered, discrepancy_variances, start_state
 from fifthwheel.identify.online.steering import Excitation, PlayContacts
 from fifthwheel.identify.setup import Setup
 from fifthwheel.observe.monitor import Monitor

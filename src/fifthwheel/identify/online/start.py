@@ -14,6 +14,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
+from fifthwheel.filters.model import block_diagonal
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.online.online_model import OnlineModel
 from fifthwheel.identify.online.settings import LearnerSettings
@@ -89,12 +90,6 @@ def discrepancy_variances(setup: Setup, learner: LearnerSettings) -> Array:
 def with_prior_means(z: Array, count: int) -> Array:
     """z (count,) of all unknowns from that of the estimated ones, which come first."""
     return np.append(z, np.zeros(count - len(z)))
-
-
-def block_diagonal(first: Array, second: Array) -> Array:
-    """The matrix with two blocks on its diagonal."""
-    n, m = len(first), len(second)
-    return np.block([[first, np.zeros((n, m))], [np.zeros((m, n)), second]])
 
 
 class SteadyEquations(NamedTuple):

@@ -376,14 +376,17 @@ def _fraction_of_file(vehicle: Vehicle, name: str) -> float | None:
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
-    """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`."""
+    """Uncertain numbers of the vehicle file and of saturating tyres: those of `priors`, then those of `consider`.
+
+    A key that is the end of a path does not apply to values of 0, nor to the roll inertia of the sprung body below a
+    payload whose height is estimated: it acts like this height. What the vehicle file states replaces a default.
+    """
     loaded = {path.unit for path in map(ParameterPath.of, estimated) if path.is_payload_height}
     done = {*estimated, *expand_names(vehicle, settings.fixed, settings)}
     unknowns = []
     for table, has_defaults in ((settings.priors, False), (settings.consider, True)):
         for name, value in given_parameters(vehicle, settings).items():
             key, path = longest_matching_key(name, table), ParameterPath.of(name)
-            # unless stated by its path; the roll inertia of a body below a payload acts like an estimated height
             excluded = value <= 0 or (path.unit in loaded and ends_with(name, "sprung.roll_inertia"))
             if key is None or name in done or (excluded and key != name):
                 continue
