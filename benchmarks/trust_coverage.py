@@ -93,14 +93,16 @@ def true_signals(draw: Draw, bank: float) -> tuple[Array, Mapping[str, Array]]:
 
 
 def linear_signals(run: PlantRun, bank: float, truck: Vehicle = TRUCK) -> tuple[Array, Mapping[str, Array]]:
-    """The same of a linear truck with the inputs of a run of the nonlinear one."""
+    """The same of a linear truck, each unit of which brakes its own mass, with the inputs of a run of the nonlinear
+    one."""
     inputs, outputs = {name: run.truth[name] for name in (SPEED, STEER)}, (*GYROS, *STATES)
     truck = truck.with_logged_steering(inputs, run.name)
-    model = dynamics.model(truck, outputs, roll=True, bank=True)
+    inputs |= {dynamics.SPEED_RATE: np.gradient(inputs[SPEED], run.time)}
+    model = dynamics.model(truck, outputs, roll=True, bank=True, braking=True)
     first = {name: float(values[0]) for name, values in inputs.items()}
     start = np.append(steady_initial_state(truck, first, {}, roll=True, bank=bank)[0], bank)
     _, y = free_response(model, dynamics.all_parameters(truck, outputs), run.time, inputs, start)
-    return run.time, inputs | {name: y[:, i] for i, name in enumerate(outputs)}
+    return run.time, {SPEED: inputs[SPEED], STEER: inputs[STEER]} | {name: y[:, i] for i, name in enumerate(outputs)}
 
 
 def drawn_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.assess.braking import DECELERATION, loads_under, measure
+from fifthwheel.assess.braking import DECELERATION, measure
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -51,7 +51,7 @@ def test_every_unit_is_in_equilibrium(name):
     climbing = {f"{vehicle.units[0].name}.drive": 0.1 * sum(static.values())}
     for acceleration, forces in ((-0.4, braking), (0.1, climbing)):
         expected = balanced(vehicle, acceleration, forces)
-        loads = loads_under(vehicle, acceleration, forces)
+        loads = vehicle.axle_loads(acceleration, forces)
         assert loads == pytest.approx({path: expected[path] for path in static})
         assert sum(loads.values()) == pytest.approx(sum(static.values()))
 

@@ -4,7 +4,6 @@ import math
 
 import pytest
 
-from fifthwheel.assess.braking import loads_under
 from fifthwheel.assess.longitudinal import GRADE, measure, notes, unstated
 from fifthwheel.assess.truck import Truck
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -40,7 +39,7 @@ def test_the_driven_axles_do_not_slip_on_the_grade(name):
     vehicle = get(name)
     grade, driven = of(vehicle, launch_torque=9e3)["startability"], f"{vehicle.units[0].name}.drive"
     weight = weight_of(vehicle)
-    load = loads_under(vehicle, grade, {driven: grade * weight})[driven]
+    load = vehicle.axle_loads(grade, {driven: grade * weight})[driven]
     assert load > vehicle.axle_loads()[driven]
     assert 0.8 * load == pytest.approx((grade + N["rolling_resistance"]) * weight)
 

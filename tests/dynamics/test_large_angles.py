@@ -7,13 +7,14 @@ import pytest
 from fifthwheel import dynamics
 from fifthwheel.dynamics import chain
 from fifthwheel.dynamics.large_angles import large_angles
-from fifthwheel.dynamics.tyres import LAWS, Contact, Law, braked_masses, saturating, saturation_parameters
+from fifthwheel.dynamics.tyres import AUXILIARY, LAWS, Contact, Law, saturating, saturation_parameters
 from fifthwheel.manoeuvres import braked, straight
-from fifthwheel.plant import Plant
+from fifthwheel.plant import Plant, Properties
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle, get
 from fifthwheel.vehicle.parameters import (
     DRAG_AREA,
+    DRIVE_AXLE_BRAKING,
     FRICTION,
     FRICTION_SENSITIVITY,
     ROLLING_RESISTANCE,
@@ -30,18 +31,19 @@ AIR = 0.6 * 6.0 * SPEED**2
 """Drag of the air, N, on 6 m^2 at half a density of 1.2 kg/m^3."""
 
 
-def longitudinal(vehicle: Vehicle, speed_rate: float, brakes: dict[str, float] | None = None) -> dict[str, float]:
+def longitudinal(vehicle: Vehicle, speed_rate: float, retarder: float = 0.0) -> dict[str, float]:
     """Longitudinal force of each axle group at the standard speed, N, with a rolling resistance of 0.6 % of its load.
 
-    The drive axle of the tractor drives; `brakes` are fractions of the braking force of the truck, by default the loads
-    over their sum.
+    The drive axle of the tractor drives; a retarder gives a fraction of the braking force on it up to a deceleration,
+    the brakes of all groups the rest by their loads.
     """
     loads = vehicle.axle_loads()
     weight = sum(loads.values())
-    brakes = brakes or {path: load / weight for path, load in loads.items()}
     wheels = weight / STANDARD_GRAVITY * speed_rate + AIR + 0.006 * weight
-    forces = {path: brakes.get(path, 0.0) * min(wheels, 0.0) - 0.006 * load for path, load in loads.items()}
-    forces["tractor.drive"] += max(wheels, 0.0)
+    alone = retarder * max(min(wheels, 0.0), -AUXILIARY * weight / STANDARD_GRAVITY)
+    rest = min(wheels, 0.0) - alone
+    forces = {path: rest * load / weight - 0.006 * load for path, load in loads.items()}
+    forces["tractor.drive"] += max(wheels, 0.0) + alone
     return forces
 
 
@@ -102,7 +104,7 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
     """Of an independent derivation with brakes and inertia forces; the tyres are linear, the loads do not change."""
     truck, rng = get(name), np.random.default_rng(4)
     brakes = {path: -3.0 * load / STANDARD_GRAVITY for path, load in truck.axle_loads().items()}
-    changes = LINEAR | {f"{path}.braking_load": 0.0 for path in brakes}
+    changes = LINEAR | {f"{path}.{load}": 0.0 for path in brakes for load in ("braking_load", "pull_load")}
     names = chain.state_names(truck, roll=True)
     x, angle = rng.normal(size=len(names)) * 0.05, 0.02
     braking = linear(truck, SPEED, speed_rate=-3.0, brakes=brakes).ordered(names)
@@ -117,11 +119,35 @@ def test_small_motion_while_braking_is_that_of_lagrange(name: str) -> None:
     assert errors[1] < errors[0] / 50
 
 
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "b_double"])
+@pytest.mark.parametrize(("speed_rate", "retarder"), [(0.9, 0.0), (-0.9, 1.0)])
+def test_small_motion_while_the_first_unit_drives_or_brakes_is_that_of_the_chain(
+    name: str, speed_rate: float, retarder: float
+) -> None:
+    """The linear law with the derivative of the speed; the loads do not change."""
+    truck, names = get(name), chain.state_names(get(name), roll=True)
+    of_loads = {f"{path}.{load}": 0.0 for path in truck.axle_loads() for load in ("braking_load", "pull_load")}
+    changes = LINEAR | of_loads | {DRIVE_AXLE_BRAKING: retarder}
+    terms = chain.equations({k: ca.SX(v) for k, v in truck.parameters().items()}, truck, roll=True)
+    change = chain.SpeedChange.of(ca.SX(speed_rate), retarder)
+    x = np.random.default_rng(4).normal(size=len(names)) * 0.05
+    constant, expected = (np.array(ca.evalf(terms.state_space(ca.SX(SPEED), c)[0])) @ x for c in (None, change))
+    errors = [
+        np.abs(rates(truck, f * x, 0.0, roll=True, changes=changes, speed_rate=speed_rate) / f - expected).max()
+        for f in (1e-2, 1e-3)
+    ]
+    effect = np.abs(constant - expected).max()
+    assert effect > 0.05
+    assert errors[0] < 1e-3 * effect
+    assert errors[1] < errors[0] / 50
+
+
 @pytest.mark.parametrize("speed_rate", [0.5, 0.0, -0.05, -3.0])
 def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> None:
     """A truck that drives, coasts nearly or brakes against its drag and rolling resistance; linear tyres.
 
-    The loads that drag and pull at the coupling move, from a balance of moments, change the cornering stiffness.
+    The loads that drag and pull at the coupling move, from a balance of moments of both units, change the cornering
+    stiffness.
     """
     truck, rng = TRUCK, np.random.default_rng(5)
     loads, forces = truck.axle_loads(), longitudinal(truck, speed_rate)
@@ -131,13 +157,19 @@ def test_small_motion_with_resistance_is_that_of_lagrange(speed_rate: float) -> 
     relieved = min(behind, 0.0) + max(behind + braking, 0.0)
     p = truck.parameters()
     wheelbase = p["tractor.front.position"] - np.mean([axle.position for axle in truck.units[0].axles[1:]])
-    moved = (1.5 * AIR + p["fifth_wheel.height"] * relieved) / wheelbase
-    assert abs(moved) > 0.004 * loads["tractor.front"]
+    tilting = p["fifth_wheel.height"] * relieved  # of the tractor to the rear, and of the trailer to the front
+    trailer = truck.units[1]
+    on_fifth_wheel = tilting / (0.0 - np.mean([axle.position for axle in trailer.axles]))
+    ahead = p["fifth_wheel.leading_position"] - np.mean([axle.position for axle in truck.units[0].axles[1:]])
+    to_drive = (1.5 * AIR + tilting) / wheelbase + on_fifth_wheel * (1 - ahead / wheelbase)
+    moved = {"tractor.drive": to_drive, "tractor.front": on_fifth_wheel - to_drive, "semitrailer": -on_fifth_wheel}
+    assert abs(to_drive) > 0.002 * loads["tractor.front"]
     stiffness = dict[str, float]()
-    for path, sign in (("tractor.front", -1.0), ("tractor.drive", 1.0)):
-        change = p[f"{path}.cornering_stiffness"] * sign * moved / loads[path]
-        group = next(g for g in truck.units[0].axle_groups if truck.units[0].group_path(g) == path)
-        of_axles = axle_compliance(group, truck.units[0].roll_axis_height)  # the relaxation length does not change
+    for path, load in moved.items():
+        change = p[f"{path}.cornering_stiffness"] * load / loads[path]
+        unit = truck.units[path == "semitrailer"]
+        group = next(g for g in unit.axle_groups if unit.group_path(g) == path)
+        of_axles = axle_compliance(group, unit.roll_axis_height)  # the relaxation length does not change
         stiffness[f"{path}.cornering_stiffness"] = p[f"{path}.cornering_stiffness"] + change
         stiffness[f"{path}.relaxation_length"] = p[f"{path}.relaxation_length"] - change * of_axles
     net = forces | {"tractor.drive": forces["tractor.drive"] - AIR}  # along the tractor, as the drag is
@@ -177,18 +209,17 @@ def test_at_constant_speed_braking_has_no_effect(roll: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    ("speed_rate", "brakes"),
-    [(0.0, {}), (-3.0, {}), (-0.05, {}), (0.5, {}), (-1.0, {"tractor.drive": 0.7, "tractor.front": 0.7})],
+    ("speed_rate", "retarder"),
+    [(0.0, 0.0), (-3.0, 0.0), (-0.05, 0.0), (0.5, 0.0), (-1.0, 0.7), (-3.0, 1.0)],
 )
-def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[str, float]) -> None:
+def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: float) -> None:
     """Both bodies of the yaw model with the coupling and driving forces as unknowns, in the axes of the tractor."""
     truck, rng = with_trail(with_relaxation(get("auburn_6x4"), 0.0), 0.04, 0.06), np.random.default_rng(2)
     p, names = truck.parameters(), chain.state_names(truck, roll=False)
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-    loads, braked = truck.axle_loads(), braked_masses(truck, brakes)
-    forward = longitudinal(truck, speed_rate, dict.fromkeys(brakes, 0.5))
-    steer, law = 0.07, p | saturation_parameters(truck) | braked
+    loads, forward = truck.axle_loads(), longitudinal(truck, speed_rate, retarder)
+    steer, law = 0.07, p | saturation_parameters(truck)
     cos, sin = np.cos(angle), np.sin(angle)
     ahead = p["fifth_wheel.leading_position"] - p["tractor.cog"]
     behind = p["fifth_wheel.trailing_position"] - p["semitrailer.cog"]
@@ -196,9 +227,19 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
     hitch = np.array([SPEED, v + ahead * r1])
     own = rotation.T @ hitch - [0, behind * r2]
 
-    def tyres(
-        unit_index: int, velocity: np.ndarray, r: float, angles: dict[str, float], shift: float = 0
-    ) -> np.ndarray:
+    front_axle, rear_axles = (
+        p["tractor.front.position"],
+        [p[f"tractor.{a.name}.position"] for a in truck.units[0].axles[1:]],
+    )
+    wheelbase, height = front_axle - np.mean(rear_axles), p["fifth_wheel.height"]
+    last = np.mean([axle.position for axle in truck.units[1].axles])
+    on_fifth_wheel = height / (p["fifth_wheel.trailing_position"] - last)
+    lever = (p["fifth_wheel.leading_position"] - np.mean(rear_axles)) / wheelbase
+    per_pull = {"tractor.front": on_fifth_wheel * lever - height / wheelbase, "semitrailer": -on_fifth_wheel}
+    per_pull["tractor.drive"] = -sum(per_pull.values())
+    of_air = {"tractor.front": -1.5 * AIR / wheelbase, "tractor.drive": 1.5 * AIR / wheelbase}
+
+    def tyres(unit_index: int, velocity: np.ndarray, r: float, angles: dict[str, float], pull: float = 0) -> np.ndarray:
         unit, total = truck.units[unit_index], np.zeros(3)
         for group in unit.axle_groups:
             path = unit.group_path(group)
@@ -206,8 +247,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
             deltas = [angles.get(a.name, 0.0) for a in group.axles]
             slips = [d - np.arctan((velocity[1] + arm * r) / velocity[0]) for d, arm in zip(deltas, arms, strict=True)]
             height = p[f"{unit.name}.roll_axis_height"]
-            change = {"tractor.front": -shift, "tractor.drive": shift}.get(path, 0.0)
-            change -= law[f"{path}.braking_load"] * speed_rate
+            change = per_pull[path] * pull + of_air.get(path, 0.0) - law[f"{path}.braking_load"] * speed_rate
             along = forward[path] / len(arms)
             for d, arm, slip in zip(deltas, arms, slips, strict=True):
                 contact = Contact(ca.SX(slip), ca.SX(0), height, ca.SX(change), ca.SX(forward[path]))
@@ -217,20 +257,17 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
                 total += [along * np.cos(d) - force * np.sin(d), side, arm * side - sum(moment)]
         return total
 
-    front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, shift) for shift in (0.0, -1.0, 1.0))
-    rear = tyres(1, own, r2, {})
+    front, less, more = (tyres(0, np.array([SPEED, v]), r1, {"front": steer}, pull) for pull in (0.0, -1.0, 1.0))
+    rear, rear_less, rear_more = (tyres(1, own, r2, {}, pull) for pull in (0.0, -1.0, 1.0))
     m1, m2 = p["tractor.mass"], p["semitrailer.mass"]
     to_cog = rotation @ [-behind, 0]  # from the coupling to the trailer's CoG, axes of the tractor
     # unknown: v', r1', r2', the trailer's acceleration (2), the coupling force on the trailer (2), the driving force
-    # beside the longitudinal forces of the tyres, and the load that the coupling force and the drag of the air move
-    # from the front to the drive axle, beside that at this deceleration
+    # beside the longitudinal forces of the tyres, and the pull at the coupling beside that of a truck whose groups all
+    # brake by their loads
     rows, right = np.zeros((9, 9)), np.zeros(9)
-    rows[:3, 8] = -(more - less) / 2
-    wheelbase = p["tractor.front.position"] - np.mean(
-        [p[f"tractor.{a.name}.position"] for a in truck.units[0].axles[1:]]
-    )
-    rows[8, [5, 8]] = p["fifth_wheel.height"], -wheelbase
-    right[8] = p["fifth_wheel.height"] * (m2 - loads["semitrailer"] / STANDARD_GRAVITY) * speed_rate - 1.5 * AIR
+    rows[:3, 8], of_rear = -(more - less) / 2, (rear_more - rear_less) / 2
+    rows[3:5, 8], rows[5, 8] = -rotation @ of_rear[:2], -of_rear[2]
+    rows[8, [5, 8]], right[8] = [1, -1], (m2 - loads["semitrailer"] / STANDARD_GRAVITY) * speed_rate
     # m1 (u' - v r1) = front + drive - X - drag
     rows[0, [5, 7]], right[0] = [1, -1], front[0] - AIR - m1 * (speed_rate - v * r1)
     rows[1, [0, 6]], right[1] = [m1, 1], front[1] - m1 * SPEED * r1
@@ -246,10 +283,12 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
     solution = np.linalg.solve(rows, right)
     expected = [solution[0], solution[1], solution[2], r2 - r1]
     np.testing.assert_allclose(
-        rates(truck, x, steer, roll=False, changes=braked, speed_rate=speed_rate), expected, rtol=1e-6
+        rates(truck, x, steer, roll=False, changes={DRIVE_AXLE_BRAKING: retarder}, speed_rate=speed_rate),
+        expected,
+        rtol=1e-6,
     )
     if not speed_rate:
-        assert abs(solution[8]) > 0.02 * loads["tractor.front"]
+        assert abs(per_pull["tractor.front"] * solution[8]) > 0.01 * loads["tractor.front"]
         model = dynamics.model(truck, ["coupling_force.semitrailer"], roll=False, tyres="saturating")
         values = model.known_values(dynamics.all_parameters(truck, model.outputs, tyres="saturating"))
         force = float(model.observation(x, [SPEED, steer, SPEED, steer], [], values))
@@ -260,7 +299,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, brakes: dict[
 
 @pytest.mark.parametrize(("speed_rate", "relieved"), [(0.0, 0.0), (-0.1, 0.22), (-1.0, 1.0)])
 def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved: float) -> None:
-    """In a turn it moves load from the front to the drive axle, as far as it is larger than the braking force.
+    """In a turn it pulls at the coupling, as far as it is larger than the braking force.
 
     Without resistance, so that the braking force is in proportion to u'.
     """
@@ -270,18 +309,18 @@ def test_the_drag_of_the_trailer_relieves_its_brakes(speed_rate: float, relieved
     values = TRUCK.parameters() | saturation_parameters(TRUCK) | NO_RESISTANCE
     angles = dict.fromkeys(TRUCK.steer_signals(), ca.SX(0))
     result = large_angles(values, TRUCK, state, ca.SX(SPEED), angles, roll=False, speed_rate=symbol)
-    moved = ca.Function("moved", [state, symbol], [result.stages.expanded(result.shift)])
+    moved = ca.Function("moved", [state, symbol], [result.stages.expanded(result.pull)])
     drag = float(moved(x, 0.0))
     assert drag > 500.0
     assert 1 - float(moved(x, speed_rate)) / drag == pytest.approx(relieved, abs=0.02)
 
 
-def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float]) -> dict[str, float]:
-    """Load of each axle group less the static one, N, at a constant speed on a straight road."""
+def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float], rate: float = 0.0) -> dict[str, float]:
+    """Load of each axle group less the static one, N, at a speed and its derivative on a straight road."""
     values = vehicle.parameters() | saturation_parameters(vehicle) | changes
     state = ca.SX.sym("x", len(chain.state_names(vehicle, roll=False)))
     angles = dict.fromkeys(vehicle.steer_signals(), ca.SX(0))
-    result = large_angles(values, vehicle, state, ca.SX(speed), angles, roll=False)
+    result = large_angles(values, vehicle, state, ca.SX(speed), angles, roll=False, speed_rate=ca.SX(rate))
     loads = ca.vertcat(*[result.load_change[path] for path in vehicle.axle_loads()])
     function = ca.Function("loads", [state], [result.stages.expanded(loads)])
     return dict(zip(vehicle.axle_loads(), np.array(function(np.zeros(state.shape[0]))).ravel(), strict=True))
@@ -291,11 +330,17 @@ def test_drag_moves_load_from_the_front_to_the_drive_axle() -> None:
     """By a balance of moments about the road: 1.5 m times the drag of the air, and the rolling resistance of the
     trailer, which pulls at the coupling. None of both without resistance."""
     p, loads = TRUCK.parameters(), TRUCK.axle_loads()
-    wheelbase = p["tractor.front.position"] - np.mean([axle.position for axle in TRUCK.units[0].axles[1:]])
+    rear, last = (
+        np.mean([axle.position for axle in axles]) for axles in (TRUCK.units[0].axles[1:], TRUCK.units[1].axles)
+    )
+    wheelbase = p["tractor.front.position"] - rear
+    ahead = (p["fifth_wheel.leading_position"] - rear) / wheelbase
     for speed, area, rolling in ((25.0, 6.0, 0.0), (25.0, 6.0, 0.006), (12.0, 0.0, 0.006), (25.0, 0.0, 0.0)):
-        moments = 1.5 * 0.6 * area * speed**2 + p["fifth_wheel.height"] * rolling * loads["semitrailer"]
+        pulled = p["fifth_wheel.height"] * rolling * loads["semitrailer"]  # which also tilts the trailer
+        moments, lifted = 1.5 * 0.6 * area * speed**2 + pulled, pulled / (p["fifth_wheel.trailing_position"] - last)
         actual = load_changes(TRUCK, speed, {DRAG_AREA: area, ROLLING_RESISTANCE: rolling})
-        expected = {"tractor.front": -moments / wheelbase, "tractor.drive": moments / wheelbase, "semitrailer": 0.0}
+        front = lifted * ahead - moments / wheelbase
+        expected = {"tractor.front": front, "tractor.drive": lifted - front, "semitrailer": -lifted}
         assert actual == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
@@ -328,3 +373,18 @@ def test_the_loads_while_braking_are_those_of_the_nonlinear_truck(name: str) -> 
             loads = sum(truth[f"vertical_force.{unit.name}.{axle.name}"] for axle in group.axles)
             change = loads[last].mean() - loads[:90].mean()
             assert change == pytest.approx(-parameters[f"{path}.braking_load"] * rate, abs=0.025 * loads[0]), path
+
+
+def test_the_loads_with_a_retarder_are_those_of_the_nonlinear_truck() -> None:
+    """Within 1 % of the static load: the trailer without brakes pushes at the coupling, and loads the front axle."""
+    truth = Plant(TRUCK, Properties(brakes={"tractor.drive": 1.0})).drive(braked(straight(duration=9.0), 1.0)).truth
+    last, loads = slice(-100, -1), TRUCK.axle_loads()
+    rate, speed = np.gradient(truth["speed"], 0.01)[last].mean(), truth["speed"][last].mean()
+    expected = load_changes(TRUCK, speed, {DRIVE_AXLE_BRAKING: 1.0}, rate)
+    by_all_axles = load_changes(TRUCK, speed, {}, rate)
+    for unit in TRUCK.units:
+        for group in unit.axle_groups:
+            path = unit.group_path(group)
+            actual = sum(truth[f"vertical_force.{unit.name}.{axle.name}"][last].mean() for axle in group.axles)
+            assert actual - loads[path] == pytest.approx(expected[path], abs=0.01 * loads[path]), path
+    assert expected["tractor.drive"] - by_all_axles["tractor.drive"] < -0.03 * loads["tractor.drive"]

@@ -60,12 +60,12 @@ def test_derivatives_of_a_held_variable_are_neglected() -> None:
 
 @pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4"])
 def test_the_model_with_saturating_tyres(name: str) -> None:
-    """Its Jacobians are the differences of rates and outputs, while it brakes, where no load shifts."""
+    """Its Jacobians are the differences of rates and outputs, while it brakes, without loads by the pull."""
     truck, steer = get(name), "steer.tractor.front.offset"
     outputs = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "lateral_acceleration") for unit in truck.units]
     outputs += [f"load_transfer.{path}" for path in truck.axle_loads()]
     model = dynamics.model(truck, outputs, roll=True, bank=True, tyres="saturating", braking=True, free=[steer])
-    no_shift = {f"{truck.couplings[0].name}.height": 0.0}
+    no_shift = {f"{path}.pull_load": 0.0 for path in truck.axle_loads()}
     c = model.known_values(dynamics.all_parameters(truck, outputs, tyres="saturating") | no_shift)
     rng, n = np.random.default_rng(1), len(model.states)
     x, p = rng.normal(size=n) * 0.03, np.array([0.01])

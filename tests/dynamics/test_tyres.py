@@ -15,6 +15,7 @@ from fifthwheel.dynamics.tyres import (
 )
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
 from fifthwheel.vehicle.parameters import (
     COMBINED_SLIP,
@@ -173,7 +174,7 @@ def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> Non
     p = TRUCK.parameters() | saturation_parameters(TRUCK)
 
     def secant(rate: float) -> float:
-        change, braking = -p[f"{path}.braking_load"] * rate, p[f"{path}.braked_mass"] * rate
+        change, braking = -p[f"{path}.braking_load"] * rate, p[f"{path}.static_load"] / GRAVITY * rate
         contact = Contact(ca.SX(0.05), load_change=ca.SX(change), longitudinal=ca.SX(braking))
         return float(ca.evalf(saturating(p, path, contact)))
 
@@ -186,7 +187,7 @@ def test_the_effect_of_the_braking_force_is_smooth() -> None:
     """Its slope does not jump where wheels lock; a factor of 0 of `COMBINED_SLIP` removes it."""
     p = TRUCK.parameters() | saturation_parameters(TRUCK)
     rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
-    contact = Contact(slip, none, ca.SX(1.0), none, p["semitrailer.braked_mass"] * rate)
+    contact = Contact(slip, none, ca.SX(1.0), none, p["semitrailer.static_load"] / GRAVITY * rate)
     law = saturating(p, "semitrailer", contact)
     slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
     rates = np.linspace(-12, -0.01, 2000)

@@ -11,7 +11,7 @@ tan(a) the truck needs
     F = m g (sin a + c_r cos a) + rho / 2 CdA v^2.
 
 Startability and gradeability: the steepest grade in the lowest gear, with the launch torque and with the largest torque
-of the engine. The load of the driven group on the grade follows from `braking.loads_under`. Speed on a grade: the
+of the engine. The load of the driven group on the grade follows from `Vehicle.axle_loads`. Speed on a grade: the
 highest speed that the engine keeps on 1 %. Acceleration: the time for 100 m from rest on a level road at full load,
 with a gear change at the governed speed, during which nothing drives; the truck starts in the gear, and changes by the
 number of gears, that take the least time. Turbo lag and the torque that the gearbox limits are not included.
@@ -28,7 +28,6 @@ from typing import Any
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.assess.braking import loads_under
 from fifthwheel.assess.low_speed_turn import FRICTION
 from fifthwheel.assess.measures import title
 from fifthwheel.assess.truck import Truck, Values
@@ -137,7 +136,7 @@ def grades(truck: Truck, force: float) -> tuple[float, float]:
     vehicle, (rolling, _) = truck.vehicle, numbers(truck.vehicle)["rolling_resistance"]
     weight, driven = _weight(vehicle), _driven(vehicle)
     level = vehicle.axle_loads()[driven]
-    rise = loads_under(vehicle, 1.0, {driven: weight})[driven] - level  # of its load over cos a, for each rise over run
+    rise = vehicle.axle_loads(1.0, {driven: weight})[driven] - level  # of its load over cos a, for each rise over run
     of_friction = (FRICTION * level - rolling * weight) / (weight - FRICTION * rise)
     along = force / weight / math.hypot(1.0, rolling)
     of_engine = math.tan(math.asin(along) - math.atan(rolling)) if along < 1 else math.inf

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, limit_of, names_of, si_unit
+from fifthwheel.channels import STEER, YAW_RATE, SignalName, channel_of, is_of, names_of, si_unit
 from fifthwheel.channels.channel import Turn, TurnRelation
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
-from fifthwheel.checks.samples import MAX_SPEED, present_samples, spike_mask
+from fifthwheel.checks.samples import MAX_SPEED, present_samples
 from fifthwheel.record.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs, sides_of, with_differences
 
@@ -229,16 +229,11 @@ def is_mostly_gaps(record: Record) -> bool:
 
 
 def at_common_time(record: Record, name: str, time: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """A signal without its spikes, linear at the instants (N,), and a mask (N,): a sample lies within 0.5 s."""
+    """A signal, linear at the instants (N,), and a mask (N,): a sample lies within 0.5 s."""
     unknown = np.zeros(time.size), np.zeros(time.size, dtype=bool)
     if name not in record.signals:
         return unknown
     sample_time, values = present_samples(record, name)
-    limit = limit_of(name)
-    keep = ~spike_mask(sample_time, values, limit.jump if limit else np.inf)
-    if keep.sum() < max(2, 0.9 * keep.size):
-        keep = np.ones(sample_time.size, dtype=bool)
-    sample_time, values = sample_time[keep], values[keep]
     if sample_time.size < 2:
         return unknown
     after = np.clip(np.searchsorted(sample_time, time), 1, sample_time.size - 1)

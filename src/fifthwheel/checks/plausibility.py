@@ -20,7 +20,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.checks.kinematics import kinematic_findings
-from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck
+from fifthwheel.checks.samples import dropouts, present_samples, spikes, stuck, without_spikes
 from fifthwheel.errors import suggestion
 from fifthwheel.formatting import enumerated
 from fifthwheel.record.record import Record
@@ -56,13 +56,15 @@ def check(
         steered: steer signals that the vehicle can have; others are errors. Default: not checked.
     """
     wheelbase = _DEFAULT_WHEELBASE if wheelbase is None else wheelbase
+    spiky = [finding for name in record.signals for finding in spikes(record, name)]
+    record = without_spikes(record)
     kinematic = list(kinematic_findings(record, wheelbase=wheelbase, min_speed=MIN_SPEED))
     explained = {finding.signal for finding in kinematic if finding.fault in (Fault.DEGREES, Fault.STEERING_WHEEL)}
-    findings = [*_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
+    findings = [*spiky, *_unknown_units(record, units, steered), *_speed(record), *_wheel_speeds(record), *kinematic]
     findings += _duplicates(record)
     for name in record.signals:
         findings += [*dropouts(record, name), *stuck(record, name, MIN_SPEED)]
-        findings += [] if name in explained else [*spikes(record, name), *_range(record, name)]
+        findings += [] if name in explained else _range(record, name)
     findings += [*_time(record), *_unused(record)]
     distinct: dict[tuple[str, Fault], Finding] = {}
     for finding in findings:

@@ -1,7 +1,7 @@
 """Faults that a channel shows on its own: missing samples, spikes and constant values."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,8 @@ _MANOEUVRE = 5.0
 _MAX_PARTS = 1000
 _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
+_BURST = 0.1
+"""Duration of the longest spike, s."""
 
 
 def present_samples(record: Record, name: str) -> tuple[Array, Array]:
@@ -81,52 +83,53 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     yield finding(name, Fault.DROPOUT, f"{fraction:.0%} of the samples are missing; {where}; {cure}")
 
 
-def spike_mask(time: Array, values: Array, jump: float) -> NDArray[np.bool_]:
-    """Mask (n,) of spikes: samples off the median of five by more than 8 robust sigmas and more than `jump`."""
-    if values.size < 5:
-        return np.zeros(values.size, dtype=bool)
-    padded = np.concatenate([values[[2, 1]], values, values[[-2, -3]]])
-    deviation = np.abs(values - np.median(np.lib.stride_tricks.sliding_window_view(padded, 5), axis=1))
-    jump *= max(1.0, float(np.median(np.diff(time))) / 0.1)
-    mask: NDArray[np.bool_] = deviation > max(8 * 1.4826 * float(np.median(deviation)), jump)
-    return mask
+def spike_mask(name: str, time: Array, values: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of the spikes of a signal: single samples, or bursts up to `_BURST`, that no truck makes.
 
-
-def remove_spikes(record: Record, of: Callable[[str], bool] = is_input) -> Record:
-    """The record with the spikes of some signals marked as missing.
-
-    By default those of speed and steer angles: no filter gates the inputs of a model.
+    They are off the median of the samples around them by more than 8 robust sigmas, and by more than the signal can
+    change in that time. No sample is a spike if more than a tenth of them would be: then the signal or its unit is
+    wrong. A signal that `channels` does not limit has none.
     """
+    limit, mask = limit_of(name), np.zeros(values.size, dtype=bool)
+    if limit is None or values.size < 5:
+        return mask
+    step = float(np.median(np.diff(time)))
+    half = max(round(1.5 * _BURST / step), 2)
+    jump = limit.jump * max(0.75, step / 0.1)  # of a peak over its median, with the fastest change before and after it
+    if not np.abs(np.diff(values)).max() > jump / half:
+        return mask
+    from scipy.ndimage import median_filter  # slow to import
+
+    deviation = np.abs(values - median_filter(values, 2 * half + 1, mode="mirror"))
+    mask = deviation > max(8 * 1.4826 * float(np.median(deviation)), jump)
+    return mask if np.mean(mask) < _MAX_SPIKES else np.zeros_like(mask)
+
+
+def spike_note(name: str, time: Array, values: Array, mask: NDArray[np.bool_]) -> str:
+    """What the spikes of a signal are, and that they are left out; the first is at its time (n,), s."""
+    first, count = int(mask.argmax()), int((np.diff(mask.astype(int), prepend=0) > 0).sum())
+    where = f"the first {values[first]:.3g} {si_unit(name)} at {time[first]:.2f} s"
+    return f"{count} spike{'s' * (count > 1)} left out, {where}"
+
+
+def without_spikes(record: Record) -> Record:
+    """The record with the spikes of its signals marked as missing."""
     repaired = {}
-    for name in record.signals:
-        limit = limit_of(name)
-        if limit is None or not of(name):
-            continue
-        time, values = present_samples(record, name)
-        mask = spike_mask(time, values, limit.jump)
-        if mask.any() and np.mean(mask) < _MAX_SPIKES:
-            repaired[name] = np.where(np.isin(record.time, time[mask]), np.nan, record.signals[name])
+    for name, given in record.signals.items():
+        present = ~np.isnan(given)
+        mask = spike_mask(name, record.time[present], given[present])
+        if mask.any():
+            repaired[name] = given.copy()
+            repaired[name][np.flatnonzero(present)[mask]] = np.nan
     return record.with_signals(repaired) if repaired else record
 
 
 def spikes(record: Record, name: str) -> Iterator[Finding]:
-    """Single outliers; a warning only, since filters gate outliers of measurements."""
-    limit = limit_of(name)
-    if limit is None:
-        return
+    """Values that no truck makes, which are left out."""
     time, values = present_samples(record, name)
-    mask = spike_mask(time, values, limit.jump)
-    if mask.any() and np.mean(mask) < _MAX_SPIKES:
-        first = int(mask.argmax())
-        cure = (
-            "an identification ignores these samples, a state estimation those that are implausible: repair them, or "
-            "replace them by NaN"
-            if is_input(name)
-            else "filters gate them as outliers; repair the column if there are many"
-        )
-        where = f"the first {values[first]:.3g} {si_unit(name)} at {time[first]:.2f} s"
-        count = f"{mask.sum()} spike{'s' if mask.sum() > 1 else ''}"
-        yield warning(name, Fault.SPIKE, f"{count}, {where}; {cure}")
+    mask = spike_mask(name, time, values)
+    if mask.any():
+        yield warning(name, Fault.SPIKE, spike_note(name, time, values, mask))
 
 
 SETTLING_TIME = 4.0

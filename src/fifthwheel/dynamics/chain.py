@@ -16,8 +16,13 @@ lag.
 A bank of the road, positive with the left edge higher, acts on every mass like a lateral acceleration of g times the
 bank angle. As a state, the bank is constant except for process noise.
 
-Range: small angles, linear tyres, slowly varying speed, and longitudinal forces on each unit in proportion to its mass
-(no longitudinal force in the couplings).
+Speed changes. With the derivative u' of the speed, v_i' contains -u' (psi_i - psi_1), and the inertia force -m_s u' of
+a rolled body acts beside the roll axis. The brakes of each unit decelerate its own mass. A driven axle, or engine and
+retarder with the fraction b of the deceleration, act on the first unit only: the couplings then pull the mass behind
+them with s = max(u', 0) + b min(u', 0), across the unit in front at an articulation angle. On a road with a grade,
+u' + g sin(grade) takes the place of u'.
+
+Range: small angles, linear tyres, no drag or rolling resistance.
 
 In all functions p has the parameters by path, numbers or symbols; a vehicle gives units, axles and couplings, and its
 numbers are not used. `roll`: yaw and roll, or yaw only. `bank`: whether the bank of the road is a state. x is the state
@@ -85,10 +90,22 @@ class Motion:
         return self.across[i], self.heading[i], self.articulation[i], self.r[i]
 
 
+class SpeedChange(NamedTuple):
+    """How the speed changes, m/s^2."""
+
+    rate: ca.SX  # u'
+    pull: ca.SX  # s, by which the couplings pull the mass behind them
+
+    @classmethod
+    def of(cls, rate: ca.SX, drive_axle_braking: ca.SX | float) -> "SpeedChange":
+        """At u', with the fraction of the braking force by engine and retarder."""
+        return cls(rate, ca.fmax(rate, 0) + drive_axle_braking * ca.fmin(rate, 0))
+
+
 @dataclass(frozen=True, kw_only=True)
 class Equations:
-    """E x' = F x + G d, symbolic in the parameters. With wheels that are steered as measured, F = A0 + A1/u + A2 u and
-    G = B0 + B2 u; own equations of the steering, linearised, change both.
+    """E x' = F x + G d, symbolic in the parameters. With wheels that are steered as measured, F = A0 + A1/u + A2 u +
+    A3 u' + A4 s and G = B0 + B2 u; own equations of the steering, linearised, change both.
 
     The matrices are linear in the symbols `factors`. E^-1 is applied to what each of them multiplies, so that this
     product depends on parameters only, where the values of the factors change from sample to sample.
@@ -98,34 +115,40 @@ class Equations:
     A0: ca.SX  # (n, n)
     A1: ca.SX
     A2: ca.SX
+    A3: ca.SX
+    A4: ca.SX
     B0: ca.SX  # (n, m), m axles that are steered
     B2: ca.SX
     velocities: tuple[int, ...]  # (m,) indices of the generalised velocities in the state
     factors: tuple[tuple[ca.SX, ca.SX], ...]  # symbols, each with its value
     steering: Callable[[ca.SX], SteeringSlopes] | None  # own equations at a speed, m/s
 
-    def state_space(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s."""
-        return self._at_speed(speed, *map(self._solve_E, (self.A0, self.A1, self.A2, self.B0, self.B2)))
+    def state_space(self, speed: ca.SX, change: SpeedChange | None = None) -> tuple[ca.SX, ca.SX]:
+        """A (n, n) and B (n, k) of x' = A x + B d at a speed, m/s, by default a constant one."""
+        return self._at_speed(speed, change, self._solve_E)
 
-    def rates(self, speed: ca.SX, x: ca.SX, steer: ca.SX, value: ca.SX, stages: Stages) -> ca.SX:
+    def rates(
+        self, speed: ca.SX, x: ca.SX, steer: ca.SX, value: ca.SX, stages: Stages, change: SpeedChange | None = None
+    ) -> ca.SX:
         """x' (n,) with the rates of the generalised velocities as a variable of stages; `value` is x' without stages.
 
         A derivative of A and B contains those of the inverse mass matrix, which the variable avoids.
         """
-        F, G = self.implicit(speed)
+        F, G = self.implicit(speed, change)
         right, rows = ca.densify(F @ x + G @ steer), list(self.velocities)
         for symbol, factor in self.factors:
             right = ca.substitute(right, symbol, factor)
         right[rows] = stages.solved(self.mass, right[rows], value[rows])
         return right
 
-    def implicit(self, speed: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """F (n, n) and G (n, k) of E x' = F x + G d at a speed, m/s."""
-        return self._at_speed(speed, self.A0, self.A1, self.A2, self.B0, self.B2)
+    def implicit(self, speed: ca.SX, change: SpeedChange | None = None) -> tuple[ca.SX, ca.SX]:
+        """F (n, n) and G (n, k) of E x' = F x + G d at a speed, m/s, by default a constant one."""
+        return self._at_speed(speed, change, lambda matrix: matrix)
 
-    def _at_speed(self, speed: ca.SX, A0: ca.SX, A1: ca.SX, A2: ca.SX, B0: ca.SX, B2: ca.SX) -> tuple[ca.SX, ca.SX]:
-        A, B = A0 + A1 / speed + A2 * speed, B0 + B2 * speed
+    def _at_speed(self, speed: ca.SX, change: SpeedChange | None, of: Callable[[ca.SX], ca.SX]) -> tuple[ca.SX, ca.SX]:
+        A, B = of(self.A0) + of(self.A1) / speed + of(self.A2) * speed, of(self.B0) + of(self.B2) * speed
+        if change is not None:
+            A += of(self.A3) * change.rate + of(self.A4) * change.pull
         return (A, B) if self.steering is None else self.steering(speed).applied(A, B)
 
     def E(self) -> ca.SX:
@@ -209,6 +232,17 @@ def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bo
     )
 
 
+def forward_row(p: Expressions, vehicle: Vehicle, motions: Motion, i: int, front: ca.SX) -> ca.SX:
+    """Derivative (1, m) of the forward velocity of unit i > 0 by the generalised velocities, from that of the unit in
+    front, to first order in angles: the velocity of the coupling across the unit in front, and couplings that are
+    beside the roll axes of rolled units."""
+    arms, before, after = coupling_arms(p, vehicle, i - 1), motions.jacobian[i - 1], motions.jacobian[i]
+    rolling = before[2, :] if before.shape[0] > 2 else ca.SX(1, before.shape[1])
+    across = before[0, :] + arms.ahead * before[1, :] - arms.above_front * rolling
+    beside = arms.above_front * motions.roll[i - 1] * before[1, :] - arms.above_rear * motions.roll[i] * after[1, :]
+    return front + motions.articulation[i] * across + beside
+
+
 def slip_angles(
     p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, steer: Expressions, *, roll: bool
 ) -> dict[str, ca.SX]:
@@ -281,6 +315,7 @@ def equations(
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
     names = state_names(vehicle, roll=roll, bank=bank)
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
+    rate, pull, forward = ca.SX.sym("rate"), ca.SX.sym("pull"), ca.SX(1, 1 + (2 if roll else 1) * len(vehicle.units))
     steer = {name: ca.SX.sym(name) for name in wheel_signals(vehicle)}
     motions = motion(p, vehicle, x, u, roll=roll, bank=bank)
     size = 3 if roll else 2
@@ -295,11 +330,15 @@ def equations(
         if roll:
             body = unit_equations.roll_body(p, unit)
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motions.roll[i], motions.roll_rate[i]))
+            applied[1] -= body.moment * motions.roll[i] * rate
+        if i:
+            forward = forward_row(p, vehicle, motions, i, forward)
+            force -= forward.T * (p[f"{unit.name}.mass"] * pull)
         for group in unit.axle_groups:
             slip = unit_equations.mean_slip_angle(p, unit, group, *kinematics)
             speed_times_slip[unit.group_path(group)] = u * slip.direction - slip.drift
-        # a_i = J_i w' + u r_1 for every unit: v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
-        convective = inertia[:, 0] * (u * motions.r[0] + GRAVITY * motions.bank)
+        # a_i = J_i w' + u r_1 - u' (psi_i - psi_1): v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
+        convective = inertia[:, 0] * (u * motions.r[0] - rate * motions.heading[i] + GRAVITY * motions.bank)
         force += J.T @ (applied - convective[:size])
     if roll:
         force += coupling_moments(p, vehicle, motions)
@@ -312,16 +351,18 @@ def equations(
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)
     by_steer = ca.jacobian(right_side, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
-    A1, A2 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in (inverse_speed, u))
+    factors = ca.vertcat(inverse_speed, u, rate, pull)
+    A1, A2, A3, A4 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in ca.vertsplit(factors))
     B2 = ca.reshape(ca.jacobian(by_steer, u), by_steer.shape)
-    zero = ca.vertcat(u, inverse_speed), ca.DM([0, 0])
-    A0, B0 = (ca.substitute(matrix, *zero) for matrix in (by_state, by_steer))
-    A0, A1, A2, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, B0, B2))
+    A0, B0 = (ca.substitute(matrix, factors, ca.DM.zeros(4)) for matrix in (by_state, by_steer))
+    A0, A1, A2, A3, A4, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, A3, A4, B0, B2))
     return Equations(
         mass=M,
         A0=A0,
         A1=A1,
         A2=A2,
+        A3=A3,
+        A4=A4,
         B0=B0,
         B2=B2,
         velocities=tuple(velocities),

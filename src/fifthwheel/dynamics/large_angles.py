@@ -16,18 +16,21 @@ back at the first coupling, by the force that keeps them at the speed of the fir
 
     X = sum_i e_i' (M_i a_i - f_i),        e_i = (cos psi_i, -sin psi_i, 0, 0),
 
-with the headings psi_i from that of the first unit. At the height of the coupling, X moves load from the front to the
-rear axle group of the first unit, whose side forces change in proportion. Roll angles are small. For small angles,
-linear tyres and u' = 0 the equations are those of `chain`.
+with the headings psi_i from that of the first unit. Roll angles are small. For small angles, linear tyres and u' = 0
+the equations are those of `chain`.
 
 The axle groups have the longitudinal forces of `tyres.longitudinal_forces`. The first unit supplies what these forces
 lack for u', such as the drag of side forces. The drag of the air acts on the first unit, `AIR_HEIGHT` above the road,
 and moves load from its front to its rear axle group. On a rolled body the inertia force -m_s u' acts beside the roll
 axis: its yaw moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the
-longitudinal forces of the couplings. The braking loads contain the X of groups that brake in proportion to their static
-loads. Of the rest only that part moves load which is larger than the braking forces of the units behind: the drag
-relieves their brakes. On a road with a grade, u' + g sin(grade) takes the place of u' in all of this, because u' occurs
-in forces only.
+longitudinal forces of the couplings.
+
+The load of an axle group changes by -m_b u' + c X_c, from the balance of moments in pitch (`Vehicle.axle_loads`): m_b
+is the braking load of a truck whose groups all brake in proportion to their static loads, c the load by a pull of the
+first coupling, and X_c what X is beside the pull in such a truck. Where a trailer without brakes pushes or is pulled by
+a driven axle, X_c thus moves load between trailer, rear and front axles. Of the pull of side slip only that part counts
+which is larger than the braking forces of the units behind: it relieves their brakes. On a road with a grade,
+u' + g sin(grade) takes the place of u' in all of this, because u' occurs in forces only.
 """
 
 from collections.abc import Mapping
@@ -68,7 +71,7 @@ class LargeAngles:
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
     side_force: Expressions  # of the tyres of each axle group by its path, N
     load_change: Expressions  # of axle groups, by their path, from the static load, N
-    shift: ca.SX  # load that X moves, N; its derivatives are neglected, large expressions of little effect
+    pull: ca.SX  # X_c, N; its derivatives are neglected, large expressions of little effect
 
 
 def large_angles(
@@ -100,6 +103,7 @@ def large_angles(
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     brakes_behind, longitudinal = ca.SX(0), longitudinal_forces(p, vehicle, speed, speed_rate)
+    changes = _known_load_changes(p, vehicle, speed, speed_rate)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -109,7 +113,7 @@ def large_angles(
         J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
-        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, longitudinal, speed_rate, law)
+        applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, longitudinal, changes, law)
         tyres |= of_unit
         for path, group in of_unit.items():
             if path in motion.lagged_slip:
@@ -136,37 +140,25 @@ def large_angles(
             brakes_behind += sum((longitudinal[path].braking for path in of_unit), ca.SX(0))
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
-    per_shift = _loads_per_shift(vehicle)
-    by_shift = sum(
-        (
-            sign * ca.jacobian(force, secant) @ slope
-            for path, sign in per_shift.items()
-            for secant, slope in zip(tyres[path].secants, tyres[path].by_load, strict=True)
-        ),
-        ca.SX(len(velocities), 1),
-    )
-    free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_shift)))
-    wheelbase = _wheelbase(p, vehicle)
-    arm = p[f"{vehicle.couplings[0].name}.height"] / wheelbase if vehicle.couplings else ca.SX(0)
-    of_air = AIR_HEIGHT / wheelbase * drag(p[DRAG_AREA], speed)
-    load = arm * (pull + pull_rate @ (free + slope * of_air)) / (1 - arm * pull_rate @ slope)
-    of_pull = ca.fmin(load, 0) + ca.fmax(load + arm * brakes_behind, 0)
-    shift = stages.held(of_pull + of_air)
-    solved = stages.solved(M, force + by_shift * shift, free + slope * shift)
+    by_pull = _by_pull(p, tyres, force)
+    free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_pull)))
+    alone = (pull + pull_rate @ free) / (1 - pull_rate @ slope - _by_pull(p, tyres, pull))
+    of_coupling = stages.held(ca.fmin(alone, 0) + ca.fmax(alone + brakes_behind, 0))
+    solved = stages.solved(M, force + by_pull * of_coupling, free + slope * of_coupling)
     for row, k in enumerate(velocities):
         rate[k] = solved[row]
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
-    load_change = {path: per_shift.get(path, 0.0) * shift for path in tyres}
+    load_change = {path: p[f"{path}.pull_load"] * of_coupling for path in tyres}
     return LargeAngles(
         stages=stages,
         rates=ca.densify(rate),
         motion=motion,
         acceleration=acceleration,
         side_force={path: t.side_force(load_change[path]) for path, t in tyres.items()},
-        load_change={path: change - p[f"{path}.braking_load"] * speed_rate for path, change in load_change.items()},
-        shift=shift,
+        load_change={path: load_change[path] + known for path, known in changes.items()},
+        pull=of_coupling,
     )
 
 
@@ -180,11 +172,14 @@ def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
     return front - rear
 
 
-def _loads_per_shift(vehicle: Vehicle) -> dict[str, float]:
-    """Changes of load by group for a shift of 1 from the first group of the chain to the last of its first unit."""
-    unit = vehicle.units[0]
-    front, rear = unit.axle_groups[0], unit.axle_groups[-1]
-    return {unit.group_path(front): -1.0, unit.group_path(rear): 1.0}
+def _known_load_changes(p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX) -> dict[str, ca.SX]:
+    """Change of the load of each axle group by its path, N, by u' and the drag of the air, without the pull X_c."""
+    unit, air = vehicle.units[0], AIR_HEIGHT / _wheelbase(p, vehicle) * drag(p[DRAG_AREA], speed)
+    paths = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+    changes = {path: -p[f"{path}.braking_load"] * speed_rate for path in paths}
+    changes[unit.group_path(unit.axle_groups[0])] -= air
+    changes[unit.group_path(unit.axle_groups[-1])] += air
+    return changes
 
 
 def _motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
@@ -221,13 +216,25 @@ class _Tyres(NamedTuple):
 
     slip: ca.SX  # rad, of each axle (a,), lagged if the group has a relaxation length
     lag: ca.SX  # rad, by which the mean slip of its axles is ahead
-    secants: tuple[ca.SX, ...]  # variables: of each axle, see `tyres.Law`; without the shift
+    secants: tuple[ca.SX, ...]  # variables: of each axle, see `tyres.Law`; without the load by the pull
     by_load: tuple[ca.SX, ...]  # variables: their derivatives with respect to the load of the group
 
     def side_force(self, load_change: ca.SX | float) -> ca.SX:
         """Side force of the group, N, with a change of its load, N."""
         each = zip(self.secants, self.by_load, ca.vertsplit(self.slip), strict=True)
         return sum(((secant[0] + load_change * slope[0]) * slip for secant, slope, slip in each), ca.SX(0))
+
+
+def _by_pull(p: Expressions, tyres: Mapping[str, _Tyres], forces: ca.SX) -> ca.SX:
+    """Derivative of forces by the pull X_c, through the loads that it moves."""
+    return sum(
+        (
+            p[f"{path}.pull_load"] * ca.jacobian(forces, secant) @ slope
+            for path, group in tyres.items()
+            for secant, slope in zip(group.secants, group.by_load, strict=True)
+        ),
+        ca.SX(*forces.shape),
+    )
 
 
 def _tyre_forces(
@@ -238,10 +245,11 @@ def _tyre_forces(
     i: int,
     steer: Expressions,
     longitudinal: Mapping[str, Longitudinal],
-    speed_rate: ca.SX,
+    changes: Mapping[str, ca.SX],
     law: Law,
 ) -> tuple[ca.SX, dict[str, _Tyres]]:
-    """Longitudinal and side force, N, and yaw moment, N m, on unit i without the shift; the tyres by group."""
+    """Longitudinal and side force, N, and yaw moment, N m, on unit i without the load by the pull; the tyres by
+    group. `changes` of the loads, N, by the path of the group."""
     total, tyres = ca.SX(3, 1), dict[str, _Tyres]()
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.on_road)
@@ -257,7 +265,7 @@ def _tyre_forces(
         slip = motion.lagged_slip.get(path, mean) + (each - mean)
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
         load, forward = ca.SX.sym("load"), longitudinal[path].total
-        change = load - p[f"{path}.braking_load"] * speed_rate
+        change = load + changes[path]
         height = p[f"{unit.name}.roll_axis_height"]
         each_forces = [
             law(p, path, Contact(own, suspension, height, change, forward)) / count for own in ca.vertsplit(slip)

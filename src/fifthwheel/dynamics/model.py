@@ -23,6 +23,7 @@ from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
 """Order of the Taylor series, by (with roll, with relaxation lengths): one step per 10 ms up to motorway speeds."""
@@ -195,11 +196,13 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of the speed, a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
+        brakes.drive_axle        fraction of the braking force by engine and retarder
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
-    return values | {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate} | {TIME_SCALE: 1.0}
+    values |= {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate}
+    return values | {TIME_SCALE: 1.0, DRIVE_AXLE_BRAKING: 0.0}
 
 
 def contact_input(steer: str) -> str:
@@ -258,8 +261,7 @@ def model(
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
         tyres: law of their side forces, see `dynamics.tyres`, or a user's own, see `dynamics.tyre_law`.
-        braking: whether the derivative of the speed is an input, `SPEED_RATE`, which changes the forces of saturating
-            tyres; without it, the speed changes slowly.
+        braking: whether the derivative of the speed is an input, `SPEED_RATE`; without it, the speed changes slowly.
 
     Raises:
         SignalError: the vehicle or the yaw-only model does not have an output.
@@ -397,16 +399,41 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    mean = (s.inputs[0] + now) / 2
-    A, B = equations.state_space(mean)
+    mean, changes = (s.inputs[0] + now) / 2, _speed_changes(model, s)
+    A, B = equations.state_space(mean, changes.mean)
     stages, rate_stages = Stages(), Stages()
     sensed = sensors.sensor_inputs(
-        softened, vehicle, equations, s.x, now, angles, roll=roll, bank=bank, turning=turning, stages=stages
+        softened,
+        vehicle,
+        equations,
+        s.x,
+        now,
+        angles,
+        roll=roll,
+        bank=bank,
+        turning=turning,
+        stages=stages,
+        change=changes.latest,
     )
     rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
-    first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages)
-    last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages)
+    first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages, changes.mean)
+    last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages, changes.mean)
     return _Motion(A, B, rates, (first, last), rate_stages, sensed, stages)
+
+
+class _SpeedChanges(NamedTuple):
+    """Changes of the speed; None in a model without brakes."""
+
+    mean: chain.SpeedChange | None  # of a step
+    latest: chain.SpeedChange | None  # at its end
+
+
+def _speed_changes(model: ChainModel, s: _Symbols) -> _SpeedChanges:
+    if not model.braking:
+        return _SpeedChanges(None, None)
+    k, of_brakes = len(model.inputs), s.value.get(DRIVE_AXLE_BRAKING, 0.0)
+    earlier, latest = s.inputs[k - 1], s.inputs[2 * k - 1]
+    return _SpeedChanges(*(chain.SpeedChange.of(rate, of_brakes) for rate in ((earlier + latest) / 2, latest)))
 
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:

@@ -112,25 +112,29 @@ def sensor_inputs(
     stages: Stages,
     bank: bool = False,
     turning: tuple[ca.SX, ca.SX] = CONSTANT_STEERING,
+    change: chain.SpeedChange | None = None,
 ) -> SensorInputs:
     """The quantities at one instant from state (n,), speed and measured steer angles without errors (k,); arguments as
     in `chain`. Own equations of the steering are linear, as `equations` has them.
 
-    `turning` are symbols of the measured steer angles, rad, and their derivatives with respect to time, rad/s.
+    `change` is that of the speed, by default none. `turning` are symbols of the measured steer angles, rad, and their
+    derivatives with respect to time, rad/s.
     """
-    A, B = equations.state_space(speed)
+    A, B = equations.state_space(speed, change)
     rate = A @ x + B @ steer
     motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
     angles = chain.linear_wheels(p, vehicle, x, speed, steer, roll=roll, bank=bank)
     slip = chain.slip_angles(p, vehicle, x, speed, angles, roll=roll)
-    staged = equations.rates(speed, x, steer, rate, stages)
+    staged = equations.rates(speed, x, steer, rate, stages, change)
     velocity_rates = staged[list(equations.velocities)]
-    centripetal = ca.vertcat(speed * motion.r[0], *([0] * (2 if roll else 1)))
+    no_turn = [0] * (2 if roll else 1)
+    along = ca.SX(0) if change is None else change.rate
+    convective = [ca.vertcat(speed * motion.r[0] - along * heading, *no_turn) for heading in motion.heading]
     return SensorInputs(
         p=p,
         vehicle=vehicle,
         motion=motion,
-        acceleration=tuple(J @ velocity_rates + centripetal for J in motion.jacobian),
+        acceleration=tuple(J @ velocity_rates + turn for J, turn in zip(motion.jacobian, convective, strict=True)),
         speed=speed,
         steer=angles,
         side_force={path: axle_forces(linear(p, path, Contact(alpha)), alpha)[0] for path, alpha in slip.items()},

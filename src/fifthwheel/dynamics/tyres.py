@@ -34,10 +34,10 @@ Longitudinal forces. At the speed u and its derivative u', the wheels of a truck
 
 for the drag of the air on the drag area A (drag coefficient times frontal area) and for the rolling resistance c_r N of
 each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3). Where X > 0, the last group of the first unit
-drives with it. Where X < 0, every group brakes with m_x X / m, by default with the mass m_x = N / g, in proportion to
-the static load. The longitudinal force F_x of a group is that of drive and brakes less c_r N, equally on both sides.
-The load of a group changes by -m_b u', with the braking load m_b of that default, which a truck has on a slope: n = 1 -
-m_b u' / N + lambda and 1 - m_b u' / N - lambda. With the slips s_x and s_y over those at which a linear tyre has the
+drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up to `AUXILIARY` m, and the
+brakes of all groups give the rest in proportion to the static loads. The longitudinal force F_x of a group is that of
+drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
++ lambda and 1 + dN / N - lambda. With the slips s_x and s_y over those at which a linear tyre has the
 force mu N, and a force along the slip (s_x, s_y) of the magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x
 is that without it times
 
@@ -62,6 +62,7 @@ from fifthwheel.vehicle.driveline import drag
 from fifthwheel.vehicle.parameters import (
     COMBINED_SLIP,
     DRAG_AREA,
+    DRIVE_AXLE_BRAKING,
     FRICTION,
     FRICTION_SENSITIVITY,
     GROUP_TYRE_UNITS,
@@ -84,10 +85,10 @@ SMALL_LOAD = 0.01
 """Load of a lifted side, over the static one, below which its wheels are locked in any case."""
 SLOPE = 0.1
 """u' / g for the braking loads, which hardly depend on it."""
+AUXILIARY = 1.5
+"""Largest deceleration by engine and retarder, m/s^2: their 600 kW give 20 to 40 kN at 15 to 30 m/s."""
 SMOOTHING = 0.001
 """Slip angle below which softening is smooth, rad."""
-BY_LOAD: Mapping[str, float] = {}
-"""Brakes that share their force in proportion to the static loads."""
 
 
 def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
@@ -95,34 +96,24 @@ def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
     return (*TYRE_PARAMETERS, *[f"{path}.{quantity}" for path in paths for quantity in GROUP_TYRE_UNITS])
 
 
-def braked_masses(vehicle: Vehicle, brakes: Mapping[str, float] = BY_LOAD) -> dict[str, float]:
-    """Braked mass of each axle group by the name of the parameter, kg.
-
-    `brakes` are relative braking forces of axle groups by path, 0 for groups that it does not name. A VehicleError
-    where the static axle loads are not determined.
-    """
-    loads = vehicle.axle_loads()
-    if not brakes:
-        return {f"{path}.braked_mass": load / GRAVITY for path, load in loads.items()}
-    scale = sum(loads.values()) / GRAVITY / sum(brakes.values())
-    return {f"{path}.braked_mass": scale * brakes.get(path, 0.0) for path in loads}
-
-
 def saturation_parameters(vehicle: Vehicle, tyres: Tyres = "saturating") -> dict[str, float]:
-    """Parameters of saturating tyres by name, with their defaults, SI; a VehicleError as in `braked_masses`.
+    """Parameters of saturating tyres by name, with their defaults, SI.
 
-    A user's own law has no shape: it tends to the peak friction.
+    A user's own law has no shape: it tends to the peak friction. A VehicleError where the static axle loads are not
+    determined.
     """
     loads, numbers = vehicle.axle_loads(), vehicle.tyres()
-    falling, rising = vehicle.axle_loads(SLOPE), vehicle.axle_loads(-SLOPE)
+    braking, driving = vehicle.axle_loads(-SLOPE), vehicle.axle_loads(SLOPE)
+    pulled, pull = vehicle.axle_loads(0.0, _pull(vehicle)), sum(_pull(vehicle).values(), 0.0)
     names = [name for name in TYRE_PARAMETERS if name != SHAPE or tyres == "saturating"]
-    values = {name: TYRE_PARAMETERS[name].default for name in names} | braked_masses(vehicle)
+    values = {name: TYRE_PARAMETERS[name].default for name in names}
     for path, load in loads.items():
         values |= {
             f"{path}.static_load": load,
             f"{path}.relative_friction": 1.0,
             f"{path}.tyres": float(numbers[path]),
-            f"{path}.braking_load": (falling[path] - rising[path]) / (2 * SLOPE * GRAVITY),
+            f"{path}.braking_load": (braking[path] - driving[path]) / (2 * SLOPE * GRAVITY),
+            f"{path}.pull_load": (pulled[path] - load) / -pull if pull else 0.0,
         }
     return values
 
@@ -197,15 +188,23 @@ def longitudinal_forces(
     rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}
     mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
     needed = mass * speed_rate + drag(p[DRAG_AREA], speed) - sum(rolling.values(), ca.SX(0))
-    brakes = ca.fmin(needed, 0) / mass
+    brakes = ca.fmin(needed, 0)
+    alone = p[DRIVE_AXLE_BRAKING] * ca.fmax(brakes, -AUXILIARY * mass)
+    per_load = (brakes - alone) / sum(p[f"{path}.static_load"] for path in paths)
     return {
         path: Longitudinal(
             driving=ca.fmax(needed, 0) if path == driven else NO_CHANGE,
-            braking=p[f"{path}.braked_mass"] * brakes,
+            braking=p[f"{path}.static_load"] * per_load + (alone if path == driven else NO_CHANGE),
             rolling=rolling[path],
         )
         for path in paths
     }
+
+
+def _pull(vehicle: Vehicle) -> dict[str, float]:
+    """Longitudinal forces of axle groups, N, by which only the first coupling pulls more: a force against the motion
+    on the first axle group of the second unit."""
+    return {vehicle.units[1].group_path(vehicle.units[1].axle_groups[0]): -1e3} if len(vehicle.units) > 1 else {}
 
 
 def root_law(slip: ca.SX, load: ca.SX, stiffness: ca.SX, friction: ca.SX) -> ca.SX:

@@ -18,7 +18,7 @@ from fifthwheel.channels import (
     SignalName,
     is_of,
 )
-from fifthwheel.checks.samples import remove_spikes
+from fifthwheel.checks.samples import without_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.formatting import enumerated
 from fifthwheel.record import Record
@@ -113,7 +113,7 @@ def motion(record: Record, vehicle: Vehicle | None, *, shortest: float) -> Measu
         )
     if len(record.segments()) > 1:
         raise SignalError(f"{record.name}: has a pause of more than 1 s; cut the record to one run with start and stop")
-    given, record = record.signals, remove_spikes(record, of=lambda _: True)
+    given, record = record.signals, without_spikes(record)
     spiky = [name for name, values in given.items() if np.isnan(record.signals[name]).sum() > np.isnan(values).sum()]
     steer_name = first_steer(record, vehicle)
     grid = first + np.arange(np.floor((last - first) * record.rate + 1e-6) + 1) / record.rate

@@ -11,8 +11,8 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import GRADE, STEER, names_of
 from fifthwheel.dynamics import ChainModel, steps
-from fifthwheel.dynamics.speed_rate import central_speed_rates
 from fifthwheel.filters.model import sample_rows
+from fifthwheel.filters.speed_curve import SpeedCurve
 from fifthwheel.filters.spline import Spline
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
@@ -96,14 +96,10 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
     """
-    inputs, delay = {"speed": record.input("speed")}, errors.get(dynamics.SPEED_DELAY, 0.0)
-    if dynamics.SPEED_RATE in names:
-        inputs[dynamics.SPEED_RATE] = central_speed_rates(record.time, inputs["speed"])
-    for name, slope in dynamics.SLOPES.items():
-        if name in inputs and (delay or slope in names):  # a spline takes time
-            inputs[name], inputs[slope] = _shifted(record.time, inputs[name], delay)
-    if dynamics.SPEED_RATE in names:
-        inputs[dynamics.SPEED_RATE] += _along_road(record)
+    late = record.time + errors.get(dynamics.SPEED_DELAY, 0.0)
+    speed, rate, change = SpeedCurve(record.time, record.input("speed"))(late)
+    inputs = {"speed": speed, dynamics.SPEED_RATE: rate + _along_road(record)}
+    inputs |= dict(zip(dynamics.SLOPES.values(), (rate, change), strict=True))
     for name in names_of(STEER, names):
         delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
@@ -155,7 +151,8 @@ def step_rows(
     errors = errors or {}
     inputs = corrected_inputs(record, model.inputs, errors)
     columns = steps.input_columns(inputs, model.inputs)
-    limit = steps.step_limit(vehicle, model.roll)(columns[:, 0])
+    # of the measured speed: with one that is shifted by its delay, the number of steps would jump, and the cost with it
+    limit = steps.step_limit(vehicle, model.roll)(record.input("speed"))
     fine, columns, indices = steps.subdivide(record.time, columns, limit)
     measured = np.full((len(fine), len(model.outputs)), np.nan)
     for i, name in enumerate(model.outputs):

@@ -24,7 +24,7 @@ from fifthwheel.channels import (
 )
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.checks import Finding, raise_errors
-from fifthwheel.checks.samples import remove_spikes
+from fifthwheel.checks.samples import without_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
@@ -35,6 +35,7 @@ from fifthwheel.identify.sensor_priors import common_sensors
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
+from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.record.record import segments_above
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
@@ -109,6 +110,16 @@ class Dataset:
         """Lowest and highest speed of the logs that the vehicle is identified on, m/s."""
         return speed_range(self.logs)
 
+    def lateral_accelerations(self, min_speed: float, offsets: Sequence[Mapping[str, float]] = ()) -> list[float]:
+        """Largest lateral acceleration of the first unit that has a yaw rate in each log, above a speed, m/s^2 and m/s;
+        NaN if none has. `offsets` of the yaw rates of each log by the name of the sensor error, rad/s."""
+        units, largest = [unit.name for unit in self.vehicle.units], []
+        for record, errors in zip(self.records, offsets or [{}] * len(self.records), strict=True):
+            unit = next((unit for unit in units if f"yaw_rate.{unit}" in record.signals), units[0])
+            offset = errors.get(f"yaw_rate.{unit}.offset", 0.0)
+            largest.append(largest_lateral_acceleration(record, unit, offset=offset, min_speed=min_speed))
+        return largest
+
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
         """The initial vehicle with estimated values; its source names the logs and their speeds."""
         low, high = self.speeds
@@ -159,13 +170,14 @@ def prepare_dataset(
             "show` gives each with its uncertainty, source and effect."
         )
     records, validate = (
-        tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in group)
-        for group in (records, validate)
+        tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in clean)
+        for clean in (map(without_spikes, group) for group in (records, validate))
     )
     if settings.brakes:
         records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
+    inputs = ("speed", *steered.steer_signals())
     logs, validation = (
-        tuple(LogData(name=r.name, segments=segments_above(remove_spikes(r), settings.min_speed)) for r in group)
+        tuple(LogData(name=r.name, segments=segments_above(r, settings.min_speed, inputs)) for r in group)
         for group in (records, validate)
     )
     release_memory()  # of the checks

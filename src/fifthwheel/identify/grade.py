@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import GRADE, YAW_RATE, missing_for_mass
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP
 from fifthwheel.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means, unbraked
@@ -39,14 +39,15 @@ def with_grade(record: Record, vehicle: Vehicle) -> Record:
     bare = replace(record, signals={name: v for name, v in record.signals.items() if name != GRADE.quantity})
     try:
         rows = force_balance(bare, vehicle, mass, mass, 0.0, braked=False)
-    except SignalError:
+        cornering = _cornering(record, vehicle, rows[:, 2])
+    except (SignalError, VehicleError):  # such as axle loads that are not determined
         return record
     moved, distance, speed, present, without_force, by_force = rows.T[:6]
     usable = (moved > 0) & (present > 0) & np.append(False, present[:-1] > 0)
     known = usable & unbraked(bare)
     if STEP * known.sum() < SHORTEST:
         return record
-    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - _cornering(record, vehicle, speed)
+    lost = without_force + by_force - np.diff(speed, prepend=speed[0]) / STEP - cornering
     lost = np.where(usable, lost / np.where(usable, moved, 1.0), 0.0)
     slope = _smoothed(lost, known, distance)
     for _ in range(ITERATIONS):  # brakes take energy: where they act, the slope is at most the one without them

@@ -83,10 +83,8 @@ class CommonSettings(Settings):
     method: ClassVar[str]
     """Name of the method in a result."""
 
-    @property
-    def brakes(self) -> bool:
-        """Whether the model has longitudinal forces, as it has with tyres that saturate."""
-        return False
+    brakes: ClassVar[bool] = False
+    """Whether the model has longitudinal forces."""
 
 
 METHODS = {"one-stage": "fifthwheel.identify.settings:OneStage", "two-stage": "fifthwheel.cheng_cebon_2011:TwoStage"}
@@ -136,6 +134,7 @@ MODEL_ERRORS: Mapping[str, float] = {
     "fixed_axles": 0.015,
     "discrepancy": 0.015,
     "bank_variation": 0.005,
+    "drive_axle_braking": 0.4,
 }
 """What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
 those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
@@ -144,7 +143,8 @@ stiffness from log to log, with temperature and pressure of the tyres, as a frac
 timestamps are sometimes made from a nominal sampling rate; the self-steering of the last axle of a group behind the
 first unit that is fixed according to the file; the least discrepancy of a free-running model (`noise_model`), as a
 fraction of each signal; the difference of the bank from its estimate within a log, rad, which includes side wind and
-the pull of tyres and misaligned axles."""
+the pull of tyres and misaligned axles; the fraction of the braking force by engine and retarder in each log, about a
+half."""
 MODEL_ERROR_UNITS: Mapping[str, str] = {"gyro_delay": "s", "bank_variation": "rad"}
 """SI units of those model errors that are no fraction."""
 
@@ -302,10 +302,7 @@ class OneStage(CommonSettings):
                         "roll=True"
                     )
 
-    @property
-    def brakes(self) -> bool:
-        """Whether the model has longitudinal forces: with tyres that saturate."""
-        return self.tyres != "linear"
+    brakes = True
 
     @property
     def tyre_law(self) -> Tyres:

@@ -148,8 +148,7 @@ class Setup:
 
     @cached_property
     def model(self) -> ChainModel:
-        """The extended model with every parameter free; with tyres that saturate, it brakes."""
-        tyres = self.settings.tyre_law
+        """The extended model with every parameter free."""
         return dynamics.model(
             self.vehicle,
             self.outputs,
@@ -157,8 +156,8 @@ class Setup:
             bank=self.settings.nuisances,
             free=tuple(self._parameters),
             extended=True,
-            tyres=tyres,
-            braking=tyres != "linear",
+            tyres=self.settings.tyre_law,
+            braking=True,
         )
 
     @cached_property

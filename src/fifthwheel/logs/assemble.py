@@ -10,7 +10,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_input, is_of, si_unit
 from fifthwheel.channels.sensors import SensorPrior
-from fifthwheel.checks.samples import impossible_samples
+from fifthwheel.checks.samples import impossible_samples, spike_mask, spike_note
 from fifthwheel.errors import SignalError, UnitError, printable
 from fifthwheel.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.logs.source import Chunk, LogSource, ReadProgress, no_progress
@@ -297,6 +297,13 @@ def _samples(
         count = int(impossible.sum())
         notes.append(f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}")
         values = np.where(impossible, np.nan, values)
+    present = np.flatnonzero(np.isfinite(values))
+    spiky = spike_mask(signal, first.time[present], values[present])
+    if spiky.any():
+        start = np.floor(first.time[0]) if first.time[0] > _MIN_EPOCH else 0.0
+        notes.append(f"{signal}: {spike_note(signal, first.time[present] - start, values[present], spiky)}")
+        values = values.copy()
+        values[present[spiky]] = np.nan
     time, held = first.time - delay, first.held.get(column)
     if held is not None:
         table = f"a table of {held.rate * held.repetitions:.4g} Hz"

@@ -23,7 +23,7 @@ from fifthwheel.channels import (
     names_of,
 )
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
-from fifthwheel.errors import SignalError, suggestion
+from fifthwheel.errors import SignalError
 from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
@@ -103,10 +103,6 @@ class Observer:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
         require_units(vehicle, self.settings.noise)
-        groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
-        for path in self.settings.brakes:
-            if path not in groups:
-                raise SignalError(f"brakes, {path}: {vehicle.name} has no such axle group; {suggestion(path, groups)}")
         sigmas = [f"{name}.sigma" for name in self.reported]
         self._names = (*self.reported, *sigmas)  # in the order of the compiled step
         pairs = [name for pair in zip(self.reported, sigmas, strict=True) for name in pair]

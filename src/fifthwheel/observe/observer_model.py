@@ -22,7 +22,6 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit, step_limit
-from fifthwheel.dynamics.tyres import braked_masses
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import (
@@ -40,7 +39,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION, HALF_TRACK
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""
@@ -122,7 +121,7 @@ class ObserverModel:
         values = {HALF_TRACK: self.settings.half_track, BANK: self.settings.bank_mean}
         if self.settings.friction is None:
             return values
-        return values | {FRICTION: self.settings.friction} | braked_masses(self.vehicle, self.settings.brakes)
+        return values | {FRICTION: self.settings.friction, DRIVE_AXLE_BRAKING: self.settings.drive_axle_braking}
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the

@@ -20,7 +20,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.filters.variances import Variances
 from fifthwheel.options import ObserverOptions
-from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, NonNegative, Positive
+from fifthwheel.settings import Cure, Finite, Limits, NonNegative, Positive
 
 
 def _checked_error(name: str) -> str:
@@ -35,7 +35,6 @@ def _checked_error(name: str) -> str:
 
 SensorErrorKey = Annotated[str, AfterValidator(_checked_error)]
 SignalKey = Annotated[str, AfterValidator(checked_name)]
-Brakes = Annotated[Mapping[str, FiniteNonNegative], Cure("give fractions of the braking force")]
 InSI = Annotated[Finite, Cure("give a finite number in SI")]
 _RADIANS = Cure("convert degrees to rad")
 
@@ -88,9 +87,9 @@ class ObserverSettings(ObserverOptions):
     1 deg gives 0.17 m/s^2."""
     wheel_speed_offset: NonNegative = 0.005
     """The same for the offset of every wheel speed difference, 1: the relative difference of the rolling radii."""
-    brakes: Brakes = field(default_factory=dict)
-    """Fraction of the braking force on axle groups, by path, such as {"tractor.drive": 1.0} for a retarder; groups that
-    it does not name do not brake. Empty: all groups brake in proportion to their static loads."""
+    drive_axle_braking: Annotated[float, Limits(ge=0, le=1), Cure("give a fraction of the braking force")] = 0.0
+    """Fraction of the braking force by engine and retarder, on the drive axle alone; the brakes of all groups give the
+    rest in proportion to the static loads. With tyres that saturate only."""
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
     friction, else linear."""
@@ -110,9 +109,6 @@ class ObserverSettings(ObserverOptions):
         super().__post_init__()
         if self.estimate_bank and not self.bank:
             raise SignalError("estimate_bank: expected a sigma of the bank above 0, got 0; give it as bank")
-        if self.brakes and not sum(self.brakes.values()) > 0:
-            raise SignalError("brakes: expected a fraction above 0 of at least one group, got none; correct it")
-
         if self.friction is None and self.tyre_law != "linear":
             raise SignalError("tyres: expected the friction of the road, got none; give it, or linear tyres")
 

@@ -1,6 +1,6 @@
 """The record of a run: named signals on one time base, and reference signals that no estimator uses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
@@ -34,6 +34,8 @@ V = TypeVar("V")
 EARLIEST_DATE = datetime(1980, 1, 1, tzinfo=UTC).timestamp()
 """Times of a log from 1980 on, s since 1970, are dates; smaller ones count from the start of the log."""
 
+LONGEST_GAP = 0.5
+"""Of an input, s, across which it is interpolated."""
 PAUSE = 1.0
 """A longer time step, s, divides a record into segments."""
 SHOWN_NAMES = 8
@@ -239,7 +241,7 @@ class Record(ComparedByContents):
             )
         return [self._rows(rows, f"{self.name} ({k})") for k, rows in enumerate(kept, 1)]
 
-    def input(self, name: str, max_gap: float = 0.5) -> Array:
+    def input(self, name: str, max_gap: float = LONGEST_GAP) -> Array:
         """A signal (N,) without missing samples, as the inputs of a model must be.
 
         Gaps up to `max_gap` s are filled: linearly between samples, with the nearest sample at either end. A pause of
@@ -257,20 +259,24 @@ class Record(ComparedByContents):
         present = ~np.isnan(values)
         if present.all():
             return values
-        rows = np.flatnonzero(present)
-        edges = np.concatenate([[0], rows, [time.size - 1]])  # at either end only the missing part is a gap
-        steps = np.diff(time, prepend=time[0])
+        edges, gaps = self._gaps(name)
+        longest = int(gaps.argmax())
+        if not present.any() or gaps[longest] > max_gap + 1e-9:
+            raise SignalError(
+                f"{name}: missing from {time[edges[longest]]:.2f} to {time[edges[longest + 1]]:.2f} s; up to "
+                f"{max_gap:g} s is permitted; map another column, or cut the record with start and stop"
+            )
+        return _frozen(name, np.interp(time, time[present], values[present]))
+
+    def _gaps(self, name: str) -> tuple[NDArray[np.int64], Array]:
+        """Rows (k + 1,) of the present samples of a signal and of both ends, and the time, s, that is missing between
+        them (k,)."""
+        rows, steps = np.flatnonzero(~np.isnan(self.signals[name])), np.diff(self.time, prepend=self.time[0])
+        edges = np.concatenate([[0], rows, [self.time.size - 1]])  # at either end only the missing part is a gap
         logged = np.cumsum(np.where(steps > PAUSE, 0.0, steps))  # a pause of all signals divides the record
         gaps = np.where(np.diff(edges) > 1, np.diff(logged[edges]), 0.0)
         gaps[0], gaps[-1] = logged[edges[1]] - logged[0], logged[-1] - logged[edges[-2]]
-        longest = int(gaps.argmax())
-        if not rows.size or gaps[longest] > max_gap + 1e-9:
-            raise SignalError(
-                f"{name}: {1 - present.mean():.0%} of the samples are missing; the longest gap is "
-                f"{time[edges[longest]]:.2f} to {time[edges[longest + 1]]:.2f} s; up to {max_gap:g} s is permitted; "
-                "map another column, or cut the record with start and stop"
-            )
-        return _frozen(name, np.interp(time, time[present], values[present]))
+        return edges, gaps
 
     def with_signals(self, signals: Mapping[str, ArrayLike]) -> "Record":
         """The record with these signals added; a signal of the same name is replaced."""
@@ -341,13 +347,19 @@ class Record(ComparedByContents):
         return replace(self, time=self.time[part], signals=signals, reference=reference, name=name)
 
 
-def segments_above(record: Record, min_speed: float) -> list[Record]:
+def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("speed",)) -> list[Record]:
     """The segments of a record without time gaps in which the speed stays at `min_speed` (m/s) or above.
 
-    A SignalError if there is none.
+    Where one of the inputs is missing for more than `LONGEST_GAP`, a segment ends. A SignalError if there is none.
     """
-    speed = record.input("speed")
-    fast = speed >= min_speed
+    gap = np.zeros(len(record), dtype=bool)
+    for name in inputs:
+        if np.isfinite(record.signals.get(name, np.nan)).any():
+            edges, gaps = record._gaps(name)
+            for first, stop in zip(edges[:-1][gaps > LONGEST_GAP], edges[1:][gaps > LONGEST_GAP], strict=True):
+                gap[first + (first > 0) : stop + (stop == len(record) - 1)] = True
+    speed = record.input("speed", max_gap=np.inf)
+    fast = (speed >= min_speed) & ~gap
     if not fast.any():
         raise SignalError(
             f"speed: at most {speed.max():.1f} m/s in {record.name}, {min_speed:g} m/s needed for rolling tyres; "

@@ -10,6 +10,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import WHEEL_SPEED, YAW_RATE, channel_of, is_input, is_of, names_of
 from fifthwheel.checks import Fault, Finding, check
 from fifthwheel.checks.findings import error, remedy_text, warning
+from fifthwheel.checks.samples import without_spikes
 from fifthwheel.record import Record
 from fifthwheel.time_bases.lags import RATE, LagCurve, lag_curve
 from fifthwheel.time_bases.offsets import TimeOffset, common_offsets, offsets_of
@@ -49,6 +50,7 @@ def check_signals(record: Record, vehicle: Vehicle | None = None) -> tuple[Findi
         findings = check(record, wheelbase=vehicle.wheelbase, units=units, steered=vehicle.steer_signals())
     if any(finding.severity == "error" and finding.fault not in _BY_TIME for finding in findings):
         return findings
+    record = without_spikes(record)
     prediction = predict_channels(record, vehicle)
     if prediction is None:
         return findings

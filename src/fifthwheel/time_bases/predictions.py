@@ -12,7 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import MEASURED, SignalName, is_of, measured_signals
 from fifthwheel.checks.kinematics import is_mostly_gaps, without_gaps
 from fifthwheel.checks.plausibility import MIN_SPEED
-from fifthwheel.checks.samples import MAX_SPEED, remove_spikes
+from fifthwheel.checks.samples import MAX_SPEED
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
@@ -76,7 +76,7 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
     names = tuple(name for name in record.signals if name in measured_names)
     try:
-        segments = segments_above(remove_spikes(record), MIN_SPEED)
+        segments = segments_above(record, MIN_SPEED)
         variants = [variant.with_logged_steering(record.signals, record.name) for variant in variants]
         steers = variants[0].steer_signals()
         inputs = [{name: segment.input(name) for name in ("speed", *steers)} for segment in segments]

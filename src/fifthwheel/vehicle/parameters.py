@@ -18,6 +18,7 @@ FRICTION_SENSITIVITY = "tyre.friction_load_sensitivity"
 COMBINED_SLIP = "tyre.combined_slip"
 DRAG_AREA = "body.drag_area"
 ROLLING_RESISTANCE = "tyre.rolling_resistance"
+DRIVE_AXLE_BRAKING = "brakes.drive_axle"
 
 
 class TyreParameter(NamedTuple):
@@ -36,6 +37,7 @@ TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
     COMBINED_SLIP: TyreParameter("1", 1.0),
     DRAG_AREA: TyreParameter("m^2", 6.0),  # drag coefficient times frontal area: 0.5 to 0.8 times 8 to 10 m^2
     ROLLING_RESISTANCE: TyreParameter("1", 0.006),  # force over load: 0.004 to 0.008 for truck tyres (ISO 28580)
+    DRIVE_AXLE_BRAKING: TyreParameter("1", 0.0),  # 0: by brakes on all wheels; 1: by engine and retarder
 }
 
 
@@ -61,8 +63,8 @@ GROUP_TYRE_UNITS: Mapping[str, str] = {
     "static_load": "N",
     "relative_friction": "1",  # to the friction of the road
     "tyres": "1",  # their number
-    "braking_load": "N/(m/s^2)",  # that the group gains by a deceleration
-    "braked_mass": "kg",  # that its brakes decelerate
+    "braking_load": "N/(m/s^2)",  # that the group gains by a deceleration, where each group brakes by its load
+    "pull_load": "1",  # load that the group gains by a pull of the first coupling, as a fraction of the pull
 }
 """Of the numbers of each axle group, which follow from the vehicle, by the last word of their names."""
 _TYRE_UNITS = {**{name.rpartition(".")[2]: p.unit for name, p in TYRE_PARAMETERS.items()}, **GROUP_TYRE_UNITS}

@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 
 from fifthwheel._atomic import write_text
 from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
@@ -368,24 +369,37 @@ class Vehicle(Component):
         before = {path: sigma for path, sigma in self.stated.items() if not path.startswith(f"{STEERING}.")}
         return type(self)(**self.model_dump() | {STEERING: steering, "stated": before | stated})
 
-    def axle_loads(self, slope: float = 0.0) -> dict[str, float]:
-        """Static vertical load of each axle group by its path, N.
+    def axle_loads(self, acceleration: float = 0.0, forces: Mapping[str, float] | None = None) -> dict[str, float]:
+        """Vertical load of each axle group by its path, N, static or at a longitudinal acceleration.
+
+        The units are in equilibrium in pitch. From the last unit to the first, the coupling pulls the units behind it
+        with F_c = sum (m a - F_x) over these units; m a at the height of the CoG and F_c at the heights of the
+        couplings turn each unit, as if its CoG were displaced by their moment over its weight.
 
         Args:
-            slope: of the road, small, rad; positive where it falls to the front. A truck that brakes at g times the
-                slope on level ground, every group in proportion to its load, has the same loads.
+            acceleration: a over g, to the front; a rise over run acts like one.
+            forces: longitudinal force F_x of axle groups by path, N, to the front; by default those of brakes in
+                proportion to the static loads. Without the sum m a, the first unit supplies the rest.
 
         Raises:
             VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
         """
         p = dict(self._parameters)
-        if slope:
-            for unit in self.units:
-                p[f"{unit.name}.cog"] += slope * unit_cog_height(p, unit)
-            for c in self.couplings:
-                p[f"{c.name}.leading_position"] += slope * c.height
-                p[f"{c.name}.trailing_position"] += slope * c.height
-        return axle_loads(p, self.units, self.couplings)
+        if not acceleration and not forces:
+            return axle_loads(p, self.units, self.couplings)
+        if forces is None:
+            forces = {path: acceleration * load for path, load in self.axle_loads().items()}
+        displaced, pull = dict(p), 0.0  # pull: force of the coupling on the units behind it, N
+        for i, unit in reversed(list(enumerate(self.units))):
+            weight = unit.mass * STANDARD_GRAVITY
+            moment = -acceleration * weight * unit_cog_height(p, unit)
+            if i < len(self.couplings):
+                moment -= pull * self.couplings[i].height
+            pull += acceleration * weight - sum(forces.get(unit.group_path(group), 0.0) for group in unit.axle_groups)
+            if i:
+                moment += pull * self.couplings[i - 1].height
+            displaced[f"{unit.name}.cog"] += moment / weight
+        return axle_loads(displaced, self.units, self.couplings)
 
     def tyres(self) -> dict[str, int]:
         """Number of tyres of each axle group by its path.

@@ -23,7 +23,7 @@ from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 OF_LOAD = ("mass", "cog", "yaw_inertia")
 """Quantities of a unit behind the first that depend on its load, besides those of its payload."""
-OF_AXLE_LOADS = ("static_load", "braking_load", "braked_mass")
+OF_AXLE_LOADS = ("static_load", "braking_load", "pull_load")
 """Quantities of an axle group of any unit that depend on the load."""
 OF_TRUCK = (MASS_SCALE, TIME_BASE)
 """Unknowns of no unit that belong to the truck."""

@@ -12,11 +12,10 @@ vehicle file are treated as uncertain.
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER, is_of, is_sensor_error
@@ -30,23 +29,29 @@ from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 
-START, WHITE, EARLY, FINAL = "fit with linear tyres", "fit", "fit with first noise", "fit with estimated noise"
+WHITE, EARLY, FINAL = "fit", "fit with first noise", "fit with estimated noise"
 """Of the progress of the fits, in this order."""
 WHITE_TOLERANCE = 1.4
 """Of the first fit, which takes residuals as white: its sigmas are too small, and other fits follow."""
-ROUND_TOLERANCES = (0.4, 0.07)
-"""Of the fits with a noise model; each takes the noise from the residuals of the one before. The prediction-error form
-has the last one only. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
+EARLY_TOLERANCE = 0.4
+"""Of the fit with the noise model of the residuals of the first one."""
+TOLERANCE = 0.07
+"""Of the last fit. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
+LARGEST_EXCESS = 9.0
+"""Of the residual variance of a channel over that of the part which the early fits use."""
+FIRST_RANGE = 2.0
+"""Of uncertain numbers in the first fit, in prior standard deviations."""
+NOISE_UPDATES = 5
+"""Of the start: one raises the variance at most by the square of the limit for outliers."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
-START_ITERATIONS = 8
-"""Largest number of steps of the fit with linear tyres that only gives a start to tyres that saturate."""
 EARLY_SAMPLES = 4_000
 """Of longer logs, every fit but the last uses about this number of samples: of each segment, the most steered part. So
 does the first look at what the inputs excite."""
@@ -72,9 +77,6 @@ def solve_one_stage(
     """
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
-    if settings.tyre_law != "linear":
-        linear = _estimator(records, vehicle, replace(settings, tyres="linear"), validate, earlier, findings=False)
-        estimator = replace(estimator, start=linear.start_of_saturating(progress))
     minimum = estimator.minimise(progress)
     if minimum.objective.output_error and minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY:
         innovations = replace(settings, form="prediction_error")
@@ -90,11 +92,8 @@ def _estimator(
     settings: OneStage,
     validate: Sequence[Record],
     earlier: Earlier | None,
-    *,
-    findings: bool = True,
 ) -> "_Estimator":
-    """With `findings=False` the signals have been checked."""
-    dataset = prepare_dataset(records, vehicle, settings, validate, findings=findings)
+    dataset = prepare_dataset(records, vehicle, settings, validate)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     setup = Setup.of(dataset.vehicle, dataset.outputs, settings)
     if not setup.estimated and not settings.nuisances:
@@ -104,7 +103,7 @@ def _estimator(
         )
     time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
     setup = setup.with_time_bases(time_bases)
-    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup) if earlier else None, start={})
+    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup) if earlier else None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,8 +113,6 @@ class _Estimator:
     dataset: Dataset
     setup: Setup
     earlier: JointPrior | None
-    start: Mapping[str, float]
-    """Where the search begins, in units of the priors; the prior mean for other unknowns."""
 
     def minimise(self, progress: Progress) -> Minimum[Problem]:
         """Estimate all unknowns together."""
@@ -124,21 +121,6 @@ class _Estimator:
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""
         return Solution(dataset=self.dataset, minimum=minimum, uninformed=self._uninformed(minimum))
-
-    def start_of_saturating(self, progress: Progress) -> dict[str, float]:
-        """Where the search with tyres that saturate begins, in units of the priors, from that with linear tyres.
-
-        At the prior mean a steering offset may let such tyres skid. The first fit with linear tyres gives the start,
-        with a friction that is large enough for the lateral accelerations of the logs.
-        """
-        problem = Problem(self.setup, self.dataset.logs, self.earlier)
-        minimum = self._first_fit(problem, START, progress, START_ITERATIONS)
-        solution = Solution(dataset=self.dataset, minimum=minimum, uninformed={})
-        settings = self.setup.settings
-        largest = max(filter(math.isfinite, solution.lateral_accelerations), default=0.0)
-        needed = GRIP_MARGIN * largest / STANDARD_GRAVITY
-        friction = float(np.log(max(needed, settings.friction) / settings.friction)) / settings.friction_prior
-        return dict(zip(minimum.objective.names, minimum.z.tolist(), strict=True)) | {FRICTION: friction}
 
     def _uninformed(self, minimum: Minimum[Problem]) -> dict[str, Verdict]:
         """Estimated parameters that the logs do not determine, by the information that the inputs excite.
@@ -163,44 +145,53 @@ class _Estimator:
         return uninformed if part is problem or uninformed.keys() <= unseen else uninformed_by(problem)
 
     def _initial(self, problem: Problem) -> Array:
-        """The start, usually the prior means; stiffer tyres behind the first group if that vehicle is unstable."""
-        means = zip(problem.names, problem.prior.mean.tolist(), strict=True)
-        return problem.stiffened(np.clip([self.start.get(name, mean) for name, mean in means], *problem.bounds))
-
-    def _first_fit(
-        self, problem: Problem, title: str, progress: Progress, steps: int = EARLY_ITERATIONS
-    ) -> Minimum[Problem]:
-        """The fit that takes residuals as white and updates their variance at every step.
-
-        Gains and delays of gyros keep their prior means, because far from the solution they would absorb the errors of
-        the parameters.
-        """
-        late = np.array([is_sensor_error(name) and not _is_early(name) for name in problem.names])
-        first, z = problem.shortened(EARLY_SAMPLES), self._initial(problem)
-        fit = functools.partial(self._fit, first, z, title, progress, tolerance=WHITE_TOLERANCE, steps=steps)
-        return fit(reweighted=_white, fixed=late) if self.setup.settings.adapt_noise else fit()
+        """The start, usually the prior means; a friction for `GRIP_MARGIN` of the lateral acceleration of the logs, and
+        stiffer tyres behind the first group if that vehicle is unstable."""
+        start, settings = problem.prior.mean.copy(), self.setup.settings
+        if FRICTION in problem.names:
+            largest = max(filter(math.isfinite, self.dataset.lateral_accelerations(settings.min_speed)), default=0.0)
+            needed = GRIP_MARGIN * largest / STANDARD_GRAVITY
+            place = problem.names.index(FRICTION)
+            start[place] = max(start[place], np.log(needed / settings.friction) / settings.friction_prior)
+        return problem.stiffened(np.clip(start, *problem.bounds))
 
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
-        """The maximum of the posterior.
+        """The maximum of the posterior, with adapted noise in several fits.
 
-        With adapted noise in several fits: each after the first fits the noise model to the residuals of the fit
-        before, and keeps it. The last, whose first step is the largest, fits it once more after that step.
+        The early fits use the most steered parts of long logs. If the truck that they find does not follow the rest of
+        the logs, such as one that skids there, they use all samples. The last fit, whose first step is the largest,
+        fits the noise model once more after that step.
         """
-        tolerances = ROUND_TOLERANCES if problem.output_error else ROUND_TOLERANCES[-1:]
         if not self.setup.settings.adapt_noise:
             return self._fit(problem, self._initial(problem), WHITE, progress)
-        early = self._first_fit(problem, WHITE, progress)
-        first = problem.shortened(EARLY_SAMPLES)
-        for tolerance in tolerances[:-1]:
-            corrected = early.objective.with_residual_noise(early.z, autocorrelated=True)
-            early = self._fit(corrected, early.z, EARLY, progress, tolerance=tolerance, steps=EARLY_ITERATIONS)
-        z = early.z
-        if first is problem:  # not shortened
-            problem = early.objective
-        else:  # the parts begin later than the segments
-            for indices in itertools.chain(*problem.layout.initial_states):
+        early = self._early_fits(problem.shortened(EARLY_SAMPLES), progress)
+        if len(early.objective) < len(problem):
+            z = early.z
+            for indices in itertools.chain(*problem.layout.initial_states):  # the parts begin later than the segments
                 z[indices] = 0.0
-        return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
+            if problem.excess(z, early.objective) < LARGEST_EXCESS:
+                return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
+            early = self._early_fits(problem, progress)
+        return self._fit(_coloured(early.objective, early.z), early.z, FINAL, progress, reweighted=_coloured)
+
+    def _early_fits(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
+        """A fit that takes residuals as white and updates their variance at every step, and in the output-error form
+        one with the noise model of these residuals.
+
+        In the first fit, gains and delays of gyros keep their prior means, and uncertain numbers stay within
+        `FIRST_RANGE`, because far from the solution they would absorb the errors of the parameters.
+        """
+        largest, fit = np.array([_first_range(problem, name) for name in problem.names]), self._fit
+        steps, z = EARLY_ITERATIONS, self._initial(problem)
+        for _ in range(NOISE_UPDATES):  # with the noise of the sensors, the residuals of the start outweigh all priors
+            problem = _white(problem, z)
+        first = fit(
+            problem, z, WHITE, progress, tolerance=WHITE_TOLERANCE, steps=steps, reweighted=_white, largest=largest
+        )
+        if not problem.output_error:
+            return first
+        corrected = _coloured(first.objective, first.z)
+        return fit(corrected, first.z, EARLY, progress, tolerance=EARLY_TOLERANCE, steps=steps)
 
     def _fit(
         self,
@@ -209,17 +200,18 @@ class _Estimator:
         title: str,
         progress: Progress,
         *,
-        tolerance: float = ROUND_TOLERANCES[-1],
+        tolerance: float = TOLERANCE,
         steps: int | None = None,
         reweighted: Callable[[Problem, Array, int], Problem] = lambda problem, *_: problem,
-        fixed: NDArray[np.bool_] | None = None,
+        largest: Array | float = np.inf,
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        `steps` is the largest number, by default that of the settings. `fixed` (k,) are unknowns that keep their prior
-        mean; `title` is that of the progress.
+        `steps` is the largest number, by default that of the settings. `largest` (k,) are distances of unknowns from
+        their prior means; `title` is that of the progress.
         """
-        lower, upper = (bound if fixed is None else np.where(fixed, 0.0, bound) for bound in problem.bounds)
+        mean = problem.prior.mean
+        lower, upper = (np.clip(bound, mean - largest, mean + largest) for bound in problem.bounds)
         iterations = self.setup.settings.iterations
         minimum = minimise(
             problem,
@@ -245,7 +237,13 @@ def _coloured(problem: Problem, z: Array, accepted: int = 0) -> Problem:
     return problem.with_residual_noise(z, autocorrelated=True) if accepted <= 1 else problem
 
 
-def _is_early(name: str) -> bool:
-    """Whether a sensor error is estimated from the first fit on: offsets, and gain and delay of the steering."""
-    steer = is_of(name, STEER)
-    return is_sensor_error(name, "offset") or (steer and not is_sensor_error(name, "play"))
+def _first_range(problem: Problem, name: str) -> float:
+    """Largest distance of an unknown from its prior mean in the first fit, in units of its prior.
+
+    Of the sensor errors it estimates the offsets, and gain and delay of the steering.
+    """
+    if is_sensor_error(name):
+        steer = is_of(name, STEER) and not is_sensor_error(name, "play")
+        return np.inf if steer or is_sensor_error(name, "offset") else 0.0
+    unknown = problem.unknowns_by_name.get(name)
+    return FIRST_RANGE if unknown and unknown.kind is UnknownKind.UNCERTAIN else np.inf

@@ -1,8 +1,7 @@
 """How well a vehicle that was identified in one stage explains a log: the model runs free.
 
-Only the initial states, the bank of the road and the sensor offsets of the log are fitted. With linear tyres the model
-is linear in them (`fit_evaluation`). With tyres that saturate they are found by Gauss-Newton steps, which begin at the
-values of the identification or, for another log, at the solution with linear tyres.
+Only what each log has of its own is fitted: initial states, the bank of the road, who brakes, sensor offsets. The
+Gauss-Newton steps begin at the values of the identification or, for another log, at the solution with linear tyres.
 """
 
 from collections.abc import Mapping
@@ -10,11 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel import dynamics
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.identify.dataset import LogData, measured_columns
-from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits, free_run_fits
-from fifthwheel.identify.one_stage.estimator import ROUND_TOLERANCES
+from fifthwheel.identify.fit_evaluation import FitsOf, channel_fits
+from fifthwheel.identify.one_stage.estimator import EARLY_TOLERANCE
 from fifthwheel.identify.one_stage.gauss_newton import TOLERANCE, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
@@ -25,17 +23,12 @@ from fifthwheel.vehicle import Vehicle
 
 def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     """The fits of a log by the identified vehicle."""
-    problem, law = solution.problem, solution.settings.tyre_law
+    problem = solution.problem
     z = problem.without_variation(solution.minimum.z)
     values = problem.values(z, 0) | problem.model_values(z, 0)
-    sensors = {u.name: values[u.name] for u in problem.unknowns if u.kind is UnknownKind.SENSOR and not u.per_log}
-    model = dynamics.model(vehicle, problem.model.outputs, roll=problem.model.roll, bank=problem.model.bank)
 
     def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
-        if law != "linear":
-            start = _of_log(solution, log) if identified_on else {}
-            return _saturating_fits(problem, vehicle, values, log, start)
-        return free_run_fits(model, vehicle, log, problem.unknowns, values=sensors, identified_on=identified_on)
+        return _fits(problem, vehicle, values, log, _of_log(solution, log) if identified_on else {})
 
     return fits_of_log
 
@@ -52,10 +45,10 @@ def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
     return start
 
 
-def _saturating_fits(
+def _fits(
     problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, start: Mapping[str, float]
 ) -> list[Fit]:
-    """Fit of every channel of a log, as `fit_evaluation.free_run_fits` for linear tyres.
+    """Fit of every channel of a log.
 
     `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
     of all unknowns that logs share, and of all parameters, SI.
@@ -69,7 +62,8 @@ def _saturating_fits(
         if u.per_log or not any(name in own for name in u.moves)
     ]
     outputs, white, identified_on = problem.model.outputs, replace(log, noise_models={}), bool(start)
-    laws: tuple[Tyres, ...] = (problem.settings.tyre_law,) if identified_on else ("linear", problem.settings.tyre_law)
+    law = problem.settings.tyre_law
+    laws: tuple[Tyres, ...] = (law,) if identified_on or law == "linear" else ("linear", law)
     for law in laws:
         settings = replace(problem.settings, tyres=law)
         alone = Problem(replace(problem.setup, vehicle=vehicle, unknowns=tuple(unknowns), settings=settings), [white])
@@ -81,7 +75,7 @@ def _saturating_fits(
             upper=upper,
             iterations=settings.iterations,
             # from the values of the identification one step suffices
-            tolerance=ROUND_TOLERANCES[0] if identified_on else TOLERANCE,
+            tolerance=EARLY_TOLERANCE if identified_on else TOLERANCE,
         )
         start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
     time, error, _ = alone.residuals(minimum.z, 0, whitened=False)

@@ -93,6 +93,8 @@ def minimise(
         progress(steps, iterations)
         steps += 1
         gradient, hessian = model.gradient, model.hessian
+        if not np.isfinite(hessian).all():
+            break
         full_step = newton_step(z, gradient, hessian, lower, upper)
         if (np.abs(full_step) <= tolerance * _sigma(hessian, lower < upper)).all():
             converged = True

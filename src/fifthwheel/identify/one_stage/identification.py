@@ -26,6 +26,7 @@ from fifthwheel.identify.verdict import Verdict, estimate_verdict, is_stated, un
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
@@ -41,7 +42,8 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
-    model_unknowns = [u for u in problem.unknowns if not u.is_sensor_error and not u.moves and u.name in given]
+    of_all_logs = [u for u in problem.unknowns if not u.per_log and not u.is_sensor_error]
+    model_unknowns = [u for u in of_all_logs if not u.moves and u.name in given]
     values = problem.model_values(problem.without_variation(minimum.z), 0)
     changed = {name for u in problem.unknowns if not u.is_sensor_error for name in u.slopes}
     vehicle_values = {name: values[name] for name in own if name in changed}
@@ -158,16 +160,19 @@ def _with_whitened(solution: Solution, fits: Sequence[Fit]) -> list[Fit]:
 
 
 def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSummary:
-    """What was used of log i; with the bank of its first segment if it is estimated."""
+    """What was used of log i; with the bank of its first segment, and who brakes, if they are estimated."""
     problem, minimum, settings = solution.problem, solution.minimum, solution.settings
-    log, bank = problem.logs[i], None
+    log, bank, brakes = problem.logs[i], None, None
     _, error, variance = problem.residuals(minimum.z, i, whitened=False)
     accepted = (np.abs(error) / np.sqrt(variance) <= settings.gate).astype(float)
     if problem.model.bank and problem.output_error:
         index, prior = problem.layout.initial_states[i][0][-1], settings.bank_prior
         bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
+    for u, index in zip(problem.unknowns, problem.layout.unknowns[i], strict=True):
+        if u.name == DRIVE_AXLE_BRAKING:
+            brakes = problem.values(minimum.z, i)[u.name], float(posterior.sigma[index] * u.scale)
     summary = estimates.log_summary(solution.dataset.records[i], log, problem.model.outputs, accepted)
-    return replace(summary, bank=bank)
+    return replace(summary, bank=bank, drive_axle_braking=brakes)
 
 
 def _implausible(solution: Solution) -> Iterator[str]:
@@ -206,13 +211,13 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
         for u, index, slope in zip(problem.unknowns, problem.layout.unknowns[i], slopes, strict=True):
             if i == 0 or u.per_log:
                 for name, factor in u.slopes.items():
-                    if name in known and (u.is_sensor_error or not u.per_log):
+                    if name in known and not (u.per_log and u.moves):
                         row = rows.setdefault(f"{name}@{log.name}" if u.per_log else name, np.zeros(len(problem.names)))
                         row[index] += slope * factor
         if banked:
             row = rows.setdefault(f"{BANK}@{log.name}", np.zeros(len(problem.names)))
             row[problem.layout.initial_states[i][0][-1]] = problem.settings.bank_prior
-    others = {u.name: u.scale for u in problem.unknowns if u.per_log and u.is_sensor_error}
+    others = {u.name: u.scale for u in problem.unknowns if u.per_log and not u.moves}
     others |= {BANK: problem.settings.bank_prior} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ covariance @ map_to_si.T

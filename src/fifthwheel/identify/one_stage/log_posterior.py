@@ -13,7 +13,7 @@ from fifthwheel._types import Array
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.estimates import sensor_error_unit
-from fifthwheel.identify.one_stage.estimator import ROUND_TOLERANCES, solve_one_stage
+from fifthwheel.identify.one_stage.estimator import TOLERANCE, solve_one_stage
 from fifthwheel.identify.one_stage.gauss_newton import minimise
 from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.problem import Problem
@@ -25,7 +25,7 @@ from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
 
-TOLERANCE = ROUND_TOLERANCES[-1]
+TOLERANCE = TOLERANCE
 """Of the search at each point of a profile, as of the maximum."""
 
 

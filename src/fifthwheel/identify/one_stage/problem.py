@@ -91,7 +91,7 @@ class Problem:
 
         A part lasts at least `SHORTEST_PART`. The problem itself if the logs are not longer.
         """
-        fraction = samples / sum(len(segment) for log in self.logs for segment in log.segments)
+        fraction = samples / len(self)
         if fraction >= 1:
             return self
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
@@ -117,6 +117,10 @@ class Problem:
         setup = self.setup.with_unknown(unknown.without_prior(tail, wider))
         others = frozenset(self.names) - {name}
         return Problem(setup, self.logs, self._earlier and self._earlier.among(others))
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return sum(len(segment) for log in self.logs for segment in log.segments)
 
     @property
     def output_error(self) -> bool:
@@ -325,6 +329,19 @@ class Problem:
         problem = copy.copy(self)  # what is cached does not depend on the noise
         problem.logs = tuple(self._residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
         return problem
+
+    def excess(self, z: Array, part: "Problem") -> float:
+        """Largest ratio of the mean square of the residuals of a channel at z to its noise in a part of the logs."""
+        ratios = [1.0]
+        for i, log in enumerate(part.logs):
+            _, error, _ = self.residuals(z, i, whitened=False)
+            with np.errstate(over="ignore", invalid="ignore"):
+                ratios += [
+                    float(np.nanmean(e**2)) / log.noise[n]
+                    for n, e in zip(self.model.outputs, error.T, strict=True)
+                    if np.isfinite(e).any()
+                ]
+        return max(ratios)
 
     def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit = self.logs[i], self.settings.outlier

@@ -19,7 +19,6 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 
 HISTORY_LENGTH = 200
 """Approximate number of rows in the history of the estimates."""
@@ -87,13 +86,8 @@ class Solution:
     @cached_property
     def lateral_accelerations(self) -> list[float]:
         """Largest lateral acceleration of the first unit that has a yaw rate in each log, m/s^2; NaN if none has."""
-        units, largest = [unit.name for unit in self.dataset.vehicle.units], []
-        for i, record in enumerate(self.dataset.records):
-            unit = next((unit for unit in units if f"yaw_rate.{unit}" in record.signals), units[0])
-            offset = self.problem.values(self.minimum.z, i).get(f"yaw_rate.{unit}.offset", 0.0)
-            min_speed = self.settings.min_speed
-            largest.append(largest_lateral_acceleration(record, unit, offset=offset, min_speed=min_speed))
-        return largest
+        values = [self.problem.values(self.minimum.z, i) for i in range(len(self.dataset.records))]
+        return self.dataset.lateral_accelerations(self.settings.min_speed, values)
 
 
 def _linearise(solution: Solution) -> Linearisation:

@@ -121,7 +121,9 @@ class Identification(IdentificationData):
         law = getattr(self.settings, "tyre_law", "linear")
         own_law = {} if isinstance(law, str) else {"tyres": law}
         yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
+        brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), None)
         road = {"friction": self.friction} | self._uncertainties(log)
+        road |= {"drive_axle_braking": brakes[0]} if brakes else {}
         return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:

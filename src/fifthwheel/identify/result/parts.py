@@ -83,6 +83,8 @@ class LogSummary(ComparedByContents):
     noise: dict[str, Number]  # estimated noise variance of each channel, SI squared
     notes: tuple[str, ...]
     bank: tuple[Real, Real] | None = None  # of the road in the first segment and sigma, rad, left edge higher
+    drive_axle_braking: tuple[Real, Real] | None = None
+    """Fraction of the braking force by engine and retarder, and its sigma."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -143,6 +143,11 @@ def change_unknown(
     )
 
 
+def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
+    """A fraction, 0 to 1, that each log has of its own, with its prior."""
+    return Unknown(name=name, centre=mean, scale=sigma, lower=0.0, upper=1.0, kind=UnknownKind.UNCERTAIN, per_log=True)
+
+
 def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown:
     """A payload height, m; a value of the settings replaces that of the vehicle."""
     initial = settings.initial_payload_height
