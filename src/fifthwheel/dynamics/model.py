@@ -196,13 +196,12 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of the speed, a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
-        brakes.drive_axle        fraction of the braking force by engine and retarder
     """
     values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
     values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
     values |= {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate}
-    return values | {TIME_SCALE: 1.0, DRIVE_AXLE_BRAKING: 0.0}
+    return values | {TIME_SCALE: 1.0}
 
 
 def contact_input(steer: str) -> str:
@@ -219,8 +218,9 @@ def rate_input(steer: str) -> str:
 def all_parameters(
     vehicle: Vehicle, outputs: Sequence[str], *, extended: bool = False, tyres: Tyres = "linear"
 ) -> dict[str, float]:
-    """Every parameter of a model with these outputs, by name: those of the vehicle and the defaults of the sensors."""
-    values = vehicle.parameters() | steer_parameters(vehicle)
+    """Every parameter of a model with these outputs, by name: those of the vehicle, who brakes, and the defaults of the
+    sensors."""
+    values = vehicle.parameters() | steer_parameters(vehicle) | {DRIVE_AXLE_BRAKING: 0.0}
     if tyres != "linear":
         values |= saturation_parameters(vehicle, tyres)
     for name in outputs:
@@ -431,7 +431,7 @@ class _SpeedChanges(NamedTuple):
 def _speed_changes(model: ChainModel, s: _Symbols) -> _SpeedChanges:
     if not model.braking:
         return _SpeedChanges(None, None)
-    k, of_brakes = len(model.inputs), s.value.get(DRIVE_AXLE_BRAKING, 0.0)
+    k, of_brakes = len(model.inputs), s.value[DRIVE_AXLE_BRAKING]
     earlier, latest = s.inputs[k - 1], s.inputs[2 * k - 1]
     return _SpeedChanges(*(chain.SpeedChange.of(rate, of_brakes) for rate in ((earlier + latest) / 2, latest)))
 

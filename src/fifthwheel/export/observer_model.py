@@ -3,7 +3,6 @@
 import casadi as ca
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics import SPEED_RATE
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.dynamics.speed_rate import speed_rate_step
 from fifthwheel.export import c_text
@@ -39,6 +38,7 @@ def source(observer: Observer) -> str:
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
     }
     step = _with_constant(observer.scan.step, ca.DM(observer.constant))
+    speed_rate = _with_constant(speed_rate_step().step, ca.DM([1 / settings.speed_smoothing]))
     return "\n".join(
         [
             *definitions(sizes, numbers),
@@ -51,17 +51,9 @@ def source(observer: Observer) -> str:
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(step, "fw_step", ("carry", "sample"), ("next", "out")),
-            *_speed_rate(observer),
+            c_code.function(speed_rate, "fw_speed_rate", ("carry", "sample"), ("next", "out")),
         ]
     )
-
-
-def _speed_rate(observer: Observer) -> list[str]:
-    """The filter of the derivative of the speed, if that is an input of the model."""
-    if SPEED_RATE not in observer.model.inputs:
-        return []
-    step = _with_constant(speed_rate_step().step, ca.DM([1 / observer.settings.speed_smoothing]))
-    return [c_code.function(step, "fw_speed_rate", ("carry", "sample"), ("next", "out"))]
 
 
 def _matrices(observer: Observer) -> ca.Function:

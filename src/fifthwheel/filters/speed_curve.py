@@ -1,9 +1,9 @@
 """The speed of a record as a smooth curve, with its derivatives at any time.
 
-Speed and u' at a time are those of the line through the samples around it with Gaussian weights (J. Fan and I. Gijbels,
-Local Polynomial Modelling and Its Applications, 1996, chapter 2): without delay, and exact for a constant u'. A curve
-through every sample would follow their noise and their steps, so that the cost of an identification would ripple along
-the delay of the speed, and a search along it would not converge.
+The speed at a time is that of the parabola, and u' that of the line, through the samples around it with Gaussian
+weights (J. Fan and I. Gijbels, Local Polynomial Modelling and Its Applications, 1996, chapter 2): both without delay. A
+curve through every sample would follow their noise and their steps, so that the cost of an identification would ripple
+along the delay of the speed, and a search along it would not converge.
 """
 
 import numpy as np
@@ -39,12 +39,17 @@ class SpeedCurve:
         level = np.interp(grid, grid[present] + offset, mean)
         half = np.arange(-round(CUT * WIDTH / step), round(CUT * WIDTH / step) + 1) * step
         weights = np.exp(-0.5 * (half / WIDTH) ** 2)
-        # sums of w, w t and w t^2, and of w u and w t u, with t from each point; weights beyond the ends are 0
-        w, wt, wtt = (np.convolve(np.ones(points), weights * half**k, "full") for k in range(3))
-        wu, wtu = (np.convolve(level, weights * half**k, "full") for k in range(2))
-        w, wt, wtt, wu, wtu = (sums[half.size // 2 :][:points] for sums in (w, -wt, wtt, wu, -wtu))
-        rate = (w * wtu - wt * wu) / (w * wtt - wt**2)
-        self._speed, self._rate = Spline(grid, (wu - wt * rate) / w), Spline(grid, rate)
+
+        def moment(values: Array, power: int) -> Array:
+            """Sum of w t^power times the values (N,) about each point, with t from there."""
+            return np.convolve(values, weights * (-half) ** power, "full")[half.size // 2 :][:points]
+
+        M, right = [moment(np.ones(points), k) for k in range(5)], np.stack([moment(level, k) for k in range(3)], -1)
+        gram = np.stack([np.stack(M[k : k + 3], -1) for k in range(3)], -1)
+        parabola, line = (
+            np.asarray(np.linalg.solve(gram[:, :n, :n], right[:, :n, None])[..., 0], np.float64) for n in (3, 2)
+        )
+        self._speed, self._rate = Spline(grid, parabola[:, 0]), Spline(grid, line[:, 1])
 
     def __call__(self, time: Array) -> tuple[Array, Array, Array]:
         """Speed, m/s, its derivative, m/s^2, and the derivative of that, m/s^3, at times (M,)."""

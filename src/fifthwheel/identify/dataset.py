@@ -121,8 +121,17 @@ class Dataset:
         return largest
 
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
-        """The initial vehicle with estimated values; its source names the logs and their speeds."""
-        low, high = self.speeds
+        """The initial vehicle with estimated values, each within the range of a vehicle file; its source names the logs
+        and their speeds."""
+        (low, high), ranges, given = (
+            self.speeds,
+            self.initial_vehicle.parameter_ranges(),
+            self.initial_vehicle.parameters(),
+        )
+        values = {
+            path: min(max(v, min(ranges[path][0], given[path])), max(ranges[path][1], given[path]))
+            for path, v in values.items()
+        }
         names = ", ".join(log.name for log in self.logs)
         source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
         return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})

@@ -1,7 +1,7 @@
 """The verdict on an estimate, and all rules that decide it."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
@@ -30,34 +30,39 @@ class Verdict(StrEnum):
     STATED = "stated"
 
 
-def information_verdicts(posterior: ScaledPosterior, indices: Sequence[int], limit: float) -> dict[int, Verdict]:
-    """Verdict on some unknowns by the information in the logs: CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE.
-
-    An unknown whose sigma is below the limit is CONVERGED. The others are NOT_EXCITED if the conditional sigma of every
-    unknown is above the limit: the vehicle was not excited. Otherwise they are NOT_IDENTIFIABLE: the logs contain
-    information on the vehicle, but not on this unknown alone.
-
-    Args:
-        indices: of the estimated parameters among the unknowns.
-        limit: fraction of the prior sigma.
-    """
-    excited = any(posterior.conditional_sigma(i) < limit for i in indices)
-    uninformed = Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED
-    return {i: Verdict.CONVERGED if posterior.sigma[i] < limit else uninformed for i in indices}
+CONFOUNDED = 0.5
+"""A parameter is NOT_IDENTIFIABLE if less than this fraction of its prior standard deviation would remain with all
+other estimated parameters known: a quarter of the variance."""
 
 
 def uninformed_parameters(
-    posterior: ScaledPosterior, names: Sequence[str], without_roll_rate: Iterable[str], limit: float
+    posterior: ScaledPosterior, remaining: Mapping[str, float], without_roll_rate: Iterable[str], limit: float
 ) -> dict[str, Verdict]:
     """The estimated parameters that the logs do not determine, each with NOT_EXCITED or NOT_IDENTIFIABLE.
 
-    These are the parameters that `information_verdicts` does not call CONVERGED, and those `without_roll_rate`. The
-    limit is a fraction of the prior sigma.
+    These are the parameters of whose prior standard deviation no less than the limit remains, and those
+    `without_roll_rate`. NOT_IDENTIFIABLE: the others act alike, or no channel depends on it. NOT_EXCITED: the logs
+    would hardly determine it even if all others were known.
+
+    Args:
+        posterior: for the conditional sigma.
+        remaining: fraction of the prior standard deviation by parameter, see `remaining_fraction`.
+        without_roll_rate: parameters that need a roll rate which is not measured.
+        limit: fraction of the prior standard deviation.
     """
-    verdicts = information_verdicts(posterior, [posterior.names.index(name) for name in names], limit)
-    uninformed: dict[str, Verdict] = {posterior.names[i]: v for i, v in verdicts.items() if v is not Verdict.CONVERGED}
-    excited = len(uninformed) < len(names) or Verdict.NOT_IDENTIFIABLE in uninformed.values()
-    return uninformed | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE if excited else Verdict.NOT_EXCITED)
+    verdicts = {}
+    for name in (name for name, fraction in remaining.items() if not fraction < limit):
+        confounded = posterior.conditional_sigma(posterior.names.index(name)) < CONFOUNDED
+        verdicts[name] = Verdict.NOT_IDENTIFIABLE if confounded else Verdict.NOT_EXCITED
+    return verdicts | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE)
+
+
+def remaining_fraction(unknown: Unknown, value: float, sigma_z: float) -> float:
+    """Sigma of an estimate as a fraction of that of its prior: of the value or of its logarithm, the larger one.
+
+    sigma_z is that of z, in units of the prior. The value is in SI.
+    """
+    return sigma_z * max(1.0, unknown.slope(value) / unknown.prior_sigma)
 
 
 def is_stated(vehicle: Vehicle, settings: OneStage, name: str) -> bool:
@@ -80,11 +85,11 @@ def estimate_verdict(
 ) -> Verdict:
     """NOT_EXCITED, AT_BOUND, NOT_CONVERGED, DOUBTFUL or CONVERGED: the first that applies.
 
-    A parameter is excited if sigma_z, in units of the prior, is below the limit `excited`. At a bound means closer to
-    it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound. `converged`: the estimation
-    has converged and the model explains the logs; `doubtful`: a doubt (`doubts`) concerns the parameter.
+    A parameter is excited if less than the fraction `excited` of its prior standard deviation remains. At a bound means
+    closer to it than a tenth of sigma: the prior keeps an estimate from lying exactly on its bound. `converged`: the
+    estimate moves no more; `doubtful`: a doubt (`doubts`) concerns the parameter.
     """
-    if not sigma_z < excited:
+    if not remaining_fraction(unknown, value, sigma_z) < excited:
         return Verdict.NOT_EXCITED
     if min(value - unknown.lower, unknown.upper - value) < 0.1 * unknown.sigma(value, sigma_z):
         return Verdict.AT_BOUND

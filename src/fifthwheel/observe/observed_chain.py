@@ -108,13 +108,13 @@ def observed_chain(
 ) -> ObservedChain:
     """The model of a vehicle, see `dynamics.model`; vehicles of equal topology share one model.
 
-    The offsets of the signals `offset_states` are states, whether or not these are among the outputs. With saturating
-    tyres, the derivative of the speed is an input.
+    The offsets of the signals `offset_states` are states, whether or not these are among the outputs. The derivative of
+    the speed is an input.
     """
     offsets = tuple(f"{name}.offset" for name in (*vehicle.steer_signals(), *offset_states))
-    known, braking = dynamics.all_parameters(vehicle, outputs), tyres != "linear"
+    known = dynamics.all_parameters(vehicle, outputs)
     free = tuple(name for name in offsets if name in known)
-    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=free, tyres=tyres, braking=braking)
+    chain = dynamics.model(vehicle, outputs, roll=roll, bank=True, free=free, tyres=tyres, braking=True)
     return _observed_chain(chain, offsets, estimate_bank)
 
 

@@ -103,7 +103,7 @@ class ObserverModel:
             hold=settings.hold,
             max_gap=settings.max_gap,
             coast=settings.coast,
-            speed_smoothing=None if settings.tyre_law == "linear" else settings.speed_smoothing,
+            speed_smoothing=settings.speed_smoothing,
         )
 
     @property
@@ -118,10 +118,10 @@ class ObserverModel:
 
     def _surroundings(self) -> dict[str, float]:
         """Parameters that neither the vehicle nor a sensor has, as the settings give them."""
-        values = {HALF_TRACK: self.settings.half_track, BANK: self.settings.bank_mean}
-        if self.settings.friction is None:
-            return values
-        return values | {FRICTION: self.settings.friction, DRIVE_AXLE_BRAKING: self.settings.drive_axle_braking}
+        settings = self.settings
+        values = {HALF_TRACK: settings.half_track, BANK: settings.bank_mean}
+        values[DRIVE_AXLE_BRAKING] = settings.drive_axle_braking
+        return values if settings.friction is None else values | {FRICTION: settings.friction}
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the

@@ -59,6 +59,8 @@ class Component(BaseModel):
     """SI unit of each number by its key."""
     plausible: ClassVar[Mapping[str, tuple[float, float]]]
     """Range of the numbers of road vehicles by key, SI."""
+    ranges: ClassVar[Mapping[str, tuple[float, float]]]
+    """The same within the limits of the fields, for every number."""
 
     @classmethod
     def __pydantic_init_subclass__(cls, **_: Any) -> None:
@@ -66,6 +68,10 @@ class Component(BaseModel):
         numbers: dict[str, Any] = {key: extra for key, extra in extras.items() if isinstance(extra, dict)}
         cls.si_units = {key: extra["unit"] for key, extra in numbers.items()}
         cls.plausible = {key: extra["plausible"] for key, extra in numbers.items() if extra["plausible"]}
+        anything = (-math.inf, math.inf)
+        cls.ranges = {
+            key: _range(cls.model_fields[key].metadata, cls.plausible.get(key, anything)) for key in cls.si_units
+        }
         for key, field in cls.model_fields.items():
             if _is_number(field.annotation) != (key in cls.si_units):
                 raise TypeError(f"{cls.__name__}.{key}: a number, and only a number, has a unit; use `number`")
@@ -102,6 +108,15 @@ class Component(BaseModel):
         """Beginning of the paths of this component: its name and a dot."""
         name = data.get("name")
         return f"{name}." if isinstance(name, str) else ""
+
+
+def _range(limits: Iterable[Any], plausible: tuple[float, float]) -> tuple[float, float]:
+    """Lowest and highest number within the limits of a field and a plausible range; a limit may be excluded."""
+    low, high = plausible
+    for limit in limits:
+        low = max(low, getattr(limit, "ge", low), getattr(limit, "gt", low))
+        high = min(high, getattr(limit, "le", high), getattr(limit, "lt", high))
+    return low, high
 
 
 def _is_number(annotation: Any) -> bool:

@@ -1,6 +1,7 @@
 """A vehicle: a chain of units, with one coupling between each unit and the next."""
 
 import functools
+import math
 from collections.abc import Callable, Container, Iterable, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -205,10 +206,18 @@ class Vehicle(Component):
     def locations(self) -> dict[str, FieldLocation]:
         """Keys of every scalar in the fields of the vehicle, by its path, in the order of the vehicle; also of those
         that have no value."""
-        locations: dict[str, FieldLocation] = {}
+        return {path: (*location, key) for path, (_, location, key) in self._numbers().items()}
+
+    def parameter_ranges(self) -> dict[str, tuple[float, float]]:
+        """Lowest and highest value of every scalar that a vehicle file may have, SI, by its path."""
+        return {path: kind.ranges.get(key, (-math.inf, math.inf)) for path, (kind, _, key) in self._numbers().items()}
+
+    def _numbers(self) -> dict[str, tuple[type[Component], FieldLocation, str]]:
+        """Component, its place in the fields of the vehicle, and key of every scalar, by its path."""
+        numbers: dict[str, tuple[type[Component], FieldLocation, str]] = {}
 
         def add(prefix: str, kind: type[Component], location: FieldLocation) -> None:
-            locations.update({f"{prefix}.{key}": (*location, key) for key in kind.si_units})
+            numbers.update({f"{prefix}.{key}": (kind, location, key) for key in kind.si_units})
 
         for i, unit in enumerate(self.units):
             of_unit: FieldLocation = ("units", i)
@@ -229,8 +238,8 @@ class Vehicle(Component):
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
         for path in own_parameters(self.steering):
-            locations[path] = (STEERING, "parameters", path.partition(".")[2])
-        return locations
+            numbers[path] = (Steering, (STEERING, "parameters"), path.partition(".")[2])
+        return numbers
 
     def replace(self, values: Mapping[str, float]) -> Self:
         """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay, but

@@ -259,12 +259,12 @@ class InformationPredictor:
 
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
-        of_vehicle = {u.name for u in self.setup.unknowns if not u.is_sensor_error}
-        nuisances = [i for i, name in enumerate(names) if name not in of_vehicle]
+        nuisances = [i for i, name in enumerate(names) if name not in self.setup.estimated]
         posterior = ScaledPosterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        not_identified = uninformed_parameters(posterior, estimated, no_channel, self.setup.settings.excited)
+        remaining = {name: float(posterior.sigma[posterior.names.index(name)]) for name in estimated}
+        not_identified = uninformed_parameters(posterior, remaining, no_channel, self.setup.settings.excited)
         return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
 
 

@@ -11,6 +11,7 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle.parameters import FRICTION
 
@@ -42,7 +43,7 @@ def quick_doubts(solution: Solution) -> list[Doubt]:
     """The doubts without a fit for each cause: of the uncertain numbers, by the linear tests of their priors."""
     unknowns = solution.problem.unknowns_by_name
     tests = [t for t in solution.linearisation.tests if unknowns[t.name].kind is UnknownKind.UNCERTAIN]
-    possible = [test for test in tests if unknowns[test.name].is_possible(test.implied)]
+    possible = [test for test in tests if is_possible(unknowns[test.name], test.implied)]
     return find_doubts(solution, most_likely(possible) or most_likely(tests))
 
 

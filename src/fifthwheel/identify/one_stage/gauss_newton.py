@@ -59,6 +59,9 @@ class Minimum(Generic[ObjectiveT]):
     steps: int
     radius: float
     """Of the trust region, with which the search may go on."""
+    lower: Array
+    upper: Array
+    """Bounds of z (k,)."""
 
 
 def minimise(
@@ -124,7 +127,21 @@ def minimise(
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break
-    return Minimum(objective=objective, z=z, model=model, converged=converged, steps=steps, radius=radius)
+    return Minimum(
+        objective=objective,
+        z=z,
+        model=model,
+        converged=converged,
+        steps=steps,
+        radius=radius,
+        lower=lower,
+        upper=upper,
+    )
+
+
+def remaining_step(minimum: Minimum[ObjectiveT]) -> Array:
+    """The step (k,) that a search would take next, without a trust region."""
+    return newton_step(minimum.z, minimum.model.gradient, minimum.model.hessian, minimum.lower, minimum.upper)
 
 
 def _sigma(hessian: Array, free: NDArray[np.bool_]) -> Array:

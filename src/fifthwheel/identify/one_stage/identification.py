@@ -1,6 +1,6 @@
 """The result of one stage: an `Identification` from its solution."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,21 +12,32 @@ from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates
 from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.fit_evaluation import evaluate_fits
-from fifthwheel.identify.one_stage.alternatives import LARGE_DISCREPANCY, Causes
+from fifthwheel.identify.one_stage.causes import Causes
 from fifthwheel.identify.one_stage.evidence import find_doubts
 from fifthwheel.identify.one_stage.free_run import fits_of
-from fifthwheel.identify.one_stage.gauss_newton import Minimum
+from fifthwheel.identify.one_stage.gauss_newton import Minimum, remaining_step
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
 from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.identify.verdict import Verdict, estimate_verdict, is_stated, uncertain_verdict
+from fifthwheel.identify.verdict import (
+    Verdict,
+    estimate_verdict,
+    is_stated,
+    remaining_fraction,
+    uncertain_verdict,
+    uninformed_parameters,
+)
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
+
+STILL_MOVING = 0.5
+"""An estimate that the next step would move by more than this number of its standard deviations has not converged."""
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
@@ -49,23 +60,25 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     vehicle_values = {name: values[name] for name in own if name in changed}
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
-    left = causes.left
-    if not (evaluation.trusted or causes.likely) and problem.relative_discrepancy > LARGE_DISCREPANCY:
-        left = problem.relative_discrepancy
+    left = causes.left if evaluation.trusted or causes.likely else problem.relative_discrepancy
     doubts = find_doubts(solution, causes.likely, left)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
-    converged, explained = minimum.converged and evaluation.trusted, evaluation.trusted and left is None
-    trusted = converged and explained
+    step = remaining_step(minimum)
+    moving = {name for name, s in zip(posterior.names, np.abs(step) / posterior.sigma, strict=True) if s > STILL_MOVING}
+    uninformed = {} if left is not None else _uninformed(solution, shared)
     estimated, uncertain = [], []
     for u in model_unknowns:
         if u.name in solution.estimated:
-            estimated.append(_estimate(solution, u, shared[u.name], converged, u.name in doubtful, explained))
+            verdict = uninformed.get(u.name) or estimate_verdict(
+                u, shared[u.name], sigma[u.name], converged=u.name not in moving, doubtful=u.name in doubtful
+            )
+            estimated.append(_estimate(solution, u, shared[u.name], verdict))
         else:
             verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
-    joint = _doubtful_covariance(solution, causes.likely, converged=trusted)
+    joint = _doubtful_covariance(solution, causes.likely, step, explained=left is None)
     covariance = _covariance(dataset.vehicle, problem, minimum, joint)
     vehicle = _with_posterior_sigmas(vehicle, covariance)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
@@ -78,7 +91,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         parameters=tuple(estimated),
         derived=(
             *estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance),
-            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if trusted else ()),
+            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if left is None else ()),
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
@@ -104,20 +117,29 @@ def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
     return {u.name: values[u.name] for u in problem.unknowns if u.per_log}
 
 
-def _estimate(
-    solution: Solution, unknown: Unknown, value: float, converged: bool, doubtful: bool, explained: bool
-) -> Estimate:
+def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Verdict]:
+    """The parameters that the logs do not determine: by what the inputs excite, or by the sigma of the result."""
+    problem, posterior = solution.problem, solution.linearisation.posterior
+    unknowns, setup = problem.unknowns_by_name, problem.setup
+    remaining = {
+        name: remaining_fraction(unknowns[name], values[name], float(posterior.sigma[posterior.names.index(name)]))
+        for name in solution.estimated
+    }
+    by_result = uninformed_parameters(posterior, remaining, (), solution.settings.excited)
+    uninformed = {**by_result, **solution.uninformed}
+    return {
+        name: Verdict.STATED if is_stated(problem.vehicle, setup.settings, name) else verdict
+        for name, verdict in uninformed.items()
+    }
+
+
+def _estimate(solution: Solution, unknown: Unknown, value: float, verdict: Verdict) -> Estimate:
     """The estimate of an estimated parameter."""
     name, settings = unknown.name, solution.settings
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
     sigma_z = float(posterior.sigma[posterior.names.index(name)])
-    uninformed = solution.uninformed.get(name)
-    if uninformed and is_stated(solution.problem.vehicle, settings, name):
-        uninformed = Verdict.STATED
-    elif not explained and name not in solution.problem.setup.without_roll_rate:
-        uninformed = None  # where nothing explains the logs, the noise of their residuals hides what they contain
-    verdict = uninformed or estimate_verdict(unknown, value, sigma_z, converged=converged, doubtful=doubtful)
-    settled = None if uninformed else history.settled_row(name, settings.tolerance)
+    informed = verdict not in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE, Verdict.STATED)
+    settled = history.settled_row(name, settings.tolerance) if informed else None
     return estimates.parameter_estimate(
         unknown,
         value,
@@ -179,7 +201,7 @@ def _implausible(solution: Solution) -> Iterator[str]:
     """A note on each uncertain number that the logs move beyond what a truck can have."""
     z = dict(zip(solution.problem.names, solution.minimum.z.tolist(), strict=True))
     for name, u in solution.problem.unknowns_by_name.items():
-        if u.kind is UnknownKind.UNCERTAIN and not u.is_possible(z[name]):
+        if u.kind is UnknownKind.UNCERTAIN and not is_possible(u, z[name]):
             yield (
                 f"{name}: the logs move it by {z[name]:+.1f} prior sigma, beyond what a truck can have. Something that "
                 "the model lacks acts like it, so sigmas of other estimates may be too small: identify parts of "
@@ -187,12 +209,16 @@ def _implausible(solution: Solution) -> Iterator[str]:
             )
 
 
-def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], *, converged: bool) -> Array:
-    """Covariance (k, k) of the unknowns for what follows from them; with the prior if the search did not converge."""
-    covariance = solution.linearisation.posterior.covariance.copy()
+def _doubtful_covariance(solution: Solution, likely: Sequence[PriorTest], step: Array, *, explained: bool) -> Array:
+    """Covariance (k, k) of the unknowns for what follows from them.
+
+    With the step (k,) that the search would still take, the shifts by causes of a contradiction, and the prior if
+    nothing explains the logs.
+    """
+    covariance = solution.linearisation.posterior.covariance + np.outer(step, step)
     for test in likely:  # one of several causes, so that the mean square of their shifts is added
         covariance += np.outer(test.shifts, test.shifts) / len(likely)
-    return covariance if converged else covariance + np.diag(solution.problem.prior.variance)
+    return covariance if explained else covariance + np.diag(solution.problem.prior.variance)
 
 
 def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], covariance: Array) -> Uncertainty:

@@ -8,7 +8,7 @@ from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED, OUTLYING, Knowledge, LogChange, tyre_change
-from fifthwheel.identify.one_stage.alternatives import likely_causes
+from fifthwheel.identify.one_stage.causes import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.evidence import quick_doubts
 from fifthwheel.identify.one_stage.identification import build_identification

@@ -33,7 +33,7 @@ class ScaledPosterior:
     names: tuple[str, ...]
     information: Array  # (k, k) of the logs, without the prior
     covariance: Array  # (k, k)
-    nuisances: tuple[int, ...] = ()  # indices of sensor errors and initial states
+    nuisances: tuple[int, ...] = ()  # indices of all but the estimated parameters
 
     model_covariance: Array = field(default_factory=lambda: np.zeros((0, 0)))  # P (k, k)
     predictive: Array = field(default_factory=lambda: np.zeros(0))  # standard deviation (k,) of the estimates
@@ -51,7 +51,7 @@ class ScaledPosterior:
     ) -> Self:
         """The posterior by the equations of this module: information H (k, k), scores M (k, k).
 
-        M is H if it is None: the model is right. `nuisances` are indices of sensor errors and initial states,
+        M is H if it is None: the model is right. `nuisances` are indices of all but the estimated parameters,
         `precision` (k, k) is that of the prior, by default I; the prior is N(0, I) if it is None.
         """
         H = (information + information.T) / 2
@@ -78,7 +78,7 @@ class ScaledPosterior:
         return np.sqrt(np.diag(self.covariance))
 
     def conditional_sigma(self, i: int) -> float:
-        """Standard deviation of z_i if all other parameters were known, but not the sensor errors and initial states.
+        """Standard deviation of z_i if all other estimated parameters were known, but not the other unknowns.
 
         If those were known too, the small yaw rate that a steering offset causes would count as excitation.
         """

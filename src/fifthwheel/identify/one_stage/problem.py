@@ -105,16 +105,16 @@ class Problem:
             logs.append(replace(log, segments=[_corrected(segment, own) for segment in log.segments]))
         return Problem(self.setup, logs, self._earlier)
 
-    def without_prior(self, name: str, *, tail: float, wider: float) -> "Problem":
-        """The problem in which an unknown has almost no prior and wider bounds; of an unknown of a log, in all logs.
+    def with_gross_error(self, name: str, factor: float, largest: float) -> "Problem":
+        """The problem in which the prior of an unknown is so many times wider, without earlier logs; of an unknown of a
+        log, in all logs.
 
         Args:
             name: of an element of z.
-            tail: where its prior becomes exponential, in its standard deviations; the smaller, the weaker it is.
-            wider: factor of the distance of its bounds from its prior mean.
+            factor: of its prior standard deviation, the new unit of z.
+            largest: distance of its bounds from its prior mean, in the new standard deviations.
         """
-        unknown = self.unknowns_by_name[name]
-        setup = self.setup.with_unknown(unknown.without_prior(tail, wider))
+        setup = self.setup.with_unknown(self.unknowns_by_name[name].widened(factor, largest))
         others = frozenset(self.names) - {name}
         return Problem(setup, self.logs, self._earlier and self._earlier.among(others))
 
@@ -154,9 +154,8 @@ class Problem:
 
     @property
     def nuisances(self) -> tuple[int, ...]:
-        """Indices of the sensor errors, of what varies from log to log, and of the initial states."""
-        parameters = {u.name for u in self.unknowns if not u.is_sensor_error}
-        return tuple(i for i, name in enumerate(self.names) if name not in parameters)
+        """Indices of all unknowns but the estimated parameters."""
+        return tuple(i for i, name in enumerate(self.names) if name not in self.setup.estimated)
 
     @property
     def bounds(self) -> tuple[Array, Array]:

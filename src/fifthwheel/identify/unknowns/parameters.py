@@ -155,8 +155,9 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
     ]
     unknowns += _self_steering_unknowns(vehicle, [u.name for u in unknowns], settings)
     unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
+    ranges = vehicle.parameter_ranges()
     return [
-        *unknowns,
+        *(u.within(*ranges[u.name]) if u.name in ranges and not u.moves else u for u in unknowns),
         *sensor_error_unknowns(vehicle, outputs, settings),
         *_model_errors(vehicle, outputs, settings),
     ]
@@ -283,7 +284,7 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
         sigmas |= {name: factor * s for name, s in change.slopes.items() if ends_with(name, "self_steering")}
     exact, values = {*done, *expand_names(vehicle, settings.fixed, settings)}, vehicle.parameters()
     unknowns = [change_unknown(name, sigma) for name, sigma in sigmas.items() if sigma and name not in exact]
-    return [replace(u, centre=values.get(u.name, 0.0), lower=0.0, upper=1.0) for u in unknowns]
+    return [replace(u, centre=values.get(u.name, 0.0), upper=1.0).within(0.0, 1.0) for u in unknowns]
 
 
 def _fixed_last_axles(vehicle: Vehicle) -> list[str]:

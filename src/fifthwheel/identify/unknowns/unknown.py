@@ -8,27 +8,16 @@ from enum import Enum
 import numpy as np
 
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.formatting import percent
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.names import ends_with
-from fifthwheel.vehicle.parameters import POSITIONS
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
 BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
-LARGEST_SHIFT = 2.0
-"""A position differs from that of the vehicle file by at most this length, m."""
-LARGEST_FACTOR = 4.0
-"""Of a wrong number of the vehicle file that is not a mass: that of one twin tyre, or of one axle of a tridem."""
-LARGEST_FACTORS = {"half_track": 1.5, "relative_friction": 1.5, "relaxation_length": 3.0}
-"""Of quantities that vary less: trucks are as wide as the road allows, have similar tyres on all axles, and tyres have
-lags of 0.3 to 0.7 m."""
-LARGEST_CLOCK_ERROR = 0.2
-"""Fraction; larger than that of a sampling rate that was noted wrongly."""
 BOUND_SIGMAS = 8.0
 """A sensor error stays within this number of prior standard deviations."""
 
@@ -56,6 +45,7 @@ class Unknown:
     lower: float  # bounds of p
     upper: float
     kind: UnknownKind
+    possible: tuple[float, float] = (-math.inf, math.inf)  # range of p in any vehicle
     logarithmic: bool = False
     per_log: bool = False  # each log has its own
     tail: float = math.inf  # where the exponential tail of its prior begins, in z; infinite: normal
@@ -90,29 +80,18 @@ class Unknown:
         """Change of p, SI, from its prior mean by so many prior standard deviations."""
         return self.centre * math.expm1(self.scale * deviation) if self.logarithmic else self.scale * deviation
 
-    def is_possible(self, deviation: float) -> bool:
-        """Whether p may be so many prior standard deviations from its prior mean.
+    def within(self, low: float, high: float) -> "Unknown":
+        """The unknown with bounds within the range that it can have, widened to its centre."""
+        possible = min(low, self.centre), max(high, self.centre)
+        lower, upper = max(self.lower, possible[0]), min(self.upper, possible[1])
+        return replace(self, lower=lower, upper=upper, possible=possible)
 
-        A factor of at most `LARGEST_FACTOR`, or that of `LARGEST_FACTORS`, a length of at most `LARGEST_SHIFT`, the
-        rate of a clock by `LARGEST_CLOCK_ERROR`; a mass by a factor of at most `BOUND_FACTOR`.
-        """
-        if self.logarithmic:
-            factor = LARGEST_FACTORS.get(self.name.rpartition(".")[2], LARGEST_FACTOR)
-            return abs(self.scale * deviation) <= math.log(factor)
-        if TIME_SCALE in self.moves:
-            return abs(self.scale * deviation) <= LARGEST_CLOCK_ERROR
-        factors = [1 + self.moves[path] * self.scale * deviation / value for path, value in self.given.items()]
-        if not all(1 / BOUND_FACTOR <= factor <= BOUND_FACTOR for factor in factors):
-            return False
-        lengths = [path for path in self.moves if path.rpartition(".")[2] in POSITIONS]
-        return all(abs(self.moves[path] * self.scale * deviation) <= LARGEST_SHIFT for path in lengths)
-
-    def without_prior(self, tail: float, wider: float) -> "Unknown":
-        """The unknown with another tail, and bounds so many times further apart unless it is logarithmic."""
-        if self.logarithmic:
-            return replace(self, tail=tail)
-        low, high = (self.centre + wider * (bound - self.centre) for bound in (self.lower, self.upper))
-        return replace(self, tail=tail, lower=low, upper=high)
+    def widened(self, factor: float, largest: float) -> "Unknown":
+        """The unknown with so many times the prior standard deviation, and bounds so many of the new ones away."""
+        z = np.array([-largest, largest]) * self.scale * factor
+        lower, upper = (self.centre * np.exp(z) if self.logarithmic else self.centre + z).tolist()
+        wide = replace(self, scale=self.scale * factor, lower=lower, upper=upper, tail=math.inf)
+        return wide.within(*self.possible)
 
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""
