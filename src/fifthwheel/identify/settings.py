@@ -163,7 +163,7 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "tyre.shape": 0.12,
     "tyre.stiffness_load_sensitivity": 0.4,
     "tyre.friction_load_sensitivity": 0.5,
-    "tyre.combined_slip": 0.5,
+    "tyre.combined_slip": 0.45,
     "body.half_track": 0.05,
     "static_load": 0.02,
     "relative_friction": 0.05,

@@ -159,20 +159,21 @@ class _Estimator:
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior, with adapted noise in several fits.
 
-        The early fits use the most steered parts of long logs. If the truck that they find does not follow the rest of
-        the logs, such as one that skids there, they use all samples. The last fit, whose first step is the largest,
-        fits the noise model once more after that step.
+        The early fits use the most steered parts of long logs. As long as the truck that they find does not follow the
+        rest of the logs, such as one that skids there, these parts become longer. The last fit, whose first step is the
+        largest, fits the noise model once more after that step.
         """
         if not self.setup.settings.adapt_noise:
             return self._fit(problem, self._initial(problem), WHITE, progress)
-        early = self._early_fits(problem.shortened(EARLY_SAMPLES), progress)
-        if len(early.objective) < len(problem):
+        samples, early = EARLY_SAMPLES, self._early_fits(problem.shortened(EARLY_SAMPLES), progress)
+        while len(early.objective) < len(problem):
             z = early.z
             for indices in itertools.chain(*problem.layout.initial_states):  # the parts begin later than the segments
                 z[indices] = 0.0
             if problem.excess(z, early.objective) < LARGEST_EXCESS:
                 return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
-            early = self._early_fits(problem, progress)
+            samples *= 2
+            early = self._early_fit(_coloured(problem.shortened(samples), z), z, progress)
         return self._fit(_coloured(early.objective, early.z), early.z, FINAL, progress, reweighted=_coloured)
 
     def _early_fits(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
@@ -191,8 +192,10 @@ class _Estimator:
         )
         if not problem.output_error:
             return first
-        corrected = _coloured(first.objective, first.z)
-        return fit(corrected, first.z, EARLY, progress, tolerance=EARLY_TOLERANCE, steps=steps)
+        return self._early_fit(_coloured(first.objective, first.z), first.z, progress)
+
+    def _early_fit(self, problem: Problem, z: Array, progress: Progress) -> Minimum[Problem]:
+        return self._fit(problem, z, EARLY, progress, tolerance=EARLY_TOLERANCE, steps=EARLY_ITERATIONS)
 
     def _fit(
         self,

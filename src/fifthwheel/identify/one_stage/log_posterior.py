@@ -25,8 +25,6 @@ from fifthwheel.names import split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
 
-TOLERANCE = TOLERANCE
-"""Of the search at each point of a profile, as of the maximum."""
 
 
 def log_posterior(
