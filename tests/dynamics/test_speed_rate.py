@@ -5,7 +5,7 @@ import copy
 import numpy as np
 import pytest
 
-from fifthwheel.dynamics.speed_rate import LAG, SpeedRate, central_speed_rates, speed_rates
+from fifthwheel.dynamics.speed_rate import LAG, SpeedRate, speed_rates
 
 T = 0.2
 UNEVEN = np.cumsum(np.random.default_rng(0).uniform(0.005, 0.015, 1000))
@@ -21,16 +21,6 @@ def test_a_ramp() -> None:
     delay = np.trapezoid(1 + rates / 3, UNEVEN) - start
     assert delay == pytest.approx(LAG * T, abs=0.02)  # less two steps
     assert rates.min() > -3.0 - 1e-9  # no overshoot
-
-
-def test_central_derivatives_have_no_delay() -> None:
-    """Of a speed that falls, is constant and rises, with jumps of the derivative."""
-    slope = np.select([UNEVEN < 3, UNEVEN < 7], [-2.0, 0.0], 1.0)
-    speed = 20 + np.concatenate([[0.0], np.cumsum(slope[1:] * np.diff(UNEVEN))])
-    rates = central_speed_rates(UNEVEN, speed)
-    assert np.sum((rates[200:] - slope[200:]) * np.gradient(UNEVEN)[200:]) == pytest.approx(0.0, abs=0.05)
-    settled = np.abs(UNEVEN[:, None] - [0.0, 3.0, 7.0]).min(axis=1) > 1.5
-    np.testing.assert_allclose(rates[settled], slope[settled], atol=0.02)
 
 
 def test_noise() -> None:

@@ -65,7 +65,7 @@ def test_the_model_with_saturating_tyres(name: str) -> None:
     outputs = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "lateral_acceleration") for unit in truck.units]
     outputs += [f"load_transfer.{path}" for path in truck.axle_loads()]
     model = dynamics.model(truck, outputs, roll=True, bank=True, tyres="saturating", braking=True, free=[steer])
-    no_shift = {f"{path}.pull_load": 0.0 for path in truck.axle_loads()}
+    no_shift = {f"{truck.couplings[0].name}.height": 0.0}
     c = model.known_values(dynamics.all_parameters(truck, outputs, tyres="saturating") | no_shift)
     rng, n = np.random.default_rng(1), len(model.states)
     x, p = rng.normal(size=n) * 0.03, np.array([0.01])

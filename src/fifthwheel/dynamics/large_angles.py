@@ -25,12 +25,13 @@ and moves load from its front to its rear axle group. On a rolled body the inert
 axis: its yaw moment is -m_s h phi u' cos psi, with the heading psi of the unit from that of the first. So do the
 longitudinal forces of the couplings.
 
-The load of an axle group changes by -m_b u' + c X_c, from the balance of moments in pitch (`Vehicle.axle_loads`): m_b
-is the braking load of a truck whose groups all brake in proportion to their static loads, c the load by a pull of the
-first coupling, and X_c what X is beside the pull in such a truck. Where a trailer without brakes pushes or is pulled by
-a driven axle, X_c thus moves load between trailer, rear and front axles. Of the pull of side slip only that part counts
-which is larger than the braking forces of the units behind: it relieves their brakes. On a road with a grade,
-u' + g sin(grade) takes the place of u' in all of this, because u' occurs in forces only.
+The load of an axle group changes by -m_b u', from the balance of moments in pitch (`Vehicle.axle_loads`), with the
+braking load m_b of a truck whose groups all brake in proportion to their static loads. X without what it is in such a
+truck, at the height of the coupling, moves load from the front to the rear axle group of the first unit. Where the
+wheels of the units behind brake less or more than in such a truck, that difference, on the road, also turns these units
+in pitch and so loads the coupling; rolling resistance acts on the hubs, near the height of the coupling. Of the pull of side slip only that part counts which is larger than the braking
+forces of the units behind: it relieves their brakes. On a road with a grade, u' + g sin(grade) takes the place of u' in
+all of this, because u' occurs in forces only.
 """
 
 from collections.abc import Mapping
@@ -71,7 +72,7 @@ class LargeAngles:
     acceleration: tuple[ca.SX, ...]  # of each unit in its axes: (v' + u r, r'[, p']), m/s^2 and rad/s^2
     side_force: Expressions  # of the tyres of each axle group by its path, N
     load_change: Expressions  # of axle groups, by their path, from the static load, N
-    pull: ca.SX  # X_c, N; its derivatives are neglected, large expressions of little effect
+    pull: ca.SX  # X without what it is in a truck that brakes by its static loads, N; its derivatives are neglected
 
 
 def large_angles(
@@ -103,7 +104,7 @@ def large_angles(
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     brakes_behind, longitudinal = ca.SX(0), longitudinal_forces(p, vehicle, speed, speed_rate)
-    changes = _known_load_changes(p, vehicle, speed, speed_rate)
+    changes = _known_load_changes(p, vehicle, speed, speed_rate, longitudinal)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
@@ -140,9 +141,10 @@ def large_angles(
             brakes_behind += sum((longitudinal[path].braking for path in of_unit), ca.SX(0))
     if roll:
         force += chain.coupling_moments(p, vehicle, motion)
-    by_pull = _by_pull(p, tyres, force)
+    arms = _coupling_arms(p, vehicle)
+    by_pull = _by_load(arms, tyres, force)
     free, slope = ca.horzsplit(solve_positive_definite(M, ca.horzcat(force, by_pull)))
-    alone = (pull + pull_rate @ free) / (1 - pull_rate @ slope - _by_pull(p, tyres, pull))
+    alone = (pull + pull_rate @ free) / (1 - pull_rate @ slope - _by_load(arms, tyres, pull))
     of_coupling = stages.held(ca.fmin(alone, 0) + ca.fmax(alone + brakes_behind, 0))
     solved = stages.solved(M, force + by_pull * of_coupling, free + slope * of_coupling)
     for row, k in enumerate(velocities):
@@ -150,7 +152,7 @@ def large_angles(
     acceleration = tuple(
         (jacobians[i] @ solved)[1:] + ca.vertcat(convective[i][1], ca.SX(2 if roll else 1, 1)) for i in range(n)
     )
-    load_change = {path: p[f"{path}.pull_load"] * of_coupling for path in tyres}
+    load_change = {path: arms.get(path, 0.0) * of_coupling for path in tyres}
     return LargeAngles(
         stages=stages,
         rates=ca.densify(rate),
@@ -172,11 +174,28 @@ def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
     return front - rear
 
 
-def _known_load_changes(p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX) -> dict[str, ca.SX]:
-    """Change of the load of each axle group by its path, N, by u' and the drag of the air, without the pull X_c."""
-    unit, air = vehicle.units[0], AIR_HEIGHT / _wheelbase(p, vehicle) * drag(p[DRAG_AREA], speed)
-    paths = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
-    changes = {path: -p[f"{path}.braking_load"] * speed_rate for path in paths}
+def _coupling_arms(p: Expressions, vehicle: Vehicle) -> dict[str, ca.SX]:
+    """Load that an axle group of the first unit gains by a pull of its coupling, as a fraction of the pull."""
+    unit, height = vehicle.units[0], p[f"{vehicle.couplings[0].name}.height"] if vehicle.couplings else ca.SX(0)
+    arm = height / _wheelbase(p, vehicle)
+    return {unit.group_path(unit.axle_groups[0]): -arm, unit.group_path(unit.axle_groups[-1]): arm}
+
+
+def _known_load_changes(
+    p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX, longitudinal: Mapping[str, Longitudinal]
+) -> dict[str, ca.SX]:
+    """Change of the load of each axle group by its path, N, by u', by the pitch of the units behind where their wheels
+    do not brake like all, and by the drag of the air; without `_coupling_arms` times X."""
+    paths = [(i, unit.group_path(group)) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups]
+    lacking = sum(
+        (p[f"{path}.static_load"] / GRAVITY * speed_rate - longitudinal[path].braking for i, path in paths if i), NO_CHANGE
+    )
+    arms, air = _coupling_arms(p, vehicle), AIR_HEIGHT / _wheelbase(p, vehicle) * drag(p[DRAG_AREA], speed)
+    changes = {}
+    for _, path in paths:
+        arm = arms.get(path, NO_CHANGE)
+        changes[path] = (p[f"{path}.pull_load"] - arm) * lacking - p[f"{path}.braking_load"] * speed_rate
+    unit = vehicle.units[0]
     changes[unit.group_path(unit.axle_groups[0])] -= air
     changes[unit.group_path(unit.axle_groups[-1])] += air
     return changes
@@ -225,13 +244,13 @@ class _Tyres(NamedTuple):
         return sum(((secant[0] + load_change * slope[0]) * slip for secant, slope, slip in each), ca.SX(0))
 
 
-def _by_pull(p: Expressions, tyres: Mapping[str, _Tyres], forces: ca.SX) -> ca.SX:
-    """Derivative of forces by the pull X_c, through the loads that it moves."""
+def _by_load(gains: Expressions, tyres: Mapping[str, _Tyres], forces: ca.SX) -> ca.SX:
+    """Derivative of forces by the loads that axle groups gain, by the path of the group."""
     return sum(
         (
-            p[f"{path}.pull_load"] * ca.jacobian(forces, secant) @ slope
-            for path, group in tyres.items()
-            for secant, slope in zip(group.secants, group.by_load, strict=True)
+            gain * ca.jacobian(forces, secant) @ slope
+            for path, gain in gains.items()
+            for secant, slope in zip(tyres[path].secants, tyres[path].by_load, strict=True)
         ),
         ca.SX(*forces.shape),
     )

@@ -37,14 +37,13 @@ each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3). Where X > 0
 drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up to `AUXILIARY` m, and the
 brakes of all groups give the rest in proportion to the static loads. The longitudinal force F_x of a group is that of
 drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
-+ lambda and 1 + dN / N - lambda. With the slips s_x and s_y over those at which a linear tyre has the
-force mu N, and a force along the slip (s_x, s_y) of the magnitude mu N s / sqrt(1 + s^2), the side force at a given F_x
-is that without it times
++ lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its side force:
 
-    e = sqrt(1 - b (F_x / (mu N))^2),        b = 1,
+    C k sqrt(1 - b (F_x / (mu N))^2),        mu sqrt(1 - (c F_x / (mu N))^2),
 
-of each side, which reduces stiffness and friction. The trail falls by e^2: it is t_0 (1 - f^2), with the fraction f of
-the friction that both forces use.
+the latter because both forces together are at most the peak mu N / c. b is 1 for a tyre with the same curve along and
+across the wheel, and less for tyres that are stiffer along it. The trail is t_0 (1 - f^2), with the fraction f of the
+friction that both forces use.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -229,12 +228,12 @@ def saturating(p: Expressions, path: str, contact: Contact, side_force: SideForc
         change = side * transfer + forward
         k = 1 - stiffness_sensitivity * change
         limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
-        used = longitudinal / (limit * ca.fmax(1 + change, SMALL_LOAD))
-        e = _braked_factor(p[COMBINED_SLIP] * used**2)
-        friction = limit / N
-        reduction = 1 / fraction(slip, 1 / friction, C * k / limit, friction)  # at a limit of 1 N, for any load
-        secant = C / 2 * (1 + change) * k / reduction * e
-        secants += ca.vertcat(secant) if trail is None else ca.vertcat(secant, trail * e**2 / reduction**2 * secant)
+        used = (longitudinal / (limit * ca.fmax(1 + change, SMALL_LOAD))) ** 2
+        stiffness = C * k * _braked_factor(p[COMBINED_SLIP] * used)
+        grip, friction = _braked_factor(p.get(SHAPE, 1) ** 2 * used), limit / N
+        reduction = 1 / fraction(slip, 1 / friction, stiffness / (limit * grip), friction)  # at 1 N, for any load
+        secant = stiffness / 2 * (1 + change) / reduction
+        secants += ca.vertcat(secant) if trail is None else ca.vertcat(secant, trail * grip**2 / reduction**2 * secant)
     return secants
 
 
@@ -247,7 +246,7 @@ def law_of(tyres: Tyres) -> Law:
 
 
 def _braked_factor(loss: ca.SX) -> ca.SX:
-    """sqrt(1 - loss), with a smooth transition to `LOCKED`; exactly 1 without braking."""
+    """sqrt(1 - loss), with a smooth transition to `LOCKED`; exactly 1 at a loss of 0."""
 
     def ramp(x: ca.SX | float) -> ca.SX:
         return (x + ca.sqrt(x * x + LOCKING**2)) / 2
