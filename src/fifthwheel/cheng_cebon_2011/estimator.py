@@ -5,13 +5,17 @@
                   -> identified vehicle
 
 The article stops there. Its stage 1 has no roll, which biases the parameters of its own vehicle by 2 to 4 %. By default
-both stages are therefore repeated with the yaw-roll model and the latest payload height until no parameter changes.
+both stages are therefore repeated with the yaw-roll model and the latest payload height until no parameter changes, and
+steps of Gauss and Newton follow for all unknowns together: rounds creep along directions in which parameters of both
+stages and sensor errors act alike, and end before the maximum.
 """
 
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 import fifthwheel
 from fifthwheel import dynamics
@@ -33,13 +37,19 @@ from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.identify.verdict import Verdict, estimate_verdict
+from fifthwheel.identify.verdict import Verdict, estimate_verdict, still_moving
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import compile_in_background
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.steering import require_no_steering
 
+STEPS = 5
+"""Steps of Gauss and Newton at most."""
+LARGEST_STEP = 2.0
+"""Of an unknown, in standard deviations of its prior."""
+SETTLED = 0.1
+"""In standard deviations: the last step."""
 EXACT_FILE_NOTE = (
     "The two-stage method assumes that all other values of the vehicle file are exact: suspension, roll axes, yaw "
     "inertia of the first unit. Its sigma does not include their uncertainty; the sigma of the one-stage method does."
@@ -113,6 +123,19 @@ class _State:
             accepted=result.accepted,
         )
 
+    def moved(self, problem: DualProblem, change: Mapping[str, float]) -> "_State":
+        """The state with the unknowns changed in units of z, within their bounds; those of log i are "name@i"."""
+        scale, logs, shared = problem.scaling, list[LogData](), dict[str, float]()
+        for i, log in enumerate(self.logs):
+            values = problem.values(self.values, log)
+            step = [change[f"{u.name}@{i}" if u.per_log else u.name] for u in problem.unknowns]
+            p = np.clip(scale.to_p(problem.z(values) + step), scale.lower, scale.upper)
+            new = dict(zip(problem.names, p.tolist(), strict=True))
+            shared |= {u.name: new[u.name] for u in problem.unknowns if not u.per_log}
+            own = {u.name: new[u.name] for u in problem.unknowns if u.per_log}
+            logs.append(replace(log, errors={**log.errors, **own}))
+        return replace(self, values={**self.values, **shared}, logs=tuple(logs))
+
 
 @dataclass(frozen=True, kw_only=True)
 class _TwoStages:
@@ -143,8 +166,7 @@ class _TwoStages:
         posterior = evaluate_posterior(self.yaw, state.logs, state.values, gated=False)
         not_excited = self._not_excited(posterior)
         for attempt in itertools.count():
-            state = self._stages(self._initial(not_excited), progress)
-            posterior = evaluate_posterior(self.full, state.logs, state.values)
+            state, posterior = self._refined(self._stages(self._initial(not_excited), progress))
             latest = self._not_excited(posterior)
             if attempt:
                 latest |= not_excited
@@ -183,6 +205,18 @@ class _TwoStages:
             if all(state.settled.values()):
                 break
         return state
+
+    def _refined(self, state: _State) -> tuple[_State, TwoStagePosterior]:
+        """The state after steps of Gauss and Newton, which the article does not have, and its posterior."""
+        posterior = evaluate_posterior(self.full, state.logs, state.values)
+        for _ in range(STEPS if self.settings.restart else 0):
+            step = posterior.next_step(state.not_excited)
+            if posterior.unstable or not (np.abs(step) > SETTLED * posterior.sigma).any():
+                break
+            change = dict(zip(posterior.names, step * min(1.0, LARGEST_STEP / np.abs(step).max()), strict=True))
+            state = state.moved(self.full, change)
+            posterior = evaluate_posterior(self.full, state.logs, state.values)
+        return state, posterior
 
     def _stage(
         self, state: _State, title: str, problem: DualProblem, active: Sequence[str], progress: Progress
@@ -267,7 +301,7 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
         return free_run_fits(free_running, vehicle, log, unknowns, values=shared, identified_on=identified_on)
 
     evaluation = evaluate_fits(dataset, state.logs, fits_of, estimator.settings)
-    parameter_estimates = _estimates(estimator, state, sigma_z, trusted=evaluation.trusted)
+    parameter_estimates = _estimates(estimator, state, posterior, sigma_z, trusted=evaluation.trusted)
     used = zip(dataset.records, state.logs, state.accepted, strict=True)
     summaries = tuple(estimates.log_summary(record, log, outputs, accepted) for record, log, accepted in used)
     return Identification(
@@ -289,11 +323,19 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
     )
 
 
-def _estimates(estimator: _TwoStages, state: _State, sigma_z: Mapping[str, float], *, trusted: bool) -> list[Estimate]:
+def _estimates(
+    estimator: _TwoStages,
+    state: _State,
+    posterior: TwoStagePosterior,
+    sigma_z: Mapping[str, float],
+    *,
+    trusted: bool,
+) -> list[Estimate]:
     """Estimates of all parameters of both stages, also of those that are fixed or have no roll rate."""
     settings, vehicle = estimator.settings, estimator.dataset.initial_vehicle
     given, unknowns = vehicle.parameters(), {u.name: u for u in estimator.estimated}
     result = []
+    moving = still_moving(posterior.names, posterior.next_step(state.not_excited), posterior.sigma)
     for name in (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle)):
         stage = 2 if name in parameters.stage_2_names(vehicle) else 1
         if name not in unknowns:
@@ -304,9 +346,8 @@ def _estimates(estimator: _TwoStages, state: _State, sigma_z: Mapping[str, float
         if name in state.not_excited:
             value, sigma, initial, verdict = given[name], 1.0, given[name], Verdict.NOT_EXCITED
         else:
-            # a sigma above that of the prior is no estimate
-            converged = trusted and state.settled.get(name, False) and sigma < 1
-            verdict = estimate_verdict(unknown, value, sigma, converged=converged)
+            converged = trusted and name not in moving
+            verdict = estimate_verdict(unknown, value, sigma, excited=settings.excited, converged=converged)
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(
             estimates.parameter_estimate(

@@ -5,14 +5,16 @@ s^2 and the gradient g of the prediction with respect to z. With the prior z ~ N
 
     information        H = I + sum g g' / s^2            covariance     P = H^-1
     scores             sum over channels of g e / s^2    sandwich       P (I + M) P
+    Hessian            H, with gradients as measured     next step      H^-1 (sum of the scores - z)
     roll bias score    b                                 bias           P b
 
 M is the long-run covariance of the sum of the scores (Newey and West 1987). Where the innovations are white, M = H - I
 and both covariances agree. b is the score that the yaw model collects on a vehicle that rolls.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -39,6 +41,8 @@ class TwoStagePosterior:
     covariance: Array  # (k, k) P
     sandwich: Array  # (k, k) the same from autocorrelated scores
     bias: Array  # (k,) shift of each unknown by the missing roll; zero if the model has roll
+    gradient: Array  # (k,) of the log posterior
+    hessian: Array  # (k, k) of the negative log posterior (Gauss-Newton)
     unstable: bool  # the vehicle is unstable at these values; the covariances are those of the prior
 
     def excited(self, name: str, limit: float) -> bool:
@@ -50,6 +54,13 @@ class TwoStagePosterior:
             return True
         i = self.names.index(name)
         return bool(self.covariance[i, i] < limit**2)
+
+    def next_step(self, fixed: Collection[str]) -> Array:
+        """Change of each z (k,) by the next step of Gauss and Newton; 0 of those that are fixed."""
+        free = np.flatnonzero([name not in fixed for name in self.names])
+        step = np.zeros(len(self.names))
+        step[free] = np.linalg.solve(self.hessian[np.ix_(free, free)], self.gradient[free])
+        return step
 
     @property
     def sigma(self) -> Array:
@@ -69,14 +80,18 @@ def evaluate_posterior(
     names += [f"{u.name}@{i}" for i in range(len(logs)) for u in unknowns if u.per_log]
     k = len(names)
     information, score_covariance, bias_score = np.eye(k), np.eye(k), np.zeros(k)
+    z, gradient, hessian = np.zeros(k), np.zeros(k), np.eye(k)
     for i, log in enumerate(logs):
         indices = [names.index(f"{u.name}@{i}" if u.per_log else u.name) for u in unknowns]
         fixed = _FixedFilter(problem=problem, log=log, values=problem.values(values, log))
+        z[indices] = problem.z(fixed.values)
         for segment in log.segments:
-            scores, gram = fixed.scores(segment, gated=gated)
+            part = fixed.information(segment, gated=gated)
             lags = max(int(problem.settings.correlation_time * segment.rate), 1)
-            information[np.ix_(indices, indices)] += gram
-            score_covariance[np.ix_(indices, indices)] += long_run_covariance(scores, lags)
+            information[np.ix_(indices, indices)] += part.information
+            score_covariance[np.ix_(indices, indices)] += long_run_covariance(part.scores, lags)
+            gradient[indices] += part.gradient
+            hessian[np.ix_(indices, indices)] += part.hessian
             if not problem.roll:
                 bias_score[indices] += fixed.roll_bias_score(segment)
     unstable = not np.linalg.cond(information) < SINGULAR
@@ -88,8 +103,25 @@ def evaluate_posterior(
         covariance=covariance,
         sandwich=covariance @ score_covariance @ covariance,
         bias=covariance @ bias_score,
+        gradient=gradient - z,
+        hessian=hessian,
         unstable=unstable,
     )
+
+
+class _Part(NamedTuple):
+    """What a segment tells of n unknowns, from N samples."""
+
+    scores: Array  # (N, n)
+    information: Array  # (n, n)
+    gradient: Array  # (n,) of the log likelihood, at the measured segment
+    hessian: Array  # (n, n)
+
+
+def _gram(gradients: Array, weight: Array) -> Array:
+    """Sum (n, n) of g g' w over samples and channels, of gradients (M, m, n) and weights (M, m)."""
+    rows = (np.sqrt(weight)[..., None] * gradients).reshape(-1, gradients.shape[-1])
+    return np.asarray(rows.T @ rows)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -107,19 +139,23 @@ class _FixedFilter:
         filtered = problem.run(self.log, rows, self.values, z=problem.z(self.values), Pz=np.zeros((n, n)))
         return filtered.innovation, filtered.accepted / filtered.innovation_variance, filtered.sensitivity
 
-    def scores(self, segment: Record, *, gated: bool) -> tuple[Array, Array]:
-        """Scores (N, n) of the samples and their information (n, n).
+    def information(self, segment: Record, *, gated: bool) -> _Part:
+        """What a segment tells of the unknowns.
 
-        The gradients are those of the predicted segment. Along the measured segment they would contain the noise of the
-        sensors, which looks like excitation: on a straight road there is nothing else.
+        Scores and information have the gradients of the predicted segment. Along the measured segment they would
+        contain the noise of the sensors, which looks like excitation: on a straight road there is nothing else.
         """
-        innovation, weight, _ = self.run(segment)
-        _, ungated_weight, gradient = self.run(self.predicted(segment, roll=self.problem.roll))
+        innovation, weight, measured = self.run(segment)
+        _, ungated_weight, predicted = self.run(self.predicted(segment, roll=self.problem.roll))
         if not gated:
             weight = ungated_weight
-        scores = np.einsum("km,kmn->kn", innovation * weight, gradient)
-        rows = (np.sqrt(weight)[..., None] * gradient).reshape(-1, gradient.shape[-1])
-        return scores[(weight > 0).any(axis=1)], rows.T @ rows
+        scores, gradient = (np.einsum("km,kmn->kn", innovation * weight, each) for each in (predicted, measured))
+        return _Part(
+            scores=scores[(weight > 0).any(axis=1)],
+            information=_gram(predicted, weight),
+            gradient=gradient.sum(axis=0),
+            hessian=_gram(measured, weight),
+        )
 
     def roll_bias_score(self, segment: Record) -> Array:
         """Score (n,) that the yaw model collects on a vehicle that rolls.

@@ -29,9 +29,9 @@ The load of an axle group changes by -m_b u', from the balance of moments in pit
 braking load m_b of a truck whose groups all brake in proportion to their static loads. X without what it is in such a
 truck, at the height of the coupling, moves load from the front to the rear axle group of the first unit. Where the
 wheels of the units behind brake less or more than in such a truck, that difference, on the road, also turns these units
-in pitch and so loads the coupling; rolling resistance acts on the hubs, near the height of the coupling. Of the pull of side slip only that part counts which is larger than the braking
-forces of the units behind: it relieves their brakes. On a road with a grade, u' + g sin(grade) takes the place of u' in
-all of this, because u' occurs in forces only.
+in pitch and so loads the coupling; rolling resistance acts on the hubs, near the height of the coupling. Of the pull of
+side slip only that part counts which is larger than the braking forces of the units behind: it relieves their brakes.
+On a road with a grade, u' + g sin(grade) takes the place of u' in all of this, because u' occurs in forces only.
 """
 
 from collections.abc import Mapping
@@ -188,7 +188,8 @@ def _known_load_changes(
     do not brake like all, and by the drag of the air; without `_coupling_arms` times X."""
     paths = [(i, unit.group_path(group)) for i, unit in enumerate(vehicle.units) for group in unit.axle_groups]
     lacking = sum(
-        (p[f"{path}.static_load"] / GRAVITY * speed_rate - longitudinal[path].braking for i, path in paths if i), NO_CHANGE
+        (p[f"{path}.static_load"] / GRAVITY * speed_rate - longitudinal[path].braking for i, path in paths if i),
+        NO_CHANGE,
     )
     arms, air = _coupling_arms(p, vehicle), AIR_HEIGHT / _wheelbase(p, vehicle) * drag(p[DRAG_AREA], speed)
     changes = {}

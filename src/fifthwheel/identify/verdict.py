@@ -1,9 +1,12 @@
 """The verdict on an estimate, and all rules that decide it."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from enum import StrEnum
 
+import numpy as np
+
+from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -33,6 +36,14 @@ class Verdict(StrEnum):
 CONFOUNDED = 0.5
 """A parameter is NOT_IDENTIFIABLE if less than this fraction of its prior standard deviation would remain with all
 other estimated parameters known: a quarter of the variance."""
+
+STILL_MOVING = 0.5
+"""An estimate that the next step would move by more than this number of its standard deviations has not converged."""
+
+
+def still_moving(names: Sequence[str], step: Array, sigma: Array) -> set[str]:
+    """The names of estimates that have not converged, by the next step (k,) and the standard deviations (k,)."""
+    return {name for name, s in zip(names, np.abs(step) / sigma, strict=True) if s > STILL_MOVING}
 
 
 def uninformed_parameters(

@@ -34,7 +34,7 @@ TYRE_PARAMETERS: Mapping[str, TyreParameter] = {
     HALF_TRACK: TyreParameter("m", ObserverOptions.half_track),  # half the distance of the tyres of both sides
     STIFFNESS_SENSITIVITY: TyreParameter("1", 0.2),  # of six truck and bus tyres: 0.1 to 0.37
     FRICTION_SENSITIVITY: TyreParameter("1", 0.09),  # of the same tyres: 0.07 to 0.19
-    COMBINED_SLIP: TyreParameter("1", 0.7),  # 1: the same curve along and across the wheel; 0.4: Magic Formula of truck tyres
+    COMBINED_SLIP: TyreParameter("1", 0.7),  # 1: as stiff along the wheel as across it; Magic Formula of trucks: 0.5
     DRAG_AREA: TyreParameter("m^2", 6.0),  # drag coefficient times frontal area: 0.5 to 0.8 times 8 to 10 m^2
     ROLLING_RESISTANCE: TyreParameter("1", 0.006),  # force over load: 0.004 to 0.008 for truck tyres (ISO 28580)
     DRIVE_AXLE_BRAKING: TyreParameter("1", 0.0),  # 0: by brakes on all wheels; 1: by engine and retarder

@@ -28,6 +28,7 @@ from fifthwheel.identify.verdict import (
     estimate_verdict,
     is_stated,
     remaining_fraction,
+    still_moving,
     uncertain_verdict,
     uninformed_parameters,
 )
@@ -35,9 +36,6 @@ from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
-
-STILL_MOVING = 0.5
-"""An estimate that the next step would move by more than this number of its standard deviations has not converged."""
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
@@ -64,7 +62,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     doubts = find_doubts(solution, causes.likely, left)
     doubtful = {name for doubt in doubts for name in doubt.parameters}
     step = remaining_step(minimum)
-    moving = {name for name, s in zip(posterior.names, np.abs(step) / posterior.sigma, strict=True) if s > STILL_MOVING}
+    moving = still_moving(posterior.names, step, posterior.sigma)
     uninformed = {} if left is not None else _uninformed(solution, shared)
     estimated, uncertain = [], []
     for u in model_unknowns:

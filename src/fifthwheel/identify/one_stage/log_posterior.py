@@ -26,7 +26,6 @@ from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
 
 
-
 def log_posterior(
     records: Sequence[Record],
     vehicle: Vehicle,
