@@ -6,6 +6,7 @@ import pytest
 
 from fifthwheel.errors import SignalError
 from fifthwheel.record import Record
+from fifthwheel.record.record import segments_above
 
 T = np.arange(0, 20, 0.1)
 
@@ -86,15 +87,42 @@ def test_short_gaps_of_an_input_are_interpolated():
         (4.05, 6.0, "4.00 to 6.00"),
         (-1, 0.95, "0.00 to 1.00"),
         (18.95, 99, "18.90 to 19.90"),
-        (-1, 99, "0.00 to 19.90"),
     ],
 )
 def test_long_gaps_of_an_input_are_refused(start, stop, where):
-    with pytest.raises(
-        SignalError,
-        match=rf"speed: \d+% of the samples are missing; the longest gap is {where} s; up to 0.5 s",
-    ):
+    with pytest.raises(SignalError, match="speed: missing in all samples of"):
+        with_gap(-1, 99).input("speed", np.inf)
+    with pytest.raises(SignalError, match=rf"speed: missing from {where} s; up to 0\.5 s"):
         with_gap(start, stop).input("speed")
+
+
+@pytest.mark.parametrize(
+    ("start", "stop", "spans"),
+    [
+        (4.05, 4.45, [(0, 19.9)]),
+        (4.05, 4.55, [(0, 4.0), (4.6, 19.9)]),
+        (-1, 0.45, [(0, 19.9)]),
+        (-1, 0.55, [(0.6, 19.9)]),
+        (19.45, 99, [(0, 19.9)]),
+        (19.35, 99, [(0, 19.3)]),
+    ],
+)
+def test_a_long_gap_of_an_input_ends_a_segment(start, stop, spans):
+    names = ("speed", "yaw_rate.tractor")
+    for name in names:
+        gap = record(**{name: np.where((start < T) & (stop > T), np.nan, record().signals[name])})
+        segments = segments_above(gap, 5.0, names)
+        assert [segment.span for segment in segments] == [pytest.approx(span) for span in spans]
+        assert all(segment.input(name).size for segment in segments), "no gap is too long"
+        assert segments_above(gap, 5.0, [n for n in names if n != name])[0].span == gap.span
+    gap = record(speed=np.where((T > 7.05) & (T < 9), np.nan, 20.0), **{names[1]: np.where(T < 8, np.nan, T)})
+    assert [segment.span for segment in segments_above(gap, 5.0, names)] == [(pytest.approx(9.0), pytest.approx(19.9))]
+
+
+def test_an_input_with_a_sample_a_second_is_named():
+    steer = np.where(np.arange(T.size) % 10, np.nan, 0.0)
+    with pytest.raises(SignalError, match=r"steer\.tractor\.front: missing for more than 0\.5 s again and again"):
+        segments_above(record(**{"steer.tractor.front": steer}), 5.0, ("speed", "steer.tractor.front"))
 
 
 def test_a_pause_of_all_signals_is_no_gap_of_an_input():
@@ -106,7 +134,7 @@ def test_a_pause_of_all_signals_is_no_gap_of_an_input():
     np.testing.assert_array_equal(record.input("speed"), 20.0)
     assert [segment.span for segment in record.segments()] == [(0, 1.99), (7, pytest.approx(8.99))]
     missing = np.where((time > 1) & (time < 1.8), np.nan, speed)
-    with pytest.raises(SignalError, match=r"the longest gap is 1\.00 to 1\.80 s"):
+    with pytest.raises(SignalError, match=r"speed: missing from 1\.00 to 1\.80 s"):
         record.with_signals({"speed": missing}).input("speed")
 
 

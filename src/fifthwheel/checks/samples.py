@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
@@ -27,6 +28,8 @@ _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
 _BURST = 0.1
 """Duration of the longest spike, s."""
+_CHUNK = 50_000
+"""Samples that are searched for spikes at once, which bounds the memory."""
 
 
 def present_samples(record: Record, name: str) -> tuple[Array, Array]:
@@ -84,24 +87,26 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
 
 
 def spike_mask(name: str, time: Array, values: Array) -> NDArray[np.bool_]:
-    """Mask (n,) of the spikes of a signal: single samples, or bursts up to `_BURST`, that no truck makes.
+    """Mask (n,) of the spikes of a signal: single samples, or bursts up to about `_BURST`, that no truck makes.
 
-    They are off the median of the samples around them by more than 8 robust sigmas, and by more than the signal can
-    change in that time. No sample is a spike if more than a tenth of them would be: then the signal or its unit is
-    wrong. A signal that `channels` does not limit has none.
+    They are off the median of the samples around them by more than 8 robust sigmas, by more than the signal can change
+    in that time, and by more than 5 % of its range, because a signal in a wrong unit changes fast. No sample is a spike
+    if more than a tenth of them would be: then the signal or its unit is wrong. A signal that `channels` does not limit
+    has none.
     """
     limit, mask = limit_of(name), np.zeros(values.size, dtype=bool)
     if limit is None or values.size < 5:
         return mask
     step = float(np.median(np.diff(time)))
     half = max(round(1.5 * _BURST / step), 2)
-    jump = limit.jump * max(0.75, step / 0.1)  # of a peak over its median, with the fastest change before and after it
-    if not np.abs(np.diff(values)).max() > jump / half:
-        return mask
-    from scipy.ndimage import median_filter  # slow to import
-
-    deviation = np.abs(values - median_filter(values, 2 * half + 1, mode="mirror"))
-    mask = deviation > max(8 * 1.4826 * float(np.median(deviation)), jump)
+    noise = 1.4826 * float(np.median(np.abs(np.diff(values)))) / math.sqrt(2)
+    low, high = np.quantile(values, [_MAX_SPIKES / 2, 1 - _MAX_SPIKES / 2])
+    # a peak is off its median by less than the fastest change before and after it
+    threshold = max(8 * noise, limit.jump * max(0.75, step / 0.1), 0.05 * float(high - low))
+    around = sliding_window_view(np.pad(values, half, mode="reflect"), 2 * half + 1)
+    for rows in np.array_split(np.arange(values.size), math.ceil(values.size / _CHUNK)):
+        rows = rows[np.ptp(around[rows], axis=1) > threshold]
+        mask[rows] = np.abs(values[rows] - np.median(around[rows], axis=1)) > threshold
     return mask if np.mean(mask) < _MAX_SPIKES else np.zeros_like(mask)
 
 

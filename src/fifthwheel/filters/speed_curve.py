@@ -12,7 +12,7 @@ from fifthwheel._types import Array
 from fifthwheel.filters.spline import Spline
 
 WIDTH = 0.28
-"""Standard deviation of the weights, s: white noise of 0.1 m/s at 100 Hz gives a u' of 0.02 m/s^2."""
+"""Standard deviation of the weights, s: white noise of 0.1 m/s at 100 Hz gives a u' of 0.025 m/s^2."""
 STEP = 0.05
 """Between the points of the curve, s; samples within it are averaged."""
 CUT = 4.0
@@ -36,7 +36,10 @@ class SpeedCurve:
         samples = [np.bincount(place, weights, points) for weights in (np.ones(time.size), time - grid[place], speed)]
         present = samples[0] > 0
         offset, mean = (values[present] / samples[0][present] for values in samples[1:])
-        level = np.interp(grid, grid[present] + offset, mean)
+        knots = grid[present] + offset
+        level = np.interp(grid, knots, mean)
+        for end, inner in ((0, 1), (-1, -2)) if knots.size > 1 else ():
+            level[end] += (mean[end] - mean[inner]) / (knots[end] - knots[inner]) * (grid[end] - knots[end])
         half = np.arange(-round(CUT * WIDTH / step), round(CUT * WIDTH / step) + 1) * step
         weights = np.exp(-0.5 * (half / WIDTH) ** 2)
 

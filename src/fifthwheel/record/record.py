@@ -261,7 +261,9 @@ class Record(ComparedByContents):
             return values
         edges, gaps = self._gaps(name)
         longest = int(gaps.argmax())
-        if not present.any() or gaps[longest] > max_gap + 1e-9:
+        if not present.any():
+            raise SignalError(f"{name}: missing in all samples of {self.name}; map another column")
+        if gaps[longest] > max_gap + 1e-9:
             raise SignalError(
                 f"{name}: missing from {time[edges[longest]]:.2f} to {time[edges[longest + 1]]:.2f} s; up to "
                 f"{max_gap:g} s is permitted; map another column, or cut the record with start and stop"
@@ -352,15 +354,16 @@ def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("s
 
     Where one of the inputs is missing for more than `LONGEST_GAP`, a segment ends. A SignalError if there is none.
     """
-    gap = np.zeros(len(record), dtype=bool)
+    gap, interrupted = np.zeros(len(record), dtype=bool), list[str]()
     for name in inputs:
         if np.isfinite(record.signals.get(name, np.nan)).any():
             edges, gaps = record._gaps(name)
             for first, stop in zip(edges[:-1][gaps > LONGEST_GAP], edges[1:][gaps > LONGEST_GAP], strict=True):
                 gap[first + (first > 0) : stop + (stop == len(record) - 1)] = True
+                interrupted += [name]
     speed = record.input("speed", max_gap=np.inf)
     fast = (speed >= min_speed) & ~gap
-    if not fast.any():
+    if not (speed >= min_speed).any():
         raise SignalError(
             f"speed: at most {speed.max():.1f} m/s in {record.name}, {min_speed:g} m/s needed for rolling tyres; "
             "check the column and unit of speed in signals.toml, or log a faster run"
@@ -371,6 +374,11 @@ def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("s
         for rows in np.split(np.arange(len(fast)), edges)
         if fast[rows[0]] and len(rows) > 1
     ]
+    if not runs and interrupted:
+        raise SignalError(
+            f"{' and '.join(dict.fromkeys(interrupted))}: missing for more than {LONGEST_GAP:g} s again and again in"
+            f" {record.name}, so that nothing is left; map a column with more samples"
+        )
     if not runs:
         raise SignalError(
             f"speed: never at {min_speed:g} m/s or above for two samples in succession in {record.name}; "

@@ -145,10 +145,12 @@ static fw_verdict fw_judge(const fw_learner *learner, int unknown, const fw_lear
 {
     const fw_real below = estimate->value - fw_lower[unknown];
     const fw_real above = fw_upper[unknown] - estimate->value;
+    const fw_real grown = (fw_logarithmic[unknown] != 0) ? (estimate->value / fw_centre[unknown]) : FW_REAL(1.0);
+    const fw_real remaining = z_sigma * ((grown > FW_REAL(1.0)) ? grown : FW_REAL(1.0)); /* of the prior sigma */
     fw_verdict verdict = (doubtful != 0) ? FW_DOUBTFUL : FW_CONVERGED;
     if (fw_lacks_roll_rate(learner, unknown) != 0) {
         verdict = FW_NOT_IDENTIFIABLE;
-    } else if (!(z_sigma < FW_EXCITED)) {
+    } else if (!(remaining < FW_EXCITED)) {
         verdict = FW_NOT_EXCITED;
     } else if (((below < above) ? below : above) < (FW_REAL(0.1) * estimate->sigma)) {
         verdict = FW_AT_BOUND;
