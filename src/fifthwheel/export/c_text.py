@@ -3,10 +3,12 @@
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from fifthwheel.channels import si_unit
 from fifthwheel.dynamics.chain import state_names
+from fifthwheel.dynamics.speed_rate import speed_rate_step
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import STEER_BANDWIDTH, TYPICAL_STEER_SIGMA, initial_sigma
@@ -47,8 +49,7 @@ def header(stream: StreamSettings, states: Iterable[str], sizes: Mapping[str, tu
     """Enumerations of signals, states and other groups, and sizes with a comment each, for the public header."""
     signals = {"INPUT": [rule.name for rule in stream.inputs], "MEASURED": stream.measured, "STATE": states}
     units = {prefix: {name: str(si_unit(name)) for name in names} for prefix, names in signals.items()}
-    held = {"HELD_COUNT": (len(stream.names), "inputs, and what is derived from them")}
-    defined = [f"#define FW_{name} {size} /* {text} */" for name, (size, text) in {**held, **sizes}.items()]
+    defined = [f"#define FW_{name} {size} /* {text} */" for name, (size, text) in sizes.items()]
     return "\n".join([*enumerations(units | groups), *defined])
 
 
@@ -97,6 +98,7 @@ def stream_tables(stream: StreamSettings, vehicle: Vehicle, *, roll: bool, stati
     """Tables for fw_stream.h and the start of a filter, and the columns of a log."""
     columns = ("time", *(rule.name for rule in stream.inputs), *stream.measured)
     states = state_names(vehicle, roll=roll)
+    speed_rate = with_constant(speed_rate_step().step, ca.DM([1 / stream.speed_smoothing]))
     tables: dict[str, Iterable[float]] = {
         "input_magnitude": [rule.largest for rule in stream.inputs],
         "input_jump": [rule.jump for rule in stream.inputs],
@@ -110,4 +112,11 @@ def stream_tables(stream: StreamSettings, vehicle: Vehicle, *, roll: bool, stati
         *(table(name, values, static=static) for name, values in tables.items()),
         texts("names", columns),
         texts("units", [str(si_unit(name)) for name in columns]),
+        c_code.function(speed_rate, "fw_speed_rate", ("carry", "sample"), ("next", "out"), static=static),
     ]
+
+
+def with_constant(step: ca.Function, constant: ca.DM) -> ca.Function:
+    """A step (carry, sample, constant) with its constant as numbers."""
+    carry, sample = ca.SX.sym("carry", step.numel_in(0)), ca.SX.sym("sample", step.numel_in(1))
+    return c_code.step("step", [carry, sample], [*step(carry, sample, constant)])

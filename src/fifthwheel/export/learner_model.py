@@ -99,6 +99,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "EXCITATION_WINDOW": limits.excitation_window,
         "HIGH_PASS_TIME": limits.high_pass_time,
         "MAX_LATERAL_ACCELERATION": excitation.largest,
+        "MAX_SPEED_RATE": excitation.largest_rate,
         "FIRST_PASS_LIMIT": relinearisation.first_pass_limit,
         "PASS_LIMIT": relinearisation.pass_limit,
         "INNOVATION_WINDOW": limits.innovation_window,
@@ -149,7 +150,7 @@ def _memory(learner: Learner) -> int:
     live = learner.live
     relinearisation = live.learner.relinearisation
     inputs, outputs, size = len(live.setup.inputs), len(live.setup.outputs), live.filter.layout.size
-    numbers = 4 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + len(START) + size
+    numbers = 8 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + len(START) + size
     if relinearisation.max_passes:
         row = live.filter.scan.n_sample - live.filter.layout.n_z
         numbers += 3 * size + live.filter.layout.n_z + relinearisation.samples * row

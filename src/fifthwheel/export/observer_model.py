@@ -4,9 +4,8 @@ import casadi as ca
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.chain import equations, state_names
-from fifthwheel.dynamics.speed_rate import speed_rate_step
 from fifthwheel.export import c_text
-from fifthwheel.export.c_text import definitions, stream_definitions, stream_tables, table
+from fifthwheel.export.c_text import definitions, stream_definitions, stream_tables, table, with_constant
 from fifthwheel.native import c_code
 from fifthwheel.observe import Observer
 from fifthwheel.observe.observer_model import SUSPECT_STEER_SIGMA
@@ -37,8 +36,7 @@ def source(observer: Observer) -> str:
         "SUSPECT_STEER_SIGMA": SUSPECT_STEER_SIGMA,
         "CRITICAL_SPEED": 1e6 if critical is None else critical,
     }
-    step = _with_constant(observer.scan.step, ca.DM(observer.constant))
-    speed_rate = _with_constant(speed_rate_step().step, ca.DM([1 / settings.speed_smoothing]))
+    step = with_constant(observer.scan.step, ca.DM(observer.constant))
     return "\n".join(
         [
             *definitions(sizes, numbers),
@@ -51,7 +49,6 @@ def source(observer: Observer) -> str:
             "",
             c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
             c_code.function(step, "fw_step", ("carry", "sample"), ("next", "out")),
-            c_code.function(speed_rate, "fw_speed_rate", ("carry", "sample"), ("next", "out")),
         ]
     )
 
@@ -62,9 +59,3 @@ def _matrices(observer: Observer) -> ca.Function:
     values = {name: ca.SX(value) for name, value in observer.vehicle.parameters().items()}
     A, B = equations(values, observer.vehicle, roll=observer.roll, bank=True).state_space(speed)
     return c_code.step("matrices", [speed], [c_code.by_rows(part) for part in (A[:n, :n], B[:n, :], A[:n, n])])
-
-
-def _with_constant(step: ca.Function, constant: ca.DM) -> ca.Function:
-    """A step (carry, sample, constant) with its constant as numbers."""
-    carry, sample = ca.SX.sym("carry", step.numel_in(0)), ca.SX.sym("sample", step.numel_in(1))
-    return c_code.step("step", [carry, sample], [*step(carry, sample, constant)])

@@ -28,6 +28,8 @@ from fifthwheel.checks.samples import without_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
+from fifthwheel.filters.speed_curve import SpeedCurve
+from fifthwheel.identify.doubts import NONLINEAR_SPEED_RATE
 from fifthwheel.identify.grade import grade_notes, with_grade
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
@@ -36,10 +38,13 @@ from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
 from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
-from fifthwheel.record.record import segments_above
+from fifthwheel.record.record import parts_where, segments_above
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.steering import require_roll
+
+SHORTEST_PART = 2.0
+"""Of a segment at a steady speed, s."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -189,6 +194,9 @@ def prepare_dataset(
         tuple(LogData(name=r.name, segments=segments_above(r, settings.min_speed, inputs)) for r in group)
         for group in (records, validate)
     )
+    if settings.tyre_law == "linear":
+        logs, steady = zip(*map(_at_steady_speed, logs), strict=True)
+        notes += filter(None, steady)
     release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
@@ -220,6 +228,22 @@ def prepare_dataset(
         findings=tuple(found),
         notes=tuple(notes),
     )
+
+
+def _at_steady_speed(log: LogData) -> tuple[LogData, str]:
+    """The log without acceleration and braking beyond `NONLINEAR_SPEED_RATE`, and a note if there is any; the whole log
+    if nothing else is left."""
+    parts = list[Record]()
+    for segment in log.segments:
+        slow = np.abs(SpeedCurve(segment.time, segment.input("speed"))(segment.time)[1]) <= NONLINEAR_SPEED_RATE
+        parts += [segment] if slow.all() else parts_where(segment, slow, SHORTEST_PART)
+    whole, left = (sum(float(np.ptp(part.time)) for part in each) for each in (log.segments, parts))
+    problem = f"linear tyres lack the loads that acceleration and braking beyond {NONLINEAR_SPEED_RATE:g} m/s^2 move"
+    cure = "tyres that saturate have them, if the vehicle file determines the static axle loads"
+    if not parts:
+        return log, f"{log.name}: {problem}, which is everywhere in this log: all estimates are approximate; {cure}."
+    left_out = f"{log.name}: {whole - left:.0f} s are left out: {problem}; {cure}."
+    return replace(log, segments=parts), left_out if whole - left > 0.5 else ""
 
 
 def _lone_axles(vehicle: Vehicle) -> list[str]:

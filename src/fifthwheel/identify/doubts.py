@@ -33,6 +33,9 @@ UNUSUAL_ESTIMATE = 2.5
 """The same for an estimated parameter."""
 NONLINEAR_ACCELERATION = 3.0
 """m/s^2; above this lateral acceleration a model with linear tyres and suspensions is a rough approximation."""
+NONLINEAR_SPEED_RATE = 0.5
+"""m/s^2; acceleration and braking beyond it move more than a tenth of the load of a front axle, which changes the
+stiffness of its tyres."""
 AS_LIKELY = 0.85
 """Causes with so large a fraction of the largest |t| are about as likely."""
 HARMFUL_SHIFT = 0.5

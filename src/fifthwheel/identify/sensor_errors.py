@@ -109,7 +109,7 @@ def log_sensors(
         friction: known peak friction of the road; None: as identified, and if tyres saturate, that of another log is
             estimated too.
     """
-    law = getattr(identification.settings, "tyre_law", "linear")
+    law = identification.settings.tyre_law
     tyres: Tyres = "saturating" if isinstance(law, str) else law
     note, uncertainty, exact = "", identification.covariance, friction is not None
     if exact and uncertainty is not None:

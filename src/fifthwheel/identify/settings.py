@@ -86,6 +86,11 @@ class CommonSettings(Settings):
     brakes: ClassVar[bool] = False
     """Whether the model has longitudinal forces."""
 
+    @property
+    def tyre_law(self) -> Tyres:
+        """Law of the side forces of one fit."""
+        return "linear"
+
 
 METHODS = {"one-stage": "fifthwheel.identify.settings:OneStage", "two-stage": "fifthwheel.cheng_cebon_2011:TwoStage"}
 """Settings of each method, by its name in a result: module and class."""

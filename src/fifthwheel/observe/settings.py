@@ -89,7 +89,7 @@ class ObserverSettings(ObserverOptions):
     """The same for the offset of every wheel speed difference, 1: the relative difference of the rolling radii."""
     drive_axle_braking: Annotated[float, Limits(ge=0, le=1), Cure("give a fraction of the braking force")] = 0.0
     """Fraction of the braking force by engine and retarder, on the drive axle alone; the brakes of all groups give the
-    rest in proportion to the static loads. With tyres that saturate only."""
+    rest in proportion to the static loads."""
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
     friction, else linear."""

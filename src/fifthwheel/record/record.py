@@ -349,6 +349,16 @@ class Record(ComparedByContents):
         return replace(self, time=self.time[part], signals=signals, reference=reference, name=name)
 
 
+def parts_where(record: Record, kept: NDArray[np.bool_], shortest: float = 0.0) -> list[Record]:
+    """The parts of a record in which all samples (N,) are kept, of more than `shortest` seconds."""
+    spans = [
+        (record.time[rows[0]], record.time[rows[-1]])
+        for rows in np.split(np.arange(len(kept)), np.flatnonzero(np.diff(kept.astype(int))) + 1)
+        if kept[rows[0]]
+    ]
+    return [record.cut(first, last) for first, last in spans if last - first > shortest]
+
+
 def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("speed",)) -> list[Record]:
     """The segments of a record without time gaps in which the speed stays at `min_speed` (m/s) or above.
 
@@ -368,12 +378,7 @@ def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("s
             f"speed: at most {speed.max():.1f} m/s in {record.name}, {min_speed:g} m/s needed for rolling tyres; "
             "check the column and unit of speed in signals.toml, or log a faster run"
         )
-    edges = np.flatnonzero(np.diff(fast.astype(int))) + 1
-    runs = [
-        record.cut(record.time[rows[0]], record.time[rows[-1]])
-        for rows in np.split(np.arange(len(fast)), edges)
-        if fast[rows[0]] and len(rows) > 1
-    ]
+    runs = parts_where(record, fast)
     if not runs and interrupted:
         raise SignalError(
             f"{' and '.join(dict.fromkeys(interrupted))}: missing for more than {LONGEST_GAP:g} s again and again in"

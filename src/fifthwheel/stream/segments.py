@@ -89,7 +89,7 @@ def held_inputs(record: Record, settings: StreamSettings) -> tuple[Array, NDArra
         age = record.time - record.time[np.maximum(last, 0)]
         fresh &= (last >= 0) & (age <= settings.hold)
         columns.append(np.where(last >= 0, values[np.maximum(last, 0)], np.nan))
-        if not i and settings.speed_smoothing is not None:
+        if not i:
             rates = speed_rates(record.time[present], values[present], settings.speed_smoothing, settings.max_gap)
             derived.append(np.append(0.0, rates)[np.cumsum(present)])
     return np.column_stack([*columns, *derived]), fresh

@@ -8,6 +8,7 @@ from typing import Any
 
 from fifthwheel.channels import limit_of
 from fifthwheel.dynamics import SPEED_RATE
+from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 
 
 class Status(IntEnum):
@@ -69,13 +70,12 @@ class StreamSettings:
     hold: float  # longest time for which a missing input keeps its value, s; then the status is INPUT_MISSING
     max_gap: float  # longest time between samples without a new start, s
     coast: float  # longest time without an accepted measurement, s; then the status is COASTING
-    speed_smoothing: float | None = None  # time constant of the derivative of the speed, s; None if it is no input
+    speed_smoothing: float = TIME_CONSTANT  # of the derivative of the speed, s
 
     @property
     def names(self) -> tuple[str, ...]:
         """The inputs of the model."""
-        derived = () if self.speed_smoothing is None else (SPEED_RATE,)
-        return (*(rule.name for rule in self.inputs), *derived)
+        return (*(rule.name for rule in self.inputs), SPEED_RATE)
 
 
 def magnitude(name: str) -> float:

@@ -57,8 +57,7 @@ class Stream:
         self._running = False  # whether there is a state
         self._rules = [(i, rule.largest, rule.jump, rule.rate) for i, rule in enumerate(settings.inputs)]
         self._largest = list(settings.measured.values())
-        smoothing = settings.speed_smoothing
-        self._speed_rate = None if smoothing is None else SpeedRate(smoothing, settings.max_gap)
+        self._speed_rate = SpeedRate(settings.speed_smoothing, settings.max_gap)
 
     def process_sample(
         self, driven: StreamFilter, time: float | None, inputs: Iterable[float | None], measured: Iterable[float | None]
@@ -119,7 +118,7 @@ class Stream:
                 )
             ):
                 held[i], times[i], confirmed[i] = float(value), time, agrees
-                if self._speed_rate and not i:
+                if not i:
                     held[-1] = self._speed_rate.update(age, held[0])
             elif age > hold:
                 fresh = False
@@ -168,7 +167,7 @@ class Stream:
             "inputs": finite(self._held),
             "seen": finite(self.times),
             "confirmed": list(self._confirmed),
-            "speed_rate": self._speed_rate.carry.tolist() if self._speed_rate else None,
+            "speed_rate": self._speed_rate.carry.tolist(),
             "accepted": finite([self.accepted])[0],
             "running": self._running,
             "last": finite(self.last),
@@ -184,5 +183,4 @@ class Stream:
         self._held, self.last = (numbers(saved[key], math.nan) for key in ("inputs", "last"))
         self.times, self._running = numbers(saved["seen"], -math.inf), saved["running"]
         self._confirmed = list(saved["confirmed"])
-        if self._speed_rate:
-            self._speed_rate.carry[:] = saved["speed_rate"]
+        self._speed_rate.carry[:] = saved["speed_rate"]

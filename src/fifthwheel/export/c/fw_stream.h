@@ -37,13 +37,11 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
             stream->confirmed[i] = agrees;
             stream->held[i] = value;
             stream->seen[i] = sample->time;
-#if FW_HELD_COUNT > FW_INPUT_COUNT
             if (i == 0) { /* the derivative of the speed follows the signals */
                 const fw_real starts = (age <= FW_MAX_GAP) ? FW_REAL(0.0) : FW_REAL(1.0);
                 const fw_real speed[3] = {(age <= FW_MAX_GAP) ? (fw_real)age : FW_REAL(1.0), value, starts};
-                fw_speed_rate(stream->speed_rate, speed, stream->speed_rate, &stream->held[FW_INPUT_COUNT]);
+                fw_speed_rate(stream->speed_rate, speed, stream->speed_rate, &stream->held[FW_AT_SPEED_RATE]);
             }
-#endif
         } else if (age > FW_HOLD) {
             status = FW_INPUT_MISSING;
         } else {

@@ -134,7 +134,7 @@ class LiveFilter:
     def start(self, stream: Stream) -> None:
         """Start the state at the steady state of the inputs; the estimates stay."""
         self.filter.end_segment()
-        first = dict(zip(self.setup.inputs, stream.inputs, strict=True))
+        first = dict(zip(self.setup.inputs, stream.inputs, strict=False))  # without the derivative of the speed
         x, P, V = start_state(self.setup, self.model, self.learner, self._scaling, self.filter.estimate().z, first)
         before, after = self._steering.update(0.0, stream.inputs, stream.inputs, self._play())
         self.filter.start(x, P, V, np.array([*before, *after]))
@@ -180,7 +180,11 @@ class LiveFilter:
         """Judge the innovations of a sample; whether the state must start again."""
         joint_filter = self.filter
         return self.monitor.update(
-            stream.gap, stream.last, stream.inputs, joint_filter.innovations, joint_filter.weights
+            stream.gap,
+            stream.last[: len(self.inputs)],
+            stream.inputs[: len(self.inputs)],
+            joint_filter.innovations,
+            joint_filter.weights,
         )
 
     def _has_settled(self) -> bool:

@@ -19,6 +19,7 @@ from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import longest_matching_key
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -78,6 +79,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
     left_out = {u.name for u in setup.unknowns if u.per_log and not u.is_sensor_error} | {dynamics.SPEED_DELAY}
+    left_out -= {DRIVE_AXLE_BRAKING}
     setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
@@ -102,6 +104,7 @@ def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> On
         extended=True,
         free=tuple(dict.fromkeys(name for u in setup.unknowns for name in u.slopes if name in parameters)),
         tyres=setup.settings.tyre_law,
+        braking=True,
     )
     return online_model(chain, setup.unknowns, discrepancies=discrepancies)
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from fifthwheel.channels import LEARNED
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.relinearised import RelinearisationSettings
-from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION
+from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, NONLINEAR_SPEED_RATE
 from fifthwheel.settings import FiniteNonNegative, NonNegative, Positive, Settings
 
 
@@ -31,6 +31,9 @@ class LearnerSettings(Settings):
     """Nothing is learned for this time, s, after a start, a gap in time or a long dropout of a steer angle."""
     relinearisation: RelinearisationSettings = field(default_factory=RelinearisationSettings)
     """How often the samples of a segment with excitation are repeated."""
+    max_speed_rate: Positive = NONLINEAR_SPEED_RATE
+    """Acceleration or deceleration beyond which nothing is learned, m/s^2, except of tyres that saturate: it moves the
+    loads of the axles, which linear tyres lack."""
     max_lateral_acceleration: Positive = NONLINEAR_ACCELERATION
     """Nothing is learned while the steer angle corresponds to a larger steady lateral acceleration, m/s^2: the model is
     linear. Tyres that saturate have no such limit."""

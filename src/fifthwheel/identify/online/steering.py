@@ -14,7 +14,7 @@ from fifthwheel.vehicle import Vehicle
 REFERENCE_SPEED = 20.0
 """Speed at which the understeer gradient is computed, m/s."""
 NO_LIMIT = 1e6
-"""More than any lateral acceleration, m/s^2; a number that C has too."""
+"""More than any acceleration, m/s^2; a number that C has too."""
 
 
 class PlayContacts:
@@ -36,8 +36,10 @@ class PlayContacts:
             step = (inputs[1 + i] - last[1 + i]) / max(play, SMALLEST_PLAY)
             after[i] = min(0.5, max(-0.5, before[i] + step))
         self._contacts = after
-        rates = [(b - a) / max(gap, 1e-3) for a, b in zip(last[1:], inputs[1:], strict=True)]
-        return [*last, *before, *rates], [*inputs, *after, *rates]
+        end = 1 + len(before)  # of the steer angles; then what is derived from the speed
+        rates = [(b - a) / max(gap, 1e-3) for a, b in zip(last[1:end], inputs[1:end], strict=True)]
+        before_step, after_step = ([*x[:end], *c, *rates, *x[end:]] for x, c in ((last, before), (inputs, after)))
+        return before_step, after_step
 
 
 class Excitation:
@@ -48,13 +50,15 @@ class Excitation:
     A steer angle d corresponds to the steady lateral acceleration u^2 d / (L + K u^2), with the wheelbase L of the
     first unit and the understeer gradient K of the vehicle. Its mean over `high_pass_time` is subtracted; the rest is
     squared and averaged over `excitation_window`. The steered axle with the largest result counts. Beyond
-    `max_lateral_acceleration`, averaged over the same time, nothing is learned, except of tyres that saturate.
+    `max_lateral_acceleration`, averaged over the same time, or `max_speed_rate` nothing is learned, except of tyres
+    that saturate.
     Estimates do not change the excitation.
     """
 
     def __init__(self, vehicle: Vehicle, axles: int, settings: LearnerSettings, *, tyres: Tyres = "linear") -> None:
         self.settings, self.axles = settings, axles
-        self.largest = settings.max_lateral_acceleration if tyres == "linear" else NO_LIMIT
+        limits = settings.max_lateral_acceleration, settings.max_speed_rate
+        self.largest, self.largest_rate = limits if tyres == "linear" else (NO_LIMIT, NO_LIMIT)
         self.wheelbase, self.understeer = vehicle.wheelbase, _understeer_gradient(vehicle)
         self.restart()
 
@@ -63,10 +67,13 @@ class Excitation:
         self.mean = [math.nan] * self.axles
         self.power = [0.0] * self.axles
         self.level = [0.0] * self.axles
+        self.speed_rate = 0.0
         self.on = False
 
     def update(self, dt: float, inputs: Sequence[float]) -> bool:
-        """Whether to learn from the speed, m/s, and steer angles, rad, of a sample dt seconds after the last one."""
+        """Whether to learn from the speed, m/s, the steer angles, rad, and the derivative of the speed, m/s^2, of a
+        sample dt seconds after the last one."""
+        self.speed_rate = inputs[-1]
         settings, squared = self.settings, inputs[0] * inputs[0]
         gain = squared / (self.wheelbase + self.understeer * squared)
         slow, fast = dt / (settings.high_pass_time + dt), dt / (settings.excitation_window + dt)
@@ -83,8 +90,8 @@ class Excitation:
 
     @property
     def is_beyond_limit(self) -> bool:
-        """Whether the averaged acceleration of a steer angle exceeds the limit."""
-        return max(map(abs, self.level)) > self.largest
+        """Whether the averaged acceleration of a steer angle, or the derivative of the speed, exceeds its limit."""
+        return max(map(abs, self.level)) > self.largest or abs(self.speed_rate) > self.largest_rate
 
 
 def _understeer_gradient(vehicle: Vehicle) -> float:

@@ -118,7 +118,7 @@ class Identification(IdentificationData):
         of_observer = [e for e in self.sensors if not (e.name.startswith(f"{TIME_BASE}.") or is_of(e.name, SPEED))]
         errors = {error.name: error.value for error in of_observer if error.log in (None, log)}
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
-        law = getattr(self.settings, "tyre_law", "linear")
+        law = self.settings.tyre_law
         own_law = {} if isinstance(law, str) else {"tyres": law}
         yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
         brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), None)

@@ -48,6 +48,9 @@ int fw_is_excited(fw_learner *learner, fw_real dt, const fw_real *inputs)
         power = (learner->power[i] > power) ? learner->power[i] : power;
         level = (FW_ABS(learner->level[i]) > level) ? FW_ABS(learner->level[i]) : level;
     }
-    learner->excited = ((power > (limit * limit)) && (level <= FW_MAX_LATERAL_ACCELERATION)) ? 1 : 0;
+    learner->excited = ((power > (limit * limit)) && (level <= FW_MAX_LATERAL_ACCELERATION) &&
+                        (FW_ABS(inputs[FW_AT_SPEED_RATE]) <= FW_MAX_SPEED_RATE))
+                           ? 1
+                           : 0;
     return learner->excited;
 }

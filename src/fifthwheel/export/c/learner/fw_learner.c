@@ -5,7 +5,7 @@
 
 enum { FW_FOUND_SETTLES, FW_FOUND_NIS, FW_FOUND_RESTART, FW_FOUND_COUNT }; /* of fw_health() */
 
-/* Inputs of the model at both ends of a step: speed and steer angles, contacts of their plays, and their rates. */
+/* Inputs of the model at both ends of a step: speed and steer angles, contacts of their plays, and all rates. */
 static void fw_steer(fw_learner *learner, fw_real gap, fw_real *ends)
 {
     const fw_real *const last = learner->stream.last;
@@ -15,6 +15,8 @@ static void fw_steer(fw_learner *learner, fw_real gap, fw_real *ends)
     const fw_real duration = (gap > FW_REAL(1e-3)) ? gap : FW_REAL(1e-3);
     before[0] = last[0];
     after[0] = inputs[0];
+    before[FW_MODEL_INPUT_COUNT - 1] = last[FW_AT_SPEED_RATE];
+    after[FW_MODEL_INPUT_COUNT - 1] = inputs[FW_AT_SPEED_RATE];
     for (int i = 0; i < FW_STEER_COUNT; i++) {
         const fw_real change = inputs[1 + i] - last[1 + i];
         const int place = fw_play[i];
