@@ -43,7 +43,8 @@ def bytes_per_sample(work: Callable[[Record], object]) -> float:
 def test_states_need_little_more_than_themselves() -> None:
     observer = Observer(TRUCK, SHORT.signals)
     of_states = len(observer.reported) * 16 + len(observer.outputs) * 17 + 9  # values and sigmas, innovations, status
-    assert bytes_per_sample(lambda record: observer.batch(record, UNCERTAIN)) < of_states + 100
+    of_inputs = len(observer.model.inputs) * 8
+    assert bytes_per_sample(lambda record: observer.batch(record, UNCERTAIN)) < of_states + of_inputs + 84
 
 
 def test_smoothed_states_need_little_more_than_both_passes() -> None:

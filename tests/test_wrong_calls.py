@@ -88,9 +88,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "observer record": lambda: fw.Observer(TRUCK, RECORD),
     "observer settings friction": lambda: fw.ObserverSettings(friction="dry"),
     "observer settings half_track": lambda: fw.ObserverSettings(half_track=2040),
-    "observer brakes typo": lambda: fw.Observer(
-        TRUCK, RECORD.signals, fw.ObserverSettings(brakes={"tractor.frnt": 1.0})
-    ),
+    "observer settings drive_axle_braking": lambda: fw.ObserverSettings(drive_axle_braking="50 %"),
     "observer push": lambda: fw.Observer(TRUCK, RECORD.signals).push({"time": "now"}),
     "observer push dict": lambda: fw.Observer(TRUCK, RECORD.signals).push({"spee": 1}),
     "observer push list": lambda: fw.Observer(TRUCK, RECORD.signals).push([1, 2, 3]),

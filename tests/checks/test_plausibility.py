@@ -2,7 +2,6 @@ import numpy as np
 import pytest
 
 from fifthwheel.checks import Fault, Finding, check, raise_errors
-from fifthwheel.checks.samples import remove_spikes
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.signal_map import SignalSource
@@ -113,7 +112,7 @@ def test_exactly_the_injected_fault_is_found(weaving, fault, signal, severity, i
     findings = check(inject(weaving))
     assert [(f.fault, f.signal, f.severity) for f in findings] == [(fault, signal, severity)]
     assert findings[0].message.startswith(f"{signal}: ")
-    assert "; " in findings[0].message
+    assert "; " in findings[0].message or fault is Fault.SPIKE  # which needs no action
     if severity == "error":
         with pytest.raises(SignalError, match=f"^{signal}: "):
             raise_errors(findings)
@@ -204,7 +203,7 @@ def test_a_channel_of_a_slower_rate_is_no_dropout(weaving):
 def test_two_faults_at_once(weaving):
     findings = check(spiked(scaled(STEER, -1)(weaving)))
     assert [(f.signal, f.fault) for f in findings] == [(STEER, Fault.SWAPPED_SIGN), (RATE, Fault.SPIKE)]
-    assert str(findings[1]).startswith("warning: yaw_rate.tractor: 3 spikes, the first")
+    assert str(findings[1]).startswith("warning: yaw_rate.tractor: 3 spikes left out, the first")
 
 
 def test_the_start_of_daylight_saving_time_is_named(weaving):
@@ -310,12 +309,3 @@ def test_messages_that_come_in_bursts_are_complete(weaving):
     record = Record(time=time, signals=signals)
     assert check(record) == ()
     assert record.rate == pytest.approx(100, rel=0.01)
-
-
-def test_spikes_of_inputs_are_marked_as_missing(weaving):
-    steer = weaving.signals[STEER].copy()
-    steer[700] = 1.6
-    clean = remove_spikes(weaving.with_signals({STEER: steer}))
-    assert np.flatnonzero(np.isnan(clean.signals[STEER])).tolist() == [700]
-    assert np.array_equal(clean.signals[RATE], weaving.signals[RATE])
-    assert remove_spikes(weaving) is weaving

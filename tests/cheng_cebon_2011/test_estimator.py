@@ -147,8 +147,10 @@ def test_not_converged_from_an_implausible_start(truck: Vehicle, factors: tuple[
 
 def test_not_converged_when_stopped_early(truck: Vehicle) -> None:
     far = guesses(truck, (0.5, 1.8, 0.5, 1.8))
-    result = identify([simulate(truck, count=1, seed=6)], far, TwoStage(passes=1, rounds=1))
-    assert Verdict.NOT_CONVERGED in {e.verdict for e in result.parameters}
+    record = simulate(truck, count=1, seed=6)
+    for refined, verdict in ((False, Verdict.NOT_CONVERGED), (True, Verdict.CONVERGED)):  # steps of Gauss and Newton
+        result = identify([record], far, TwoStage(passes=1, rounds=1, restart=refined))
+        assert {e.verdict for e in result.parameters} == {verdict}
 
 
 def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:

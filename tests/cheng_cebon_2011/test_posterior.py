@@ -61,17 +61,22 @@ class Stage1:
         known |= {name: 0.0 for name in known if name.endswith(".delay")}
         return free_response(model, known, segment.time, corrected_inputs(segment, model.inputs, errors), start)[1]
 
-    def information(self, segment: Record, **values: float) -> np.ndarray:
-        """Sum of J' J / R over samples that are measured, J by central differences with respect to z (n, n)."""
+    def information(self, segment: Record, **values: float) -> tuple[np.ndarray, np.ndarray]:
+        """Sums of J' J / R (n, n) and J' e / R (n,) over samples that are measured, with the errors e of the model.
+
+        J is by central differences with respect to z.
+        """
         columns, values = [], self.values | values
         for u in self.unknowns:
             at = values.get(u.name, u.centre)
             step = 1e-4 * u.slope(at)
             higher, lower = (self.response(segment, {**values, u.name: at + s}) for s in (step, -step))
             columns.append((higher - lower) / 2e-4)
-        jacobian = np.stack(columns, axis=-1) / np.sqrt([NOISE[name] for name in self.channels])[:, None]
-        present = np.column_stack([np.isfinite(segment.signals[name]) for name in self.channels])
-        return jacobian[present].T @ jacobian[present]
+        deviation = np.sqrt([NOISE[name] for name in self.channels])
+        measured = np.column_stack([segment.signals[name] for name in self.channels])
+        error, present = (measured - self.response(segment, values)) / deviation, np.isfinite(measured)
+        jacobian = (np.stack(columns, axis=-1) / deviation[:, None])[present]
+        return jacobian.T @ jacobian, jacobian.T @ error[present]
 
 
 def damaged(record: Record) -> Record:
@@ -94,7 +99,8 @@ def noisy(truck: Vehicle) -> Stage1:
 
 @pytest.mark.parametrize("delay", [0.0, 0.05])
 def test_information_is_that_of_the_free_running_model(noisy: Stage1, delay: float) -> None:
-    """Summed over the logs; each has steering and gyro offsets of its own. A delay of the steering shifts it.
+    """Summed over the logs; each has steering and gyro offsets of its own. A delay of the steering shifts it. So are
+    the Hessian, and the gradient, which contains the prior.
 
     The noise is so large that neither the filter nor its initial covariance has an effect.
     """
@@ -103,14 +109,18 @@ def test_information_is_that_of_the_free_running_model(noisy: Stage1, delay: flo
     offsets = [u.name for u in noisy.unknowns if u.per_log]
     shared = [u.name for u in noisy.unknowns if not u.per_log]
     assert posterior.names == (*shared, *[f"{name}@{i}" for i in range(2) for name in offsets])
-    expected = np.zeros((len(posterior.names), len(posterior.names)))
+    expected, gradient = np.zeros((len(posterior.names), len(posterior.names))), np.zeros(len(posterior.names))
     for i, log in enumerate(noisy.logs):
         (segment,) = log.segments
         rows = [posterior.names.index(f"{u.name}@{i}" if u.per_log else u.name) for u in noisy.unknowns]
-        expected[np.ix_(rows, rows)] += noisy.information(segment, **values) / factor
-    actual = np.linalg.inv(posterior.covariance) - np.eye(len(expected))
-    root = np.sqrt(np.diag(expected))
-    np.testing.assert_allclose(actual / np.outer(root, root), expected / np.outer(root, root), atol=2e-3)
+        information, scores = noisy.information(segment, **values)
+        expected[np.ix_(rows, rows)] += information / factor
+        gradient[rows] += scores / factor
+    root, own = np.sqrt(np.diag(expected)), np.eye(len(expected))
+    for actual in (np.linalg.inv(posterior.covariance) - own, posterior.hessian - own):
+        np.testing.assert_allclose(actual / np.outer(root, root), expected / np.outer(root, root), atol=2e-3)
+    gradient[posterior.names.index("steer.tractor.front.delay")] -= delay / SMOOTH.steer_delay_prior
+    np.testing.assert_allclose(posterior.gradient / root, gradient / root, atol=2e-3)
 
 
 def test_the_estimate_of_several_passes_is_the_most_probable_one(noisy: Stage1) -> None:
@@ -167,12 +177,13 @@ def test_white_innovations_give_both_covariances_alike(noisy: Stage1) -> None:
 
 
 def test_rejected_measurements_contain_no_information(noisy: Stage1) -> None:
-    """A gyro that is wrong but for one sample counts like one without the others, if the measurements are gated."""
+    """A gyro that is wrong but for half a second, too long for a spike, counts like one without the other samples, if
+    the measurements are gated."""
     settings, truck = replace(SMOOTH, check=False), noisy.dataset.initial_vehicle
 
     def changed(change: float) -> Stage1:
         records = noisy.dataset.records
-        added = [np.where(np.arange(len(r)) == 400, 0.0, change) for r in records]
+        added = [np.where(np.abs(r.time - 4.0) < 0.25, 0.0, change) for r in records]
         return Stage1(
             [r.with_signals({YAW: r.signals[YAW] + a}) for r, a in zip(records, added, strict=True)], truck, settings
         )
@@ -207,14 +218,19 @@ def test_an_unstable_vehicle_has_the_covariance_of_the_prior(noisy: Stage1) -> N
 
 
 def test_sigma_and_excitation() -> None:
-    """The larger of both covariances and the bias; below the limit an unknown is excited."""
+    """The larger of both covariances and the bias; below the limit an unknown is excited. The next step keeps what is
+    fixed."""
     posterior = TwoStagePosterior(
         names=("a", "b"),
         covariance=np.diag([0.09, 0.04]),
         sandwich=np.diag([0.04, 0.16]),
         bias=np.array([0.4, -0.3]),
+        gradient=np.array([2.0, 6.0]),
+        hessian=np.array([[4.0, 1.0], [1.0, 3.0]]),
         unstable=False,
     )
+    np.testing.assert_allclose(posterior.next_step(()), [0.0, 2.0], atol=1e-15)
+    assert posterior.next_step({"b"}).tolist() == [0.5, 0.0]
     np.testing.assert_allclose(posterior.sigma, [0.5, 0.5])
     assert posterior.excited("a", 0.3 * (1 + 1e-9))
     assert not posterior.excited("a", 0.3 * (1 - 1e-9))

@@ -92,10 +92,14 @@ def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[s
     state = SimpleNamespace(
         values={n: 1.1 * given[n] for n in names} | changes.get("values", {}),
         not_excited=frozenset(changes.get("not_excited", ())),
-        settled=dict.fromkeys(names, True) | changes.get("settled", {}),
         histories={"stage 1": of_stage[0], "stage 2": of_stage[1]},
     )
-    sigma = dict.fromkeys(names, 0.2) | changes.get("sigma", {})
+    sigma, step = dict.fromkeys(names, 0.2) | changes.get("sigma", {}), changes.get("step", {})
+    posterior = SimpleNamespace(
+        names=tuple(names),
+        sigma=np.array([sigma[name] for name in names]),
+        next_step=lambda fixed: np.array([0.0 if name in fixed else step.get(name, 0.0) for name in names]),
+    )
     unknowns = {u.name: u for u in (*stage_1, *stage_2)}
     return {
         e.name: (
@@ -105,19 +109,21 @@ def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[s
             e.stage,
             e.settling_time,
         )
-        for e in _estimates(estimator, state, sigma, trusted=trusted)
+        for e in _estimates(estimator, state, posterior, sigma, trusted=trusted)
     }
 
 
 def test_verdicts(truck: Vehicle) -> None:
-    """Converged if the estimation has, the model explains the logs, and sigma is below that of the prior."""
+    """Converged if the next step moves the estimate by less than half a sigma, and the model explains the logs; excited
+    if less than half of the variance of the prior remains, here at 1.1 times the prior mean."""
     assert verdicts(truck)[FRONT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 1, 0.0)
     assert verdicts(truck)[HEIGHT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 2, 0.0)
     assert verdicts(truck)[DRIVE] == (Verdict.FIXED, 1.0, None, 1, None)
-    for sigma, verdict in ((BELOW, Verdict.CONVERGED), (1.0, Verdict.NOT_CONVERGED)):
-        assert verdicts(truck, sigma={FRONT: sigma})[FRONT][0] is verdict
-    for changes in ({"trusted": False}, {"settled": {FRONT: False}}):
-        assert verdicts(truck, **changes)[FRONT][0] is Verdict.NOT_CONVERGED
+    for edge, excited, step in ((BELOW, Verdict.CONVERGED, Verdict.CONVERGED), (ABOVE, "not_excited", "not_converged")):
+        assert verdicts(truck, sigma={FRONT: edge * np.sqrt(0.5) / 1.1})[FRONT][0] == excited
+        assert verdicts(truck, step={FRONT: -edge * 0.5 * 0.2})[FRONT][0] == step
+        assert verdicts(truck, step={FRONT: -edge * 0.5 * 0.2})[HEIGHT][0] is Verdict.CONVERGED
+    assert verdicts(truck, trusted=False)[FRONT][0] is Verdict.NOT_CONVERGED
     assert verdicts(truck, values={HEIGHT: 3.5})[HEIGHT][0] is Verdict.AT_BOUND
     assert verdicts(truck, not_excited=[FRONT])[FRONT] == (Verdict.NOT_EXCITED, 1.0, 1.0, 1, None)
 
@@ -158,14 +164,15 @@ def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch
     found = iter([{"a", "b"}, {"a"}, {"c"}, set()])
     calls: list[tuple] = []
 
-    def posterior(problem: str, _: None, values: frozenset[str], *, gated: bool = True) -> None:
-        calls.append((problem, sorted(values), gated))
+    def posterior(problem: SimpleNamespace, _: None, values: frozenset[str], *, gated: bool = True) -> None:
+        calls.append((problem.name, sorted(values), gated))
 
     monkeypatch.setattr(_TwoStages, "_initial", lambda _, found: SimpleNamespace(logs=None, values=found))
     monkeypatch.setattr(_TwoStages, "_stages", lambda _, state, progress: state)
     monkeypatch.setattr("fifthwheel.cheng_cebon_2011.estimator.evaluate_posterior", posterior)
     monkeypatch.setattr(_TwoStages, "_not_excited", lambda *_: frozenset(next(found)))
-    state, _ = _TwoStages(dataset=None, notes=(), yaw="yaw", full="full").solve(None)
+    yaw, full = (SimpleNamespace(name=name, settings=TwoStage(restart=False)) for name in ("yaw", "full"))
+    state, _ = _TwoStages(dataset=None, notes=(), yaw=yaw, full=full).solve(None)
     assert state.values == {"a", "c"}
     assert calls == [
         ("yaw", [], False),
@@ -173,3 +180,35 @@ def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch
         ("full", ["a"], True),
         ("full", ["a", "c"], True),
     ]
+
+
+@pytest.mark.parametrize(
+    ("steps", "restart", "unstable", "changes"),
+    [
+        ([(4.0, -1.0), (0.2, 0.0), (0.1, -0.1)], True, False, [(2.0, -0.5), (0.2, 0.0)]),
+        ([(0.101, 0.0)] * 9, True, False, [(0.101, 0.0)] * 5),
+        ([(4.0, -1.0)] * 9, False, False, []),
+        ([(4.0, -1.0)] * 9, True, True, []),
+    ],
+)
+def test_steps_of_gauss_and_newton_follow(
+    monkeypatch: pytest.MonkeyPatch, steps: list, restart: bool, unstable: bool, changes: list
+) -> None:
+    """Five at most, of two prior sigmas at most, until the next is a tenth of a sigma; none in the article."""
+    next_steps, moved = iter(steps), []
+
+    def posterior(*_: object) -> SimpleNamespace:
+        return SimpleNamespace(
+            names=("a", "b"), sigma=np.ones(2), unstable=unstable, next_step=lambda _: np.array(next(next_steps))
+        )
+
+    def move(state: _State, _: object, change: dict[str, float]) -> _State:
+        moved.append((change["a"], change["b"]))
+        return state
+
+    monkeypatch.setattr("fifthwheel.cheng_cebon_2011.estimator.evaluate_posterior", posterior)
+    monkeypatch.setattr(_State, "moved", move)
+    full = SimpleNamespace(settings=TwoStage(restart=restart))
+    estimator = _TwoStages(dataset=None, notes=(), yaw=None, full=full)
+    estimator._refined(_State(values={}, logs=(), not_excited=frozenset()))
+    assert moved == changes

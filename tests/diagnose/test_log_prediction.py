@@ -30,15 +30,15 @@ def test_the_true_numbers_predict_best(record):
 
 
 def test_the_predictions_are_those_of_an_identification_with_linear_tyres(result):
-    """Compared with the fits that the identification of the same log has stored."""
+    """Compared with the fits that the identification of the same log has stored, without softening of the tyres."""
     log = result.records[0]
-    identification = identify([log], TRUCK, OneStage(tyres="linear"))
+    identification = identify([log], TRUCK, OneStage(tyres="linear", consider={}))
     found = LogPrediction.of(log, identification.vehicle, identification).fits()
     stored = [fit for fit in identification.fits if fit.log == log.name]
     assert [fit.signal for fit in found] == [fit.signal for fit in stored]
     for ours, theirs in zip(found, stored, strict=True):
         scatter = np.nanstd(theirs.measured - theirs.predicted)
-        np.testing.assert_allclose(ours.predicted, theirs.predicted, atol=0.1 * scatter)
+        assert np.sqrt(np.mean((ours.predicted - theirs.predicted) ** 2)) < 0.1 * scatter
 
 
 def test_an_impossible_number_is_refused(record):

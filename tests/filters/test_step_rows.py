@@ -7,9 +7,12 @@ from hypothesis import strategies as st
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.errors import SignalError
+from fifthwheel.filters.speed_curve import WIDTH
 from fifthwheel.filters.step_rows import SMALLEST_PLAY, StepRows, corrected_inputs, play_contact, step_rows
+from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
+from fifthwheel.units import STANDARD_GRAVITY
 from tests.observe.conftest import STEER, YAWS, put, rows
 
 TRUCK = vehicle.get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
@@ -36,11 +39,12 @@ def test_rows_contain_inputs_and_measurements(record: Record) -> None:
     np.testing.assert_array_equal(weights[:, 0], np.isfinite(with_gap.signals[YAWS[0]]))
     assert (weights[:, 1] == 1).all()
     assert (weights[:, 2] == 0).all()  # the record has no articulation angle
-    np.testing.assert_array_equal(
-        actual[:][actual.sample_indices][:, 3:5], np.c_[record.signals["speed"], record.signals[STEER]]
+    np.testing.assert_allclose(
+        actual[:][actual.sample_indices][:, 3:5], np.c_[record.signals["speed"], record.signals[STEER]], atol=1e-12
     )
     assert actual[:][:, 0].sum() == pytest.approx(record.time[-1] - record.time[0])
-    assert actual.first == {"speed": record.signals["speed"][0], STEER: record.signals[STEER][0]}
+    first = {name: record.signals[name][0] for name in ("speed", STEER)}
+    assert actual.first == pytest.approx(first, rel=1e-12)
     assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
 
 
@@ -115,7 +119,6 @@ def test_delay_and_play_of_an_input(record: Record) -> None:
     actual = corrected_inputs(record, MODEL.inputs, errors)
     wheels = np.interp(record.time + delay, record.time, backlash(gain * steer, play))
     np.testing.assert_allclose(gain * actual[STEER], wheels, atol=0.02 * play)
-    np.testing.assert_array_equal(actual["speed"], record.signals["speed"])
     extended = dynamics.model(TRUCK, YAWS, roll=False, extended=True)
     inputs = corrected_inputs(record, extended.inputs, errors)
     assert set(inputs) == set(extended.inputs)
@@ -129,13 +132,30 @@ def test_delay_and_play_of_an_input(record: Record) -> None:
     np.testing.assert_allclose(rate[inside], expected[inside], atol=0.1 * np.abs(rate).max())
 
 
-def test_the_derivative_of_the_speed_is_an_input(record: Record) -> None:
-    falling = record.with_signals({"speed": record.signals["speed"] - 0.8 * record.time})
-    model = dynamics.model(TRUCK, YAWS, roll=False, tyres="saturating", braking=True)
-    actual = step_rows(model, TRUCK, falling)
-    k, inside = len(model.inputs), slice(200, None)
-    np.testing.assert_allclose(actual[:][actual.sample_indices][inside, 2 * k], -0.8, atol=1e-3)
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+@pytest.mark.parametrize("delay", [0.0, 0.3])
+def test_speed_and_its_derivative_are_late_by_its_delay(record: Record, tyres: TyreLaw, delay: float) -> None:
+    """The grade acts as a deceleration, and is not late; the steps do not depend on the delay."""
+    wave, grade = np.sin(0.5 * record.time), 0.03 * np.cos(record.time)
+    changed = record.with_signals({"speed": 20.0 + wave, "grade": grade})
+    model = dynamics.model(TRUCK, YAWS, roll=False, tyres=tyres, braking=True)
+    assert model.inputs == ("speed", STEER, dynamics.SPEED_RATE)
+    actual = step_rows(model, TRUCK, changed, errors={dynamics.SPEED_DELAY: delay})
+    speed, steer, rate = actual[:][actual.sample_indices][150:-150, 4:7].T
+    late, along = 0.5 * (record.time + delay)[150:-150], STANDARD_GRAVITY * np.sin(np.arctan(grade))[150:-150]
+    np.testing.assert_allclose(speed, 20.0 + np.sin(late), atol=1e-3)
+    np.testing.assert_allclose(rate, 0.5 * np.exp(-((0.5 * WIDTH) ** 2) / 2) * np.cos(late) + along, atol=1e-3)
+    np.testing.assert_array_equal(steer, record.signals[STEER][150:-150])
     assert actual.steer_sigma == pytest.approx(np.std(record.signals[STEER]))
+
+
+def test_the_delay_of_the_speed_does_not_change_the_steps(record: Record) -> None:
+    """Else the cost of a search along it would jump."""
+    coarse = rows(record, np.arange(0, len(record), 10))
+    coarse = coarse.with_signals({"speed": np.linspace(5.0, 30.0, len(coarse))})
+    times = [step_rows(MODEL, TRUCK, coarse, errors={dynamics.SPEED_DELAY: delay}).time for delay in (0.0, 0.4)]
+    assert len(times[0]) > len(coarse)
+    np.testing.assert_array_equal(times[0], times[1])
 
 
 @pytest.mark.parametrize("count", [3, 4, 40])

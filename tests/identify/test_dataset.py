@@ -72,6 +72,9 @@ def test_dataset(truck: Vehicle) -> None:
     assert "tractor.mass is fixed: no sigma includes its uncertainty." in dataset.notes
     source = dataset.identified_vehicle({"semitrailer.yaw_inertia": 4.0e5}).source
     assert "identified from slow at 24.4 to 24.4 m/s" in source
+    height = "semitrailer.sprung.cog_height"
+    for value, limited in ((0.1, 0.2), (1.3, 1.3), (6.0, 5.0)):  # to the range of a vehicle file
+        assert dataset.identified_vehicle({height: value}).parameters()[height] == limited
 
 
 def test_noise_of_a_log(truck: Vehicle) -> None:

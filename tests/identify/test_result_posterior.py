@@ -8,6 +8,7 @@ import pytest
 from fifthwheel.cheng_cebon_2011 import article
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import Identification, OneStage, Posterior, identify
+from fifthwheel.identify.one_stage.estimator import TOLERANCE
 from fifthwheel.observe import Uncertainty
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -26,7 +27,7 @@ def test_estimates_and_sigmas_are_those_of_the_result(result):
     frame = posterior.to_pandas()
     for e in (*result.parameters, *result.uncertain):
         assert frame.loc[e.name, ["mean", "unit"]].tolist() == [e.value, e.unit]
-        assert frame.loc[e.name, "sigma"] == pytest.approx(e.sigma)
+        assert 1 - 1e-9 < frame.loc[e.name, "sigma"] / e.sigma < np.hypot(1, TOLERANCE)  # with the next step
     for e in result.sensors:
         if f"{e.name}@{e.log}" in posterior.names:
             assert frame.loc[f"{e.name}@{e.log}", "mean"] == e.value

@@ -34,8 +34,8 @@ IDENTIFICATION: Any = Fields(
         error("time_base.trailer.delay", 0.1, None),
     ],
     logs=[
-        SimpleNamespace(name="first", noise={YAW: 1e-6}, bank=(0.01, 0.02)),
-        SimpleNamespace(name="second", noise={YAW: 2e-6}, bank=None),
+        SimpleNamespace(name="first", noise={YAW: 1e-6}, bank=(0.01, 0.02), drive_axle_braking=(0.7, 0.1)),
+        SimpleNamespace(name="second", noise={YAW: 2e-6}, bank=None, drive_axle_braking=None),
     ],
     settings=OneStage(nuisances=False),
     covariance=None,
@@ -49,11 +49,13 @@ VARYING = math.hypot(0.02, MODEL_ERRORS["bank_variation"])
     ("log", "offset", "noise"), [("first", 0.001, 1e-6), ("second", 0.002, 2e-6), (None, None, 1e-6), ("b", None, 1e-6)]
 )
 def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None, noise: float) -> None:
-    """Of another log only what all logs share, with the noise of the first; an observer has one time base."""
+    """Of another log only what all logs share, with the noise of the first; an observer has one time base. The first
+    log informs who brakes, of another log nothing is known of it."""
     settings = IDENTIFICATION.sensor_settings(log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
+    road = {"friction": None} | ({} if log == "second" else {"drive_axle_braking": 0.7 if log == "first" else 0.5})
     exact = dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
-    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}, "friction": None} | exact
+    assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | road | exact
 
 
 @pytest.mark.parametrize(

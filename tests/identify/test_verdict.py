@@ -11,39 +11,38 @@ from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import (
     Verdict,
     estimate_verdict,
-    information_verdicts,
+    remaining_fraction,
     uncertain_verdict,
     uninformed_parameters,
 )
 
 STIFFNESS, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"
 YAW_RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer")
+ALL_RATES = (*YAW_RATES, "roll_rate.semitrailer")
 LIMIT = 0.7
 
 
-def test_by_information() -> None:
-    """A parameter without information is not excited if there is none on any other, else not identifiable."""
-    empty = ScaledPosterior.from_information(("a", "b"), np.zeros((2, 2)))
-    assert set(information_verdicts(empty, [0, 1], LIMIT).values()) == {Verdict.NOT_EXCITED}
-    partial = ScaledPosterior.from_information(("a", "b"), np.diag([100.0, 0.0]))
-    assert information_verdicts(partial, [0, 1], LIMIT) == {0: Verdict.CONVERGED, 1: Verdict.NOT_IDENTIFIABLE}
-
-
 @pytest.mark.parametrize(
-    ("information", "channels", "expected"),
+    ("stiffness", "height", "both", "channels", "expected"),
     [
-        ([100.0, 100.0], (*YAW_RATES, "roll_rate.semitrailer"), {}),
-        ([100.0, 100.0], YAW_RATES, {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
-        ([100.0, 100.0], (*YAW_RATES, "roll_rate.tractor"), {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
-        ([0.0, 0.0], YAW_RATES, {STIFFNESS: Verdict.NOT_EXCITED, HEIGHT: Verdict.NOT_EXCITED}),
-        ([0.0, 100.0], YAW_RATES, {STIFFNESS: Verdict.NOT_IDENTIFIABLE, HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        (100.0, 100.0, 0.0, ALL_RATES, {}),
+        (100.0, 100.0, 0.0, YAW_RATES, {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        (100.0, 100.0, 0.0, (*YAW_RATES, "roll_rate.tractor"), {HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        (0.0, 0.0, 0.0, YAW_RATES, {STIFFNESS: Verdict.NOT_EXCITED, HEIGHT: Verdict.NOT_IDENTIFIABLE}),
+        (0.0, 100.0, 0.0, ALL_RATES, {STIFFNESS: Verdict.NOT_EXCITED}),
+        (0.0, 0.0, 100.0, ALL_RATES, dict.fromkeys((STIFFNESS, HEIGHT), Verdict.NOT_IDENTIFIABLE)),
+        (0.0, 100.0, 100.0, ALL_RATES, {}),
     ],
 )
-def test_uninformed(information: list[float], channels: tuple[str, ...], expected: dict[str, Verdict]) -> None:
-    """A payload height needs the roll rate of its own unit, whatever the information says."""
-    posterior = ScaledPosterior.from_information((STIFFNESS, HEIGHT), np.diag(information))
+def test_uninformed(
+    stiffness: float, height: float, both: float, channels: tuple[str, ...], expected: dict[str, Verdict]
+) -> None:
+    """By the information on each and on their sum, each on its own; a payload height needs the roll rate of its unit,
+    whatever the information says."""
+    posterior = ScaledPosterior.from_information((STIFFNESS, HEIGHT), np.diag([stiffness, height]) + both)
     without = [name for name in (STIFFNESS, HEIGHT) if lacks_roll_rate(name, channels)]
-    assert uninformed_parameters(posterior, (STIFFNESS, HEIGHT), without, LIMIT) == expected
+    remaining = dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
+    assert uninformed_parameters(posterior, remaining, without, LIMIT) == expected
 
 
 @pytest.mark.parametrize(
@@ -74,14 +73,32 @@ def test_the_first_verdict_that_applies() -> None:
     assert estimate_verdict(unknown, 1.0, math.nan, excited=0.1) is Verdict.NOT_EXCITED
 
 
-def test_limits_of_the_information() -> None:
-    """A sigma at the limit is uninformed, a conditional sigma at the limit is not excited."""
-    posterior = ScaledPosterior.from_information(("a", "b"), np.diag([1.0, 3.0]))
-    (a, b), kept = posterior.sigma, [posterior.conditional_sigma(i) for i in (0, 1)]
-    assert kept == pytest.approx([a, b])
-    assert information_verdicts(posterior, [0, 1], b) == dict.fromkeys((0, 1), Verdict.NOT_EXCITED)
-    assert information_verdicts(posterior, [0, 1], a) == {0: Verdict.NOT_IDENTIFIABLE, 1: Verdict.CONVERGED}
-    assert information_verdicts(posterior, [0], b) == {0: Verdict.NOT_EXCITED}
+@pytest.mark.parametrize(
+    ("remaining", "information", "expected"),
+    [
+        (0.699, 3.0, {}),
+        (0.7, 3.0, {"a": Verdict.NOT_EXCITED}),
+        (math.nan, 3.0, {"a": Verdict.NOT_EXCITED}),
+        (0.7, 3.01, {"a": Verdict.NOT_IDENTIFIABLE}),
+    ],
+)
+def test_limits_of_the_information(remaining: float, information: float, expected: dict[str, Verdict]) -> None:
+    """What remains at the limit is uninformed; with a conditional sigma of half the prior, here at 3, not excited."""
+    posterior = ScaledPosterior.from_information(("a",), np.array([[information]]))
+    assert uninformed_parameters(posterior, {"a": remaining}, (), LIMIT) == expected
+
+
+@pytest.mark.parametrize(
+    ("logarithmic", "value", "remaining"), [(True, 2.0, 0.4), (True, 5.0, 1.0), (True, 1.0, 0.4), (False, 5.0, 0.4)]
+)
+def test_what_remains_of_a_prior(logarithmic: bool, value: float, remaining: float) -> None:
+    """Of a value or of its logarithm, the larger fraction: sigma grows with the value, that of the prior does not."""
+    bounds = {"lower": 0.5, "upper": 20.0, "kind": UnknownKind.PARAMETER}
+    unknown = Unknown(name="a", centre=2.0, scale=0.3, logarithmic=logarithmic, **bounds)
+    assert remaining_fraction(unknown, value, 0.4) == pytest.approx(remaining)
+    assert unknown.sigma(value, 0.4) / unknown.prior_sigma <= remaining * (1 + 1e-9)
+    for excited, verdict in ((1.01 * remaining, Verdict.CONVERGED), (0.99 * remaining, Verdict.NOT_EXCITED)):
+        assert estimate_verdict(unknown, value, 0.4, excited=excited) is verdict
 
 
 def test_of_an_uncertain_parameter() -> None:

@@ -115,10 +115,10 @@ def test_a_delay_of_an_integer_number_of_rows_adds_no_instants_between(tmp_path)
 
 def test_a_delayed_input_is_interpolated_on_the_rows(tmp_path):
     toml = "[signals]\n'yaw_rate.tractor' = 'r'\n[signals.'steer.tractor.front']\ncolumn = 'd'\ndelay = 0.25"
-    record = read_table(tmp_path, toml, t=T, r=T, d=T)
+    record = read_table(tmp_path, toml, t=T, r=T, d=[t / 2 for t in T])
     assert record.time == pytest.approx(T)
     steer = record.signals["steer.tractor.front"]
-    assert steer[:97] == pytest.approx(record.time[:97] + 0.25)
+    assert steer[:97] == pytest.approx((record.time[:97] + 0.25) / 2)
     assert np.isnan(steer[97:]).all()
 
 
@@ -144,7 +144,7 @@ def test_an_input_is_not_interpolated_across_a_gap(tmp_path):
     gap = (record.time > 3.95) & (record.time < 6.95)
     assert np.isnan(record.signals["speed"][gap]).all()
     assert np.isfinite(record.signals["speed"][~gap]).all()
-    with pytest.raises(SignalError, match=r"speed: .* missing"):
+    with pytest.raises(SignalError, match=r"speed: missing from 3\.90 to 7\.00 s"):
         record.input("speed")
 
 
@@ -205,6 +205,23 @@ def test_impossible_samples_are_missing(tmp_path):
     assert record.notes == ("speed: 2 impossible samples left out, up to inf m/s",)
     record = read_table(tmp_path, "[signals]\n'yaw_rate.tractor' = 'r'", t=T, r=[900.0] * 100)
     assert record.signals["yaw_rate.tractor"] == pytest.approx(900)  # a wrong unit, which check() finds
+
+
+def test_spikes_of_all_signals_are_missing(tmp_path):
+    """Of inputs, measurements and reference signals; a burst is one spike."""
+    columns = {"speed": [20.0] * 100, "yaw_rate.tractor": [0.0] * 100, "reference.roll.tractor": [0.0] * 100}
+    columns["speed"][50] = 30.0
+    columns["yaw_rate.tractor"][20:22], columns["yaw_rate.tractor"][70] = [0.5, 0.5], -0.5
+    columns["reference.roll.tractor"][30] = 0.1
+    record = read_table(tmp_path, "", t=[1.5e9 + 0.25 + x for x in T], **columns)
+    missing = {name: np.flatnonzero(np.isnan(values)).tolist() for name, values in record.signals.items()}
+    assert missing == {"speed": [50], "yaw_rate.tractor": [20, 21, 70]}
+    assert np.flatnonzero(np.isnan(record.reference["roll.tractor"])).tolist() == [30]
+    assert record.notes[:3] == (
+        "speed: 1 spike left out, the first 30 m/s at 5.25 s",
+        "yaw_rate.tractor: 2 spikes left out, the first 0.5 rad/s at 2.25 s",
+        "roll.tractor: 1 spike left out, the first 0.1 rad at 3.25 s",
+    )
 
 
 def test_a_time_since_1970_is_shifted(tmp_path):

@@ -96,10 +96,9 @@ def test_sideslip_while_braking(acceleration: float, friction: float, braking: f
 
 @pytest.mark.slow
 def test_sideslip_with_a_retarder() -> None:
-    """Of 1 m/s^2 at 0.36 g: rms of tractor and trailer 0.02 and 0.06 deg; 0.24 and 0.11 if all groups braked."""
-    retarder = {"tractor.drive": 1.0}
-    record = driven(1.5, 1.0, 1.0, brakes=retarder)
-    assert max(errors(record, friction=0.74, brakes=retarder)) < 0.15
+    """Of 1 m/s^2 at 0.36 g: rms of tractor and trailer 0.02 and 0.07 deg; 0.26 and 0.10 if all groups braked."""
+    record = driven(1.5, 1.0, 1.0, brakes={"tractor.drive": 1.0})
+    assert max(errors(record, friction=0.74, drive_axle_braking=1.0)) < 0.1
     assert max(errors(record, friction=0.74)) > 0.2
 
 
@@ -140,12 +139,10 @@ def test_a_copy_and_a_resumed_state_continue_while_braking() -> None:
         assert resumed.push(row) == expected
 
 
-def test_brakes_of_an_unknown_group_or_without_a_force() -> None:
-    with pytest.raises(SignalError, match=r"brakes, tractor\.driv: .* did you mean 'tractor\.drive'"):
-        Observer(TRUCK, SIGNALS, ObserverSettings(friction=0.8, brakes={"tractor.driv": 1.0}))
-    for brakes in ({"semitrailer": -1.0}, {"semitrailer": 0.0}, {"semitrailer": np.nan}):
-        with pytest.raises(SignalError, match=r"brakes(, semitrailer)?: expected a "):
-            ObserverSettings(brakes=brakes)
+@pytest.mark.parametrize("fraction", [-0.01, 1.01, float("nan")])
+def test_braking_of_the_drive_axle_out_of_range(fraction: float) -> None:
+    with pytest.raises(SignalError, match="drive_axle_braking: expected between 0 and 1"):
+        ObserverSettings(friction=0.8, drive_axle_braking=fraction)
 
 
 @pytest.mark.parametrize("smoothing", [0.0, -0.2, float("nan")])

@@ -31,7 +31,7 @@ def test_all_identified(result):
     assert len([line for line in conclusion.results if "vehicle file" in line]) == 5
     assert any("CoG height, derived" in line for line in conclusion.results)
     (line,) = conclusion.not_identified  # the tyres of this truck are linear
-    assert line.startswith("Road, friction (not identifiable): the run uses too little of it")
+    assert line.startswith("Road, friction (not excited): the logs reduce sigma too little")
 
 
 @pytest.mark.parametrize(

@@ -36,7 +36,7 @@ def test_a_jump_that_lasts_is_accepted_after_the_hold():
 
 def test_both_forms_agree():
     random = np.random.default_rng(0)
-    settings = settings_of(max_steer_rate=0.2, max_acceleration=2.0, hold=0.05, friction=0.6)
+    settings = settings_of(max_steer_rate=0.2, max_acceleration=2.0, hold=0.05)
     noisy = {}
     for name, sigma in (("speed", 0.05), (STEER, 0.003)):
         values = LANE_CHANGES.signals[name] + sigma * random.normal(size=len(LANE_CHANGES))
@@ -44,7 +44,7 @@ def test_both_forms_agree():
     record = LANE_CHANGES.with_signals(noisy)
     assert settings.names == (*noisy, SPEED_RATE)
     held, fresh = held_inputs(record, settings)
-    stream, rows = Stream(settings, steps.step_limit(TRUCK, True)), Rows(inputs=3)
+    stream, rows = Stream(settings, steps.step_limit(TRUCK, True)), Rows(3)
     for k, time in enumerate(record.time.tolist()):
         status = stream.process_sample(rows, time, [float(values[k]) for values in noisy.values()], [0.1])
         assert (status is Status.OK) == fresh[k]
@@ -76,10 +76,9 @@ def test_segments_have_the_rows_of_single_samples():
     record, settings = interrupted(), settings_of(max_acceleration=1e4, hold=0.3)
     limit = steps.step_limit(TRUCK, True)
     status, segments = stream_segments(record, settings, limit)
-    stream, rows, found = Stream(settings, limit), Rows(), []
-    names = (*settings.names, *settings.measured)
+    stream, rows, found = Stream(settings, limit), Rows(3), []
     for k, time in enumerate(record.time.tolist()):
-        speed, steer, yaw = (float(record.signals[name][k]) for name in names)
+        speed, steer, yaw = (float(record.signals[name][k]) for name in ("speed", STEER, YAWS[0]))
         found.append(stream.process_sample(rows, time, [speed, steer], [yaw]))
     assert set(found) == {Status.OK, Status.TOO_SLOW, Status.INPUT_MISSING}
     assert status.tolist() == found
@@ -91,7 +90,8 @@ def test_segments_have_the_rows_of_single_samples():
         samples = np.arange(len(status))[segment.samples]
         assert (status[samples] == Status.OK).all()
         assert segment.sample_indices[0] == 0
-        assert segment.first == {n: record.signals[n][samples[0]] for n in settings.names}
+        first = {name: record.signals[name][samples[0]] for name in ("speed", STEER)}
+        assert segment.first == first | {SPEED_RATE: segment.rows[:][0, 3]}
         elapsed = np.cumsum(segment.rows[:][:, 0])[segment.sample_indices]
         np.testing.assert_allclose(elapsed, record.time[samples] - record.time[samples[0]], atol=1e-9)
     assert len(of_segments) > (status == Status.OK).sum(), "a gap is divided into steps"
@@ -109,9 +109,12 @@ def test_a_part_of_a_segment_begins_at_a_sample():
     assert (
         part.rows[:][part.sample_indices].tolist()
         == [
-            [0.0, *row[3:5], *row[3:]] if k == 70 else row
+            [0.0, *row[4:7], *row[4:]] if k == 70 else row
             for k, row in enumerate(segment.rows[:][segment.sample_indices].tolist())
         ][70:-5]
     )
-    assert part.first == segment.inputs(first) == {n: record.signals[n][samples[part.samples][0]] for n in part.first}
+    assert part.first == segment.inputs(first)
+    assert [part.first[n] for n in ("speed", STEER)] == [
+        record.signals[n][samples[part.samples][0]] for n in ("speed", STEER)
+    ]
     assert segment.rows[:][first, 0] > 0, "the segment has not changed"

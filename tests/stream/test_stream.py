@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.dynamics import steps
+from fifthwheel.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.live_filter import stream_settings
@@ -35,7 +36,7 @@ def observer(**settings: float) -> StreamSettings:
 class Rows:
     """A filter that keeps its rows, and uses measurements up to 1 rad/s."""
 
-    def __init__(self, inputs: int = 2) -> None:
+    def __init__(self, inputs: int) -> None:
         self.row = np.full(1 + 2 * inputs + 2, 9.0).data
         self.rows: list[np.ndarray] = []
         self.starts: list[float] = []
@@ -58,7 +59,7 @@ def processed(
     settings: StreamSettings, *samples: tuple[float, float | None, float | None]
 ) -> tuple[Stream, Rows, Status]:
     """A stream and its filter after samples of time, speed and steer angle, and the last status."""
-    stream, rows = Stream(settings, LIMIT), Rows()
+    stream, rows = Stream(settings, LIMIT), Rows(len(settings.names))
     for time, *values in samples:
         status = stream.process_sample(rows, time, values, [0.1])
     return stream, rows, status
@@ -74,7 +75,7 @@ def assert_taken(
     if time <= settings.hold or all(expected):
         assert status is Status.OK
         new, old = (speed, steer), (20.0, 0.0)
-        assert stream.inputs == [new[i] if ok else old[i] for i, ok in enumerate(expected)]
+        assert stream.inputs[:2] == [new[i] if ok else old[i] for i, ok in enumerate(expected)]
     else:
         assert status is Status.INPUT_MISSING
 
@@ -135,10 +136,10 @@ def test_of_two_values_that_disagree_at_a_start_the_second_is_taken():
     """Either may be wrong; two that agree are right."""
     wrong, right, later = (0.0, 8.0, 0.4), (0.01, 20.0, 0.0), (0.02, 20.0, 0.0)
     for settings in (observer(hold=0.3), LEARNER):
-        assert processed(settings, wrong, right)[0].inputs == [20.0, 0.0]
-        assert processed(settings, right, later, (0.03, 8.0, 0.4))[0].inputs == [20.0, 0.0]
+        assert processed(settings, wrong, right)[0].inputs[:2] == [20.0, 0.0]
+        assert processed(settings, right, later, (0.03, 8.0, 0.4))[0].inputs[:2] == [20.0, 0.0]
         after_a_gap = (*((t - 9.0, *rest) for t, *rest in (right, later)), wrong, right)
-        assert processed(settings, *after_a_gap)[0].inputs == [20.0, 0.0]
+        assert processed(settings, *after_a_gap)[0].inputs[:2] == [20.0, 0.0]
 
 
 def test_infinite_values_are_missing_whatever_the_limits():
@@ -146,14 +147,14 @@ def test_infinite_values_are_missing_whatever_the_limits():
     stream, rows, _ = processed(settings, (0.0, 20.0, 0.0))
     stream.process_sample(rows, 0.01, [20.0, math.inf], [math.inf])
     assert stream.times == [0.01, 0.0]
-    assert rows.rows[-1].tolist() == [0.01, 20.0, 0.0, 20.0, 0.0, 0.0, 0.0]
+    assert rows.rows[-1].tolist() == [0.01, 20.0, 0.0, 0.0, 20.0, 0.0, 0.0, 0.0, 0.0]
 
 
 def test_missing_inputs_are_held_for_a_limited_time():
     start = (0.0, 20.0, 0.1)
     for missing in ((None, 0.1), (20.0, None)):
         stream, _, status = processed(LEARNER, start, (0.4, *missing))
-        assert (status, stream.inputs) == (Status.OK, [20.0, 0.1])
+        assert (status, stream.inputs) == (Status.OK, [20.0, 0.1, 0.0])
         assert processed(LEARNER, start, (0.4 + EDGE, *missing))[2] is Status.INPUT_MISSING
         assert processed(LEARNER, (0.0, *missing))[2] is Status.INPUT_MISSING
     assert processed(LEARNER, (0.0, 5.0, 0.1))[2] is Status.OK
@@ -164,7 +165,7 @@ def test_a_slow_change_is_plausible_at_any_rate():
     """Noise at 1 kHz changes by more than a driver steers in a millisecond."""
     samples = [(k * 1e-3, 20.0, 0.01 * (-1) ** k) for k in range(1000)]
     _, rows, _ = processed(observer(), *samples)
-    assert [row[4] for row in rows.rows] == [steer for _, _, steer in samples]
+    assert [row[5] for row in rows.rows] == [steer for _, _, steer in samples]
 
 
 def test_a_state_starts_after_a_gap_and_after_missing_inputs():
@@ -185,10 +186,11 @@ def test_a_long_gap_is_divided_into_steps():
     assert len(found) == count > 3
     np.testing.assert_allclose(found[:, 0], 0.5 / count)
     fraction = np.arange(count + 1) / count
-    ends = np.column_stack([20 + 4 * fraction, 0.4 * fraction])
-    np.testing.assert_allclose(found[:, 1:5], np.hstack([ends[:-1], ends[1:]]), atol=1e-15)
-    assert not found[:-1, 5:].any()
-    assert found[-1, 5:].tolist() == [0.1, 1.0]
+    rate = 4.0 / 0.5 * (1 - math.exp(-0.5 / TIME_CONSTANT)) ** 2  # of a first change
+    ends = np.column_stack([20 + 4 * fraction, 0.4 * fraction, rate * fraction])
+    np.testing.assert_allclose(found[:, 1:7], np.hstack([ends[:-1], ends[1:]]), atol=1e-15)
+    assert not found[:-1, 7:].any()
+    assert found[-1, 7:].tolist() == [0.1, 1.0]
 
 
 def test_without_accepted_measurements_it_coasts():
@@ -215,10 +217,10 @@ def test_a_time_that_is_not_later_changes_nothing(time):
 
 
 def test_a_resumed_stream_continues():
-    settings = observer(friction=0.6)
+    settings = observer()
 
     def answers(stream: Stream, times: range) -> list[Mapping[str, object]]:
-        rows, found = Rows(inputs=3), []
+        rows, found = Rows(3), []
         for k in times:
             speed, steer = 20.0 + 0.5 * k if k % 3 else None, None if k in (4, 5) else 0.01 * k
             status = stream.process_sample(rows, 0.1 * k, [speed, steer], [0.1 if k < 8 else None])

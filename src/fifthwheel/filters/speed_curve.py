@@ -54,8 +54,9 @@ class SpeedCurve:
         )
         self._speed, self._rate = Spline(grid, parabola[:, 0]), Spline(grid, line[:, 1])
 
-    def __call__(self, time: Array) -> tuple[Array, Array, Array]:
-        """Speed, m/s, its derivative, m/s^2, and the derivative of that, m/s^3, at times (M,)."""
+    def __call__(self, time: Array) -> tuple[Array, Array, Array, Array]:
+        """Speed, m/s, the slope of its curve, m/s^2, u', m/s^2, and the slope of u', m/s^3, at times (M,)."""
         inside = np.clip(time, self._first, self._last)
-        rate, change = self._rate(inside)
-        return self._speed(inside)[0] + rate * (time - inside), rate, np.where(inside == time, change, 0.0)
+        (speed, slope), (rate, change) = self._speed(inside), self._rate(inside)
+        within = inside == time
+        return speed + rate * (time - inside), np.where(within, slope, rate), rate, np.where(within, change, 0.0)

@@ -97,9 +97,9 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
         SignalError: an input is missing, or has a gap that is too long.
     """
     late = record.time + errors.get(dynamics.SPEED_DELAY, 0.0)
-    speed, rate, change = SpeedCurve(record.time, record.input("speed"))(late)
+    speed, slope, rate, change = SpeedCurve(record.time, record.input("speed"))(late)
     inputs = {"speed": speed, dynamics.SPEED_RATE: rate + _along_road(record)}
-    inputs |= dict(zip(dynamics.SLOPES.values(), (rate, change), strict=True))
+    inputs |= dict(zip(dynamics.SLOPES.values(), (slope, change), strict=True))
     for name in names_of(STEER, names):
         delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)

@@ -235,7 +235,7 @@ def _at_steady_speed(log: LogData) -> tuple[LogData, str]:
     if nothing else is left."""
     parts = list[Record]()
     for segment in log.segments:
-        slow = np.abs(SpeedCurve(segment.time, segment.input("speed"))(segment.time)[1]) <= NONLINEAR_SPEED_RATE
+        slow = np.abs(SpeedCurve(segment.time, segment.input("speed"))(segment.time)[2]) <= NONLINEAR_SPEED_RATE
         parts += [segment] if slow.all() else parts_where(segment, slow, SHORTEST_PART)
     whole, left = (sum(float(np.ptp(part.time)) for part in each) for each in (log.segments, parts))
     problem = f"linear tyres lack the loads that acceleration and braking beyond {NONLINEAR_SPEED_RATE:g} m/s^2 move"

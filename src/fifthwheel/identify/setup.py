@@ -113,7 +113,7 @@ class Setup:
         return replace(self, unknowns=tuple(considered(u) if u.name in names else u for u in self.unknowns))
 
     def with_unknown(self, unknown: Unknown) -> "Setup":
-        """The setup with another prior of one unknown."""
+        """The setup with another unknown of the same name."""
         return replace(self, unknowns=tuple(unknown if u.name == unknown.name else u for u in self.unknowns))
 
     @cached_property

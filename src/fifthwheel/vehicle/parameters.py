@@ -19,6 +19,8 @@ COMBINED_SLIP = "tyre.combined_slip"
 DRAG_AREA = "body.drag_area"
 ROLLING_RESISTANCE = "tyre.rolling_resistance"
 DRIVE_AXLE_BRAKING = "brakes.drive_axle"
+MEAN_DRIVE_AXLE_BRAKING = 0.5
+"""Where nothing is known of who brakes."""
 
 
 class TyreParameter(NamedTuple):

@@ -134,8 +134,12 @@ def test_vibration_is_noise(log: Record, guess: Vehicle) -> None:
     assert not [caution for caution in identification_cautions(result) if NAME in caution.signals]
 
 
-def test_an_unrelated_channel_is_not_trusted(log: Record, guess: Vehicle) -> None:
+def test_an_unrelated_channel_is_the_cause_of_a_doubt(log: Record, guess: Vehicle, truck: Vehicle) -> None:
+    """An error of this sensor; the other channels determine the parameters."""
     wrong = log.with_signals({NAME: 2.0 * np.sin(1.3 * log.time)})
     result = identify([wrong], guess, replace(EXACT, check=False))
-    assert {e.verdict for e in result.parameters} == {"not_converged"}
+    (doubt,), truth = result.doubts, truck.parameters()
+    assert [cause.name.startswith(NAME) for cause in doubt.causes] == [True]
+    assert {e.name for e in result.parameters if e.verdict == "doubtful"} == set(doubt.parameters) != set()
+    assert all(abs(e.value - truth[e.name]) < 3 * e.sigma for e in result.parameters)
     assert any(note.startswith(f"{NAME}: the model explains") for note in result.notes)

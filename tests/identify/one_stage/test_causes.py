@@ -1,4 +1,4 @@
-"""Causes of a contradiction, by fits without a prior: gross errors of a gyro, of the vehicle file and of a trailer."""
+"""Causes of a contradiction, by odds of hypotheses: gross errors of a gyro, of the vehicle file and of a trailer."""
 
 import math
 from dataclasses import replace
@@ -6,16 +6,16 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy import stats
 
 import fifthwheel as fw
-from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.identify.doubts import DoubtKind, PriorTest
-from fifthwheel.identify.one_stage import alternatives
-from fifthwheel.identify.one_stage.alternatives import LARGE_DISCREPANCY, Causes, likely_causes
+from fifthwheel.identify.one_stage import causes
+from fifthwheel.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
-from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.identify.unknowns.gross_errors import GrossError
 from fifthwheel.workflow.identification import run_identification
 from fifthwheel.workflow.states import run_states
 
@@ -39,172 +39,121 @@ def turned(record, angle):
     return record.with_signals({ROLL2: math.cos(angle) * roll + math.sin(angle) * yaw})
 
 
-def test_a_good_log_has_no_cause_and_needs_no_fit(truck, record, monkeypatch):
+def test_a_good_log_has_no_cause(truck, record):
     solution = solve_one_stage([record], truck, SETTINGS)
-    monkeypatch.setattr("fifthwheel.identify.one_stage.alternatives.minimise", None)
     assert likely_causes(solution, solution.linearisation.tests) == Causes()
 
 
-class _Fit(str):
-    """A fit that has converged, by the name of the unknown without a prior."""
-
-    converged = True
-
-
 @pytest.fixture
-def causes(monkeypatch):
-    """The causes for chosen statistics of the tests, and gains of the fits without their priors, by name."""
+def find(monkeypatch):
+    """The likely causes for chosen logarithmic odds, by name: of the linear tests, and of the fits."""
 
-    def likely(statistics, gains, impossible=(), unusual=(), left=None):
-        left = left or {}
-
-        started = []
-
-        def fitted(_, test):
-            started.append(test.name)
-            usual, possible, gain = test.name not in unusual, test.name not in impossible, gains[test.name]
-            return alternatives._Alternative(
-                test=test, minimum=_Fit(test.name), gain=gain, promise=gain, possible=possible, usual=usual
-            )
-
-        monkeypatch.setattr(alternatives, "_base", lambda _: None)
-        monkeypatch.setattr(alternatives, "_corrected", lambda *_: "corrected")
-        monkeypatch.setattr(alternatives, "_left", lambda minimum: left.get(str(minimum), 0.0))
-        monkeypatch.setattr(alternatives, "_unexplained", lambda minimum: left.get(str(minimum), 0.0))
-        monkeypatch.setattr(alternatives, "_without_prior", fitted)
-        tests = [
-            PriorTest(name=name, statistic=s, implied=s, size=abs(s), shifts=np.zeros(1)) for name, s in statistics
-        ]
-        found = likely_causes(SimpleNamespace(minimum="all"), tests)
-        return found.left if found.left is not None else [test.name for test in found.likely], len(started)
+    def likely(odds, linear=None, left=None):
+        left, linear, steps = left or {}, linear or dict.fromkeys(odds, 0.0), []
+        fitted = {
+            name: SimpleNamespace(test=SimpleNamespace(name=name), minimum=name, odds=value)
+            for name, value in odds.items()
+        }
+        monkeypatch.setattr(causes, "_base", lambda _: None)
+        monkeypatch.setattr(causes, "_corrected", lambda *_: "corrected")
+        for unexplained in ("_left", "_unexplained"):
+            monkeypatch.setattr(causes, unexplained, lambda minimum: left.get(minimum, 0.0))
+        monkeypatch.setattr(causes, "gross_error", lambda unknown: unknown)  # the unknown "usual" has none
+        monkeypatch.setattr(causes, "linear_odds", lambda test, _: linear[test.name])
+        monkeypatch.setattr(causes, "_fitted", lambda _, test, error: fitted[test.name])
+        unknowns = {name: None if name == "usual" else name for name in linear}
+        solution = SimpleNamespace(minimum="all", problem=SimpleNamespace(unknowns_by_name=unknowns))
+        tests = [SimpleNamespace(name=name) for name in linear]
+        found = likely_causes(solution, tests, lambda *step: steps.append(step[1:]))
+        fits = {total for _, total in steps}.pop() if steps else 0
+        assert steps == [(done, fits) for i in range(fits) for done in (i, i + 1)]
+        return found.left if found.left is not None else [test.name for test in found.likely], fits
 
     return likely
 
 
-def test_a_contradiction_is_a_statistic_above_the_limit(causes):
-    assert causes([], {}) == ([], 0)
-    assert causes([("a", -3.5)], {}) == ([], 0)
-    assert causes([("a", -3.501)], {"a": 7.0}) == (["a"], 1)
-    assert causes([("a", -3.5)], {}, left={"all": 0.2}) == (0.2, 0)
+def test_only_probable_hypotheses_are_fitted(find):
+    """The ten with the largest odds above exp(-5) by the linear tests; what has no gross error is none."""
+    assert find({}) == ([], 0)
+    assert find({"a": 9.0}, {"a": -5.0}) == ([], 0)
+    assert find({"a": 9.0}, {"a": -4.999}) == (["a"], 1)
+    assert find({"usual": 9.0}, {"usual": 0.0}) == ([], 0)
+    names = "abcdefghijklm"
+    linear = {name: 0.1 * i for i, name in enumerate(names)}
+    assert find(dict.fromkeys(names, 9.0), linear) == (list(reversed(names))[:10], 10)
 
 
-def test_candidates_have_half_of_the_largest_statistic(causes):
-    """At most twelve of them."""
-    gains = dict.fromkeys("abcdefghijklmnop", 10.0)
-    assert causes([("a", 8.0), ("b", -4.0), ("c", 3.99)], gains) == (["a", "b"], 2)
-    assert causes([(name, 8.0) for name in gains], gains) == (list(gains)[:12], 12)
+def test_a_cause_is_more_probable_than_none(find):
+    assert find({"a": 0.0, "b": -1.0}) == ([], 2)
+    assert find({"a": 1e-9}) == (["a"], 1)
+    assert find({"a": 0.0}, left={"all": 0.2}) == (0.2, 1)
+    assert find({}, left={"all": 0.2}) == (0.2, 0)
 
 
-def test_the_likeliest_causes_come_first(causes):
-    """Those with 85 % of the largest statistic, of which the decrease of the cost is half the square."""
-    statistics = [(name, 8.0) for name in "abcd"]
-    least = 0.85**2 * 40.0
-    assert causes(statistics, {"a": least - 0.01, "b": 40.0, "c": least + 0.01, "d": 1.0})[0] == ["b", "c"]
-    assert causes(statistics, {"a": 1.0, "b": 40.0, "c": least, "d": 41.0}, impossible="d")[0] == ["b", "c"]
-    assert causes(statistics[:2], {"a": 1.0, "b": 40.0}, impossible="ab")[0] == ["b"]
-    assert causes(statistics[:2], {"a": 39.0, "b": 40.0}, impossible="ab", left={"a": 0.1, "b": 0.2})[0] == 0.1
+def test_the_likeliest_causes_come_first(find):
+    """Those whose odds are within a factor of 20 of the largest."""
+    odds = {"a": 9.01 - math.log(20), "b": 9.0, "c": 8.99 - math.log(20), "d": 8.0}
+    assert find(odds)[0] == ["b", "d", "a"]
 
 
-def test_a_cause_has_to_explain_a_contradiction(causes):
-    """One that explains less than an unusual statistic is none; an impossible one has to explain far more."""
-    statistics, least = [("a", 4.0), ("b", 3.9)], (0.85 * 3.5) ** 2 / 2
-    assert causes(statistics, {"a": 0.01, "b": 6.0}, impossible="b")[0] == []
-    assert causes(statistics, {"a": least - 0.01, "b": 4.0})[0] == []
-    assert causes(statistics, {"a": least + 0.01, "b": 1.0})[0] == ["a"]
-    assert causes(statistics, {"a": 0.01, "b": 4 * least + 0.01}, impossible="b")[0] == ["b"]
-    assert causes(statistics, {"a": 0.01, "b": 6.0}, impossible="b", left={"all": 0.3})[0] == 0.3
-
-
-def test_a_cause_has_to_explain_the_logs(causes):
+def test_a_cause_has_to_explain_the_logs(find):
     """Without one that does, none is named, unless delays that the samples show explain them."""
-    statistics, gains = [("a", 8.0), ("b", 7.9)], {"a": 40.0, "b": 39.0}
-    assert causes(statistics, gains, left={"a": 0.2})[0] == ["b"]
-    assert causes(statistics, gains, left={"a": 0.2, "b": 0.3, "corrected": 0.4})[0] == 0.2
-    assert causes(statistics, gains, left={"a": 0.2, "b": 0.3})[0] == ["a", "b"]
+    odds = {"a": 9.0, "b": 8.0}
+    assert find(odds, left={"a": 0.2})[0] == ["b"]
+    assert find(odds, left={"a": 0.2, "b": 0.3, "corrected": 0.4})[0] == 0.2
+    assert find(odds, left={"a": 0.2, "b": 0.3})[0] == ["a", "b"]
 
 
-def test_a_gross_error_of_a_clock_is_behind_others_that_explain_half_as_much(causes):
-    """It remains among the causes if it explains most."""
-    statistics = [("clock", 8.0), ("a", 7.0)]
-    assert causes(statistics, {"clock": 40.0, "a": 20.1}, unusual=["clock"])[0] == ["a", "clock"]
-    assert causes(statistics, {"clock": 40.0, "a": 19.9}, unusual=["clock"])[0] == ["clock", "a"]
-    assert causes(statistics, {"clock": 40.0, "a": 14.0}, unusual=["clock"])[0] == ["clock"]
-    assert causes(statistics, {"clock": 40.0, "a": 39.0}, unusual=["clock"])[0] == ["a", "clock"]
-    assert causes(statistics, {"clock": 20.0, "a": 39.0}, unusual=["clock"])[0] == ["a"]
+@pytest.mark.parametrize(("statistic", "implied"), [(6.0, 9.0), (-2.0, -2.1), (0.5, 0.6)])
+def test_the_odds_of_a_linear_test(statistic, implied):
+    """Of the deviation without its prior, by its normal densities with the two variances."""
+    error, variance = GrossError(sigma=7.0, weight=1.5), (implied / statistic) ** 2
+    test = PriorTest(name="a", statistic=statistic, implied=implied, size=abs(statistic), shifts=np.zeros(1))
+    densities = stats.norm.logpdf(implied, scale=np.sqrt([variance + 7**2 - 1, variance]))
+    assert linear_odds(test, error) == pytest.approx(math.log(0.003 * 1.5) + densities[0] - densities[1])
 
 
-@pytest.mark.parametrize(
-    ("moves", "change", "usual", "possible"),
-    [
-        ({TIME_SCALE: 1.0}, 0.0199, True, True),
-        ({TIME_SCALE: 1.0}, -0.0199, True, True),
-        ({TIME_SCALE: 1.0}, 0.0201, False, True),
-        ({TIME_SCALE: 1.0}, -0.0201, False, True),
-        ({TIME_SCALE: 1.0}, 0.21, False, False),
-        ({}, 0.21, True, True),
-    ],
-)
-def test_what_a_fit_without_a_prior_gives(monkeypatch, moves, change, usual, possible):
-    """Its gain, the change of the unknown, and whether such an error is possible, and usual of a clock: up to 2 %."""
-    fields = {"lower": -1.0, "upper": 1.0, "kind": UnknownKind.UNCERTAIN, "moves": moves}
-    unknown, implied, starts = Unknown(name="clock", centre=0.0, scale=1e-3, **fields), change / 1e-3, []
-    problem = SimpleNamespace(
-        names=("a", "clock", "roll@0.0"),
-        unknowns_by_name={"clock": unknown},
-        bounds=(np.full(3, -300.0), np.full(3, 300.0)),
-        cost=lambda z: abs(z[1] - implied),
-        layout=SimpleNamespace(initial_states=[[np.array([2])]]),
-    )
-    objective = SimpleNamespace(without_prior=lambda name, tail, wider: problem)
-    base = SimpleNamespace(objective=objective, z=np.array([1.0, 2.0, 3.0]), model=SimpleNamespace(cost=50.0))
+class Linear:
+    """y = A p + e with p = scale z, z ~ N(0, factors^2) and e ~ N(0, I), like a `Problem` of two logs."""
 
-    model = Quadratic(10.0, np.array([2.0, 0.0, 0.0]), np.eye(3))
+    names, bounds = ("a", "b", "c@0", "c@1", "roll@0.0"), (np.full(5, -1e3), np.full(5, 1e3))
+    layout = SimpleNamespace(initial_states=[[np.array([4])]])
 
-    def fitted(_, z, iterations):
-        assert iterations == 0
-        starts.append(z.tolist())
-        return SimpleNamespace(objective=problem, z=np.array([5.0, implied, 9.0]), model=model)
+    def __init__(self, J, y, factors):
+        self.J, self.y, self.factors = J, y, factors
 
-    monkeypatch.setattr(alternatives, "_fit", fitted)
-    for shift in (implied, -implied):  # the linear test gives the start only if it decreases the cost
-        shifts = np.array([0.0, shift, 500.0])
-        found = alternatives._without_prior(
-            base, PriorTest(name="clock", statistic=8.0, implied=shift, size=8.0, shifts=shifts)
-        )
-        assert (found.gain, found.promise, found.rank) == (40.0, 42.0, 40.0 if usual else 20.0)
-        assert (found.usual, found.possible) == (usual, possible)
-        assert found.test.implied == implied
-        assert found.test.shifts.tolist() == [4.0, implied - 2.0, 0.0]
-    best = [1.0, float(np.clip(2.0 + implied, -300, 300)), 300.0]
-    assert starts == [best, [1.0, 2.0, 3.0]]
+    def cost(self, z):
+        return float(np.sum((self.y - self.J @ z) ** 2) + np.sum((z / self.factors) ** 2)) / 2
+
+    def expand(self, z):
+        precision = np.diag(self.factors**-2.0)
+        return Quadratic(self.cost(z), precision @ z - self.J.T @ (self.y - self.J @ z), self.J.T @ self.J + precision)
+
+    def with_gross_error(self, name, factor, largest):
+        return Linear(self.J, self.y, np.where([other == name for other in self.names], factor, 1.0))
+
+    def log_evidence(self):
+        covariance = np.eye(len(self.y)) + (self.J * self.factors**2) @ self.J.T
+        return stats.multivariate_normal(cov=covariance).logpdf(self.y)
 
 
-def test_only_the_better_half_of_the_fits_goes_on(monkeypatch):
-    """By what they promise, with those that are about as good as the best one; a fit that has converged takes no more
-    steps."""
-    steps = []
-
-    def fit(name, gain, converged):
-        minimum, promise = SimpleNamespace(converged=converged), {"f": 100.0}.get(name, gain)
-        test = PriorTest(name=name, statistic=8.0, implied=8.0, size=8.0, shifts=np.zeros(1))
-        return alternatives._Alternative(
-            test=test, minimum=minimum, gain=gain, promise=promise, possible=name != "i", usual=True
-        )
-
-    def continued(_, alternative, iterations):
-        name = alternative.test.name
-        steps.append((name, iterations))
-        return fit(name, {"e": 80.0}.get(name, alternative.gain), converged=name == "a")
-
-    gains = {"a": 10.0, "b": 60.0, "c": 59.0, "d": 58.0, "e": 57.0, "f": 2.0, "g": 1.0, "i": 90.0}
-    monkeypatch.setattr(alternatives, "_without_prior", lambda _, name: fit(name, gains[name], converged=False))
-    monkeypatch.setattr(alternatives, "_continued", continued)
-    found = alternatives._alternatives(None, list(gains), lambda *_: None)
-    first, second, third = alternatives.ITERATIONS
-    assert [name for name, n in steps if n == first] == list(gains)
-    assert [name for name, n in steps if n == second] == ["e", "b", "c", "d", "f", "i"]
-    assert [name for name, n in steps if n == third] == ["e", "b", "c", "d", "f", "i"]
-    assert [a.test.name for a in found] == ["e", "b", "c", "d", "f", "i"]
+@pytest.mark.parametrize("name", ["a", "b", "c@0"])
+def test_the_odds_of_a_hypothesis(monkeypatch, name):
+    """Exact for a linear model: the ratio of the densities of all data. The estimates are those of the wider prior of
+    the number, of which a test of its prior knows little; in one log if each log has its own."""
+    monkeypatch.setattr(causes, "TOLERANCE", 1e-9)
+    rng = np.random.default_rng(3)
+    J = rng.normal(size=(30, 5)) * [0.3, 0.2, 0.3, 0.4, 0.5]
+    problem = Linear(J, J @ [6.0, 0.5, 4.0, -3.0, 1.0] + rng.normal(size=30), np.ones(5))
+    base = causes._fit(problem, np.zeros(5))
+    test = PriorTest(name=name, statistic=4.0, implied=3.0, size=4.0, shifts=rng.normal(size=5))
+    found = causes._fitted(base, test, GrossError(sigma=5.0, weight=2.0))
+    i, wide = problem.names.index(name), problem.with_gross_error(name, 5.0, 3.0)
+    evidence = wide.log_evidence() - problem.log_evidence()
+    assert found.odds == pytest.approx(math.log(0.003 * 2.0) + evidence, rel=1e-9)
+    z = np.linalg.solve(J.T @ J + np.diag(wide.factors**-2.0), J.T @ problem.y)
+    assert found.test.implied == pytest.approx(z[i])
+    assert found.test.shifts == pytest.approx(np.where(np.arange(5) < 4, z - base.z, 0.0))
 
 
 @pytest.fixture(scope="module")
@@ -216,17 +165,15 @@ def found(truck, record):
 
 
 def test_a_gyro_that_is_turned_is_named_with_its_angle(found):
-    """35 standard deviations of its prior, far beyond the linear test, which understates it or names another cause."""
+    """23 standard deviations of its prior, far beyond the linear test, which understates it."""
     result, steps = found
     (doubt,) = [d for d in result.doubts if d.kind is DoubtKind.ASSUMPTION]
     assert doubt.causes[0].name == f"{ROLL2}.misalignment"
     assert abs(doubt.causes[0].changes[f"{ROLL2}.misalignment"]) == pytest.approx(0.4, abs=0.06)
     assert not [d for d in result.doubts if d.kind is DoubtKind.SENSOR]
     of_causes = [(done, total) for title, done, total in steps if title == "test of assumptions"]
-    total = sum(alternatives.ITERATIONS)
-    assert of_causes[0] == (0, total)
-    assert of_causes[-1] == (total, total)
-    assert of_causes == sorted(of_causes)
+    assert of_causes[0][0] == 0
+    assert of_causes[-1][0] == of_causes[-1][1] > 0
 
 
 def test_the_joint_covariance_contains_the_shifts_of_the_causes(found):

@@ -1,10 +1,12 @@
 """Both sides of every limit of a doubt of one stage, with the numbers of the documentation."""
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest
 from fifthwheel.identify.one_stage.evidence import quick_doubts
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
@@ -35,12 +37,13 @@ def doubts(z=(), tests=(), correlation=None, records=(), yaw_rate_offset=0.0, mi
         unknowns_by_name=dict(zip(NAMES, (*UNKNOWNS, OFFSET), strict=True)),
         values=lambda _, log: {"yaw_rate.tractor.offset": yaw_rate_offset} if log == 0 else {},
     )
-    vehicle = SimpleNamespace(units=[SimpleNamespace(name="tractor")])
+    dataset = SimpleNamespace(vehicle=SimpleNamespace(units=[SimpleNamespace(name="tractor")]), records=records)
+    dataset.lateral_accelerations = partial(Dataset.lateral_accelerations, dataset)
     solution = SimpleNamespace(
         problem=problem,
         minimum=SimpleNamespace(z=np.array([dict(z).get(name, 0.0) for name in NAMES])),
         estimated=("stiffness", "height"),
-        dataset=SimpleNamespace(vehicle=vehicle, records=records),
+        dataset=dataset,
         settings=SimpleNamespace(min_speed=min_speed, tyre_law="linear"),
         linearisation=SimpleNamespace(tests=tests, posterior=posterior),
     )

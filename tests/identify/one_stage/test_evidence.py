@@ -38,8 +38,9 @@ def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
 
 @pytest.mark.parametrize("gyro", [YAW, TRAILER])
 def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
-    """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found."""
-    result = identify([late(clean, 0.07, gyro)], truck, LINEAR)
+    """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found. An unknown delay
+    of the steering would explain much of that of the tractor."""
+    result = identify([late(clean, 0.07, gyro)], truck, replace(LINEAR, steer_delay_prior=0.005))
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     cause = doubt.causes[0]
     assert cause.name == f"{gyro}.delay"
@@ -78,12 +79,12 @@ def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Reco
 
 
 def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
-    """Timestamps that count 0.85 s in a second; at 0.9 s the logs do not contradict a combination of usual errors."""
+    """Timestamps that count 0.9 s in a second. A shorter trailer is another cause."""
     record = simulate(truck, count=5, seed=1)
-    result = identify([replace(record, time=0.85 * record.time)], truck, OneStage(tyres="linear", check=False))
+    result = identify([replace(record, time=0.9 * record.time)], truck, OneStage(tyres="linear", check=False))
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     (change,) = [cause.changes["time_base.scale"] for cause in doubt.causes if cause.name == "time_base"]
-    assert change == pytest.approx(1 / 0.85 - 1, rel=0.3)
+    assert change == pytest.approx(1 / 0.9 - 1, rel=0.3)
 
 
 def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:

@@ -7,7 +7,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.identify.one_stage.gauss_newton import Quadratic, minimise, newton_step, trust_region_step
+from fifthwheel.identify.one_stage.gauss_newton import (
+    Quadratic,
+    minimise,
+    newton_step,
+    remaining_step,
+    trust_region_step,
+)
 
 Array = np.ndarray
 
@@ -62,6 +68,16 @@ def test_a_step_that_is_twice_too_long_is_halved() -> None:
 
 def test_not_converged_after_too_few_steps() -> None:
     assert not search([-5.0, 8.0], limit=3)[1]
+
+
+def test_the_remaining_step_of_a_search() -> None:
+    """Of a quadratic, to its minimum within the bounds of the search."""
+    target = np.array([3.0, -2.0])
+    bowl = SimpleNamespace(
+        expand=lambda z: Quadratic(float((z - target) @ (z - target)) / 2, z - target, np.eye(2)), cost=None
+    )
+    minimum = minimise(bowl, np.zeros(2), lower=np.full(2, -1.0), upper=np.full(2, 9.0), iterations=0)
+    assert remaining_step(minimum).tolist() == [3.0, -1.0]
 
 
 def test_stops_at_an_infinite_cost() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
-from fifthwheel.identify.verdict import Verdict, information_verdicts
+from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 
 NAMES = ("a", "b", "c")
 posterior = ScaledPosterior.from_information
@@ -79,7 +79,8 @@ def test_correlated_unknowns() -> None:
     assert result.most_limiting(1) == 0
     assert result.conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
     assert result.sigma[0] == pytest.approx(np.sqrt(0.5), rel=1e-2)
-    assert information_verdicts(result, [0, 2], 0.5) == {0: Verdict.NOT_IDENTIFIABLE, 2: Verdict.CONVERGED}
+    remaining = dict(zip(NAMES, result.sigma.tolist(), strict=True))
+    assert uninformed_parameters(result, remaining, (), 0.5) == dict.fromkeys("ab", Verdict.NOT_IDENTIFIABLE)
 
 
 def test_conditional_sigma_does_not_take_sensor_errors_as_known() -> None:

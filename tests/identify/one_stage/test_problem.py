@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -62,18 +63,18 @@ def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
 
 
 def test_derivatives_by_model_errors(truck: Vehicle) -> None:
-    """Of the residuals by every softening, play, delay, misalignment and the time base, against central differences."""
+    """Of the residuals by every softening, play, delay, misalignment, the time base and who brakes, against central
+    differences."""
     record = simulate(truck, count=1, seed=1).cut(0.5, 5.0)
     record = record.with_signals({"speed": record.signals["speed"] + 0.3 * np.sin(record.time)})
     outputs = tuple(name for name in record.signals if "rate" in name)
     trailer = {name: "trailer" for name in outputs if "semitrailer" in name}
     further = time_base_delays(trailer, "", outputs, OneStage())
     p = problem(truck, [record], OneStage(initial_payload_height=1.0), further)
-    kinds = ("softening", "play", "delay", "misalignment", "time_base")
+    kinds = ("softening", "play", "delay", "misalignment", "time_base", "drive_axle@0")
     chosen = [name for name in p.names if name.rpartition(".")[2] in kinds]
-    assert (
-        len(chosen) == 3 + 1 + (2 + 4 + 1) + 4 + 1
-    )  # axle groups, steering, delays of inputs, gyros and trailer, gyros, time
+    # axle groups, steering, delays of inputs, gyros and trailer, gyros, time, brakes
+    assert len(chosen) == 3 + 1 + (2 + 4 + 1) + 4 + 1 + 1
     z = 0.1 * np.random.default_rng(4).normal(size=len(p.names))
     z[[p.names.index(name) for name in chosen]] = np.linspace(0.4, 0.9, len(chosen))
     (block,) = p.blocks(z, 0, 0, whitened=False)
@@ -282,9 +283,44 @@ def test_bounds_and_nuisances(truck: Vehicle, records: list[Record]) -> None:
             )
             assert lower[name] < upper[name]
     nuisances = {p.names[i] for i in p.nuisances}
-    parameters = {name for name, u in p.unknowns_by_name.items() if not (u.is_sensor_error or u.per_log)}
-    assert nuisances == set(p.names) - parameters
-    assert kept.name in parameters
+    assert nuisances == set(p.names) - set(p.setup.estimated)
+    assert {"mass_scale", "brakes.drive_axle@1", "steer.tractor.front.gain", *states} <= nuisances
+    assert "semitrailer.yaw_inertia" not in nuisances
+
+
+def test_a_gross_error_has_a_wider_prior(truck: Vehicle, records: list[Record]) -> None:
+    """The cost differs only by that of the prior, also with other noise; bounds are within what a truck can have."""
+    p = problem(truck, records, OneStage())
+    for name, largest in (
+        ("mass_scale", 12.0),
+        ("semitrailer.cornering_stiffness", 12.0),
+        ("brakes.drive_axle@1", 1.25),
+        ("yaw_rate.tractor.delay", 12.0),
+    ):
+        i, z = p.names.index(name), 0.01 * np.random.default_rng(1).normal(size=len(p.names))
+        z[p.names.index("steer.tractor.front.play")] = 0.0
+        z[i] = 0.8
+        for wide in (p.with_gross_error(name, 4.0, 3.0), p.with_gross_error(name, 4.0, 3.0).shortened(10**9)):
+            own = p.prior.cost(np.where(np.arange(len(z)) == i, z, 0.0))
+            assert wide.cost(z) == pytest.approx(p.cost(z) - own + (z[i] / 4) ** 2 / 2, abs=1e-6)
+            assert wide.prior.expand(z).gradient[i] == pytest.approx(z[i] / 16)
+            assert wide.prior.expand(z).hessian[i, i] == pytest.approx(1 / 16)
+            assert [bound[i] for bound in wide.bounds] == pytest.approx([-largest, largest])
+
+
+def test_the_excess_of_residuals_over_the_noise_of_a_part(truck: Vehicle, records: list[Record]) -> None:
+    """The largest ratio of mean squares to variances over all logs and channels, at least 1."""
+    p = problem(truck, records, OneStage())
+    z = np.zeros(len(p.names))
+    squares = [np.nanmean(p.residuals(z, i, whitened=False)[1] ** 2, axis=0) for i in (0, 1)]
+    noise = [dict(zip(p.model.outputs, each.tolist(), strict=True)) for each in squares]
+    part = SimpleNamespace(logs=[SimpleNamespace(noise=each) for each in noise])
+    assert p.excess(z, part) == pytest.approx(1.0)
+    noise[1]["roll_rate.semitrailer"] /= 7
+    assert p.excess(z, part) == pytest.approx(7.0)
+    noise[1]["roll_rate.semitrailer"] *= 70
+    assert p.excess(z, part) == pytest.approx(1.0)
+    assert len(p) == sum(len(segment) for log in p.logs for segment in log.segments)
 
 
 def test_the_noise_of_a_channel_with_few_residuals_is_kept(truck: Vehicle, records: list[Record]) -> None:
@@ -312,12 +348,13 @@ def test_the_variance_of_a_signal_is_without_its_noise(truck: Vehicle) -> None:
 
 
 def test_what_varies_from_log_to_log_is_left_out(truck: Vehicle, records: list[Record]) -> None:
-    """The variation of a stiffness, and not the offset of a sensor."""
+    """The variation of a stiffness and who brakes, and not the offset of a sensor."""
     p = problem(truck, records, OneStage())
     z = np.ones(len(p.names))
     changed = {p.names[i] for i in np.flatnonzero(p.without_variation(z) == 0)}
-    assert changed == {name for name in p.names if name.endswith(f"{VARIATION}@0")}
-    assert changed
+    variations = {name for name in p.names if name.endswith(f"{VARIATION}@0")}
+    assert changed == variations | {"brakes.drive_axle@0"}
+    assert variations
     assert z.all()
 
 

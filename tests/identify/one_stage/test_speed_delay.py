@@ -21,9 +21,10 @@ def log_with_late_speed(truck: Vehicle) -> Record:
     steer = sum(size * np.sin(rate * time + rate) for size, rate in ((0.02, 0.6), (0.015, 2.0), (0.01, 3.3)))
     outputs = [f"{quantity}.{unit.name}" for quantity in ("yaw_rate", "roll_rate") for unit in truck.units]
     inputs = dict.fromkeys(truck.steer_signals(), np.zeros_like(time)) | {STEER: np.asarray(steer)}
-    model, noise = dynamics.model(truck, outputs, roll=True), np.random.default_rng(1).normal(size=(len(time), 4))
-    of_model = dynamics.all_parameters(truck, outputs)
-    _, y = free_response(model, of_model, time, inputs | {"speed": 18 + 4 * np.sin(0.6 * time)})
+    noise = np.random.default_rng(1).normal(size=(len(time), 4))
+    model, of_model = dynamics.model(truck, outputs, roll=True, braking=True), dynamics.all_parameters(truck, outputs)
+    motion = {"speed": 18 + 4 * np.sin(0.6 * time), dynamics.SPEED_RATE: 2.4 * np.cos(0.6 * time)}
+    _, y = free_response(model, of_model, time, inputs | motion)
     gyros = dict(zip(outputs, (y + 0.002 * noise).T, strict=True))
     speed = 18 + 4 * np.sin(0.6 * (time - DELAY))
     return Record(time=time, signals={"speed": speed, STEER: inputs[STEER]} | gyros, name="late speed")

@@ -339,23 +339,37 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
     assert [u.name for u in fixed] == [HEIGHT]
 
 
-def test_what_a_number_may_differ_from_its_prior_mean(truck: Vehicle) -> None:
-    """A stiffness by a factor of four, a track by half, a position by two metres; a mass remains above an eighth; a
-    gain of a sensor has no such limit."""
+def test_estimates_are_within_the_range_of_a_vehicle_file(truck: Vehicle) -> None:
+    """A value outside the range widens it."""
+    unknowns, ranges = by_name(truck, OneStage()), truck.parameter_ranges()
+    assert ranges["semitrailer.sprung.cog_height"] == (0.2, 5.0)
+    for name in ranges.keys() & unknowns.keys():
+        u = unknowns[name]
+        if not u.moves:
+            assert ranges[name][0] <= u.lower <= u.centre < u.upper <= ranges[name][1], name
+    height = unknowns["semitrailer.sprung.cog_height"]
+    assert (height.lower, height.upper) == (0.2, 5.0)
+    wide, widest = height.reaching(12.0), height.reaching(99.0)
+    assert (wide.lower, wide.upper) == pytest.approx((height.centre * math.exp(-1.2), height.centre * math.exp(1.2)))
+    assert (widest.lower, widest.upper) == (0.2, 5.0)
+    low = height.within(2.0, 3.0)
+    assert (low.lower, low.upper, low.possible) == (height.centre, 3.0, (height.centre, 3.0))
+    offset = unknowns["yaw_rate.tractor.offset"].reaching(30.0)
+    assert (offset.lower, offset.upper) == pytest.approx((-0.12, 0.12))
+
+
+def test_the_change_of_an_unknown(truck: Vehicle) -> None:
     unknowns = by_name(truck, OneStage(tyres="saturating"))
     stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
-    track, two_metres = unknowns["body.half_track"], 2 / cog.prior_sigma / cog.slopes["tractor.cog"]
-    for unknown, limit in (
-        (stiffness, math.log(4) / stiffness.scale),
-        (track, math.log(1.5) / track.scale),
-        (cog, abs(two_metres)),
-    ):
-        for sign in (-1, 1):
-            assert unknown.is_possible(sign * 0.99 * limit)
-            assert not unknown.is_possible(sign * 1.01 * limit)
-    assert unknowns["yaw_rate.tractor.gain"].is_possible(100.0)
-    assert unknowns["tractor.mass"].is_possible(20.0)
-    assert not unknowns["tractor.mass"].is_possible(-50.0)  # without any mass
-    assert not unknowns["mass_scale"].is_possible(-75.0)  # 1.5 times smaller than nothing
     assert stiffness.change(math.log(2) / stiffness.scale) == pytest.approx(stiffness.centre)
     assert cog.change(3.0) == pytest.approx(3 * cog.prior_sigma)
+
+
+def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
+    """The fraction of engine and retarder is about a half, for all tyre laws."""
+    for tyres in ("linear", "saturating"):
+        brakes = by_name(truck, OneStage(tyres=tyres))["brakes.drive_axle"]
+        assert (brakes.centre, brakes.scale, brakes.lower, brakes.upper, brakes.per_log) == (0.5, 0.4, 0.0, 1.0, True)
+        assert brakes.kind is UnknownKind.UNCERTAIN
+    few = {name: sigma for name, sigma in MODEL_ERRORS.items() if name != "drive_axle_braking"}
+    assert "brakes.drive_axle" not in by_name(truck, OneStage(consider=few))

@@ -1,8 +1,9 @@
 """The likely causes of a contradiction, by comparison of hypotheses.
 
-H_0: the priors of all numbers hold. H_k: number k has a gross error (`gross_errors`), so that its prior has w_k times
-the standard deviation. With the cost J of the problem, the posterior variance P_kk of z_k under H_0 and the rate pi_k
-of such errors, the odds are (Laplace's approximation; R. E. Kass and A. E. Raftery, Bayes factors, JASA 1995)
+H_0: the priors of all numbers hold. H_k: number k has a gross error (`gross_errors`), in one log if each log has its
+own, so that its prior has w_k times the standard deviation. With the cost J of the problem, the posterior variance P_kk
+of z_k under H_0 and the rate pi_k of such errors, the odds are (Laplace's approximation; R. E. Kass and A. E. Raftery,
+Bayes factors, JASA 1995)
 
     ln p(H_k | y) / p(H_0 | y) = ln pi_k + J_0 - J_k - ln w_k - ln(1 - (1 - 1 / w_k^2) P_kk) / 2.
 
@@ -26,7 +27,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.checks import Fault
 from fifthwheel.identify.doubts import PriorTest
-from fifthwheel.identify.one_stage.gauss_newton import Minimum, minimise
+from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import Progress
@@ -129,18 +130,14 @@ def _fitted(base: Minimum[Problem], test: PriorTest, error: GrossError) -> _Hypo
     """The logs fitted again with a gross error of one number."""
     place, w = base.objective.names.index(test.name), error.sigma
     problem = base.objective.with_gross_error(test.name, w, RANGE)
-    z, linear = base.z.copy(), base.z + test.shifts
-    z[place], linear[place] = z[place] / w, linear[place] / w
-    linear = np.clip(linear, *problem.bounds)
-    minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(z) else z)
-    shifts = minimum.z - np.where(np.arange(len(z)) == place, 0.0, base.z)
-    shifts[place] = minimum.z[place] * w - base.z[place]
+    linear = np.clip(base.z + test.shifts, *problem.bounds)
+    minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(base.z) else base.z, w)
+    shifts = minimum.z - base.z
     shifts[_initial_states(problem)] = 0.0
     variance = float(np.linalg.inv(base.model.hessian)[place, place])
     occam = -math.log(w) - math.log(max(1 - (1 - 1 / w**2) * variance, 1e-12)) / 2
     odds = _prior_odds(error) + base.model.cost - minimum.model.cost + occam
-    implied = float(minimum.z[place]) * w
-    return _Hypothesis(test=replace(test, implied=implied, shifts=shifts), minimum=minimum, odds=odds)
+    return _Hypothesis(test=replace(test, implied=float(minimum.z[place]), shifts=shifts), minimum=minimum, odds=odds)
 
 
 def _corrected(solution: Solution, base: Minimum[Problem]) -> Minimum[Problem]:
@@ -174,9 +171,11 @@ def _pull(minimum: Minimum[Problem]) -> float:
     return 2 * problem.prior.cost(z) / max(float(gains.sum()), 1.0)
 
 
-def _fit(problem: Problem, z: Array) -> Minimum[Problem]:
+def _fit(problem: Problem, z: Array, widest: float = 1.0) -> Minimum[Problem]:
+    """The minimum from z; `widest` is the largest prior standard deviation, for the first steps."""
     lower, upper = problem.bounds
-    return minimise(problem, z, lower=lower, upper=upper, iterations=ITERATIONS, tolerance=TOLERANCE)
+    radius = INITIAL_RADIUS * widest
+    return minimise(problem, z, lower=lower, upper=upper, iterations=ITERATIONS, tolerance=TOLERANCE, radius=radius)
 
 
 def _initial_states(problem: Problem) -> list[int]:

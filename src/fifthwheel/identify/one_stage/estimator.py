@@ -177,8 +177,8 @@ class _Estimator:
         return self._fit(_coloured(early.objective, early.z), early.z, FINAL, progress, reweighted=_coloured)
 
     def _early_fits(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
-        """A fit that takes residuals as white and updates their variance at every step, and in the output-error form
-        one with the noise model of these residuals.
+        """A fit that takes residuals as white and updates their variance at every step, and one with the noise model of
+        these residuals.
 
         In the first fit, gains and delays of gyros keep their prior means, and uncertain numbers stay within
         `FIRST_RANGE`, because far from the solution they would absorb the errors of the parameters.
@@ -190,8 +190,6 @@ class _Estimator:
         first = fit(
             problem, z, WHITE, progress, tolerance=WHITE_TOLERANCE, steps=steps, reweighted=_white, largest=largest
         )
-        if not problem.output_error:
-            return first
         return self._early_fit(_coloured(first.objective, first.z), first.z, progress)
 
     def _early_fit(self, problem: Problem, z: Array, progress: Progress) -> Minimum[Problem]:

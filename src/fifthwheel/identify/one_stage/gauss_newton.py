@@ -57,8 +57,6 @@ class Minimum(Generic[ObjectiveT]):
     model: Quadratic  # about z
     converged: bool
     steps: int
-    radius: float
-    """Of the trust region, with which the search may go on."""
     lower: Array
     upper: Array
     """Bounds of z (k,)."""
@@ -73,7 +71,6 @@ def minimise(
     iterations: int,
     tolerance: float = TOLERANCE,
     radius: float = INITIAL_RADIUS,
-    model: Quadratic | None = None,
     reweighted: Callable[[ObjectiveT, Array, int], ObjectiveT] = lambda objective, *_: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
@@ -86,12 +83,11 @@ def minimise(
         iterations: largest number of steps.
         tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
         radius: of the trust region at the first step.
-        model: the quadratic model about z, if it is known.
         reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
             point, and the number of points accepted.
         progress: called with the number of steps done and the largest number of steps.
     """
-    steps, accepted, model, converged = 0, 0, model or objective.expand(z), False
+    steps, accepted, model, converged = 0, 0, objective.expand(z), False
     while steps < iterations:
         progress(steps, iterations)
         steps += 1
@@ -133,7 +129,6 @@ def minimise(
         model=model,
         converged=converged,
         steps=steps,
-        radius=radius,
         lower=lower,
         upper=upper,
     )

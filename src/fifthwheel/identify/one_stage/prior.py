@@ -50,9 +50,13 @@ class Prior:
         names: of the unknowns.
         tails: of the prior of each by itself (k,); infinite if it is normal.
         earlier: the information of earlier logs on some of them; other names are ignored.
+        factors: of the standard deviation of each by itself (k,); by default 1.
     """
 
-    def __init__(self, names: Sequence[str], tails: Array, earlier: JointPrior | None = None) -> None:
+    def __init__(
+        self, names: Sequence[str], tails: Array, earlier: JointPrior | None = None, factors: Array | None = None
+    ) -> None:
+        self._factors = np.ones(len(tails)) if factors is None else factors
         earlier = earlier.among(frozenset(names)) if earlier else None
         self._places = np.array([names.index(name) for name in earlier.names] if earlier else [], dtype=np.int64)
         self._tails = tails.copy()
@@ -71,17 +75,17 @@ class Prior:
 
     def cost(self, z: Array) -> float:
         """Minus the logarithm of the prior density at z, without its constant."""
-        guess, c = np.isfinite(self._tails), self._tails
-        hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (z[guess] / c[guess]) ** 2) - 1)
+        guess, c, own = np.isfinite(self._tails), self._tails, z / self._factors
+        hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (own[guess] / c[guess]) ** 2) - 1)
         alone, total = ~guess, 0.0
         if len(self._places):
             d, alone[self._places] = (z - self.mean)[self._places], False
             total = float(d @ self._precision @ d / 2)
-        return total + float(z[alone] @ z[alone] / 2 + hyperbolic.sum())
+        return total + float(own[alone] @ own[alone] / 2 + hyperbolic.sum())
 
     def own_precision(self, z: Array) -> Array:
         """w (k,): 1 for a normal prior, less for a guess far from its mean; of each unknown by itself."""
-        return np.asarray(1 / np.sqrt(1 + (z / self._tails) ** 2))
+        return np.asarray(1 / (self._factors**2 * np.sqrt(1 + (z / self._factors / self._tails) ** 2)))
 
     def expand(self, z: Array) -> Quadratic:
         """The cost about z: its gradient, and the precision as Hessian."""

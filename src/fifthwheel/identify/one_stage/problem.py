@@ -74,7 +74,14 @@ class Problem:
         earlier: the information of earlier logs on the unknowns.
     """
 
-    def __init__(self, setup: Setup, logs: Sequence[LogData], earlier: JointPrior | None = None) -> None:
+    def __init__(
+        self,
+        setup: Setup,
+        logs: Sequence[LogData],
+        earlier: JointPrior | None = None,
+        gross_error: tuple[str, float] | None = None,
+    ) -> None:
+        self._gross_error = gross_error  # see `with_gross_error`
         self.setup, self.model, self.vehicle = setup, setup.model, setup.vehicle
         self.unknowns, self.settings, self._earlier = setup.unknowns, setup.settings, earlier
         self.logs = tuple(
@@ -95,7 +102,7 @@ class Problem:
         if fraction >= 1:
             return self
         logs = [replace(log, segments=[_part(segment, fraction) for segment in log.segments]) for log in self.logs]
-        return Problem(self.setup, logs, self._earlier)
+        return self._with_logs(logs)
 
     def with_delays(self, delays: Mapping[tuple[str, str], float]) -> "Problem":
         """The problem with corrected timestamps: the delay, s, by log and signal."""
@@ -103,20 +110,19 @@ class Problem:
         for log in self.logs:
             own = {signal: delay for (name, signal), delay in delays.items() if name == log.name}
             logs.append(replace(log, segments=[_corrected(segment, own) for segment in log.segments]))
-        return Problem(self.setup, logs, self._earlier)
+        return self._with_logs(logs)
 
     def with_gross_error(self, name: str, factor: float, largest: float) -> "Problem":
-        """The problem in which the prior of an unknown is so many times wider, without earlier logs; of an unknown of a
-        log, in all logs.
+        """The problem in which the prior of an element of z is normal and so many times wider, without earlier logs.
 
-        Args:
-            name: of an element of z.
-            factor: of its prior standard deviation, the new unit of z.
-            largest: distance of its bounds from its prior mean, in the new standard deviations.
+        Its bounds are so many of the new standard deviations away, as far as a vehicle can have the number.
         """
-        setup = self.setup.with_unknown(self.unknowns_by_name[name].widened(factor, largest))
         others = frozenset(self.names) - {name}
-        return Problem(setup, self.logs, self._earlier and self._earlier.among(others))
+        setup = self.setup.with_unknown(self.unknowns_by_name[name].reaching(factor * largest))
+        return Problem(setup, self.logs, self._earlier and self._earlier.among(others), (name, factor))
+
+    def _with_logs(self, logs: Sequence[LogData]) -> "Problem":
+        return Problem(self.setup, logs, self._earlier, self._gross_error)
 
     def __len__(self) -> int:
         """Number of samples."""
@@ -195,7 +201,11 @@ class Problem:
     def prior(self) -> Prior:
         """Of all unknowns."""
         tails = np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
-        return Prior(self.names, tails, self._earlier)
+        factors = np.ones(len(self.names))
+        if self._gross_error:
+            place = self.names.index(self._gross_error[0])
+            tails[place], factors[place] = np.inf, self._gross_error[1]
+        return Prior(self.names, tails, self._earlier, factors)
 
     def sample_interval(self, log: int, channel: str) -> float:
         """Typical time between two samples of a channel of a log, s; NaN for fewer than two."""

@@ -40,7 +40,7 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle.parameters import FRICTION, unit_of
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, MEAN_DRIVE_AXLE_BRAKING, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -121,7 +121,8 @@ class Identification(IdentificationData):
         law = self.settings.tyre_law
         own_law = {} if isinstance(law, str) else {"tyres": law}
         yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
-        brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), None)
+        unseen = (MEAN_DRIVE_AXLE_BRAKING, 0.0) if self.settings.brakes else None
+        brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), unseen)
         road = {"friction": self.friction} | self._uncertainties(log)
         road |= {"drive_axle_braking": brakes[0]} if brakes else {}
         return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
@@ -167,6 +168,8 @@ class Identification(IdentificationData):
         known |= {e.name: (e.value, e.unit) for e in (*self.parameters, *self.uncertain)}
         known |= {f"{e.name}@{e.log}" if e.log else e.name: (e.value, e.unit) for e in self.sensors}
         known |= {f"{BANK}@{log.name}": (log.bank[0], "rad") for log in self.logs if log.bank}
+        of_brakes = {log.name: log.drive_axle_braking for log in self.logs if log.drive_axle_braking}
+        known |= {f"{DRIVE_AXLE_BRAKING}@{name}": (value, "1") for name, (value, _) in of_brakes.items()}
         uncertainty = self.covariance.among(known)  # other names follow from these, or are priors of other logs
         values, units = zip(*[known[name] for name in uncertainty.names], strict=True)
         return Posterior(uncertainty=uncertainty, mean=np.array(values), units=units)

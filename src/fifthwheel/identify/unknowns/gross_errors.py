@@ -44,6 +44,7 @@ GROSS_ERRORS: Mapping[str, GrossError] = {
     "relaxation_length": GrossError(0.4, 0.3),
     "variation": GrossError(0.3, 0.5),  # of the tyres in one log: others, or flat ones
     "self_steering": GrossError(0.4, 1.0),  # a castor axle
+    "softening": GrossError(8.0, 1.0),  # 1/rad, a slippery road
     "half_track": GrossError(0.1, 0.3),
     "relative_friction": GrossError(0.15, 0.3),
     "stiffness_load_sensitivity": GrossError(0.7, 0.3),

@@ -29,7 +29,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, POSITIONS
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, MEAN_DRIVE_AXLE_BRAKING, POSITIONS
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
@@ -313,7 +313,7 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
         moves = {name: vehicle.parameters()[name]}
         unknowns.append(change_unknown(f"{name}{VARIATION}", variation, moves, per_log=True))
     if (sigma := settings.consider.get("drive_axle_braking", 0.0)) and settings.brakes:
-        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, 0.5, sigma))
+        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, MEAN_DRIVE_AXLE_BRAKING, sigma))
     if rate := settings.consider.get(TIME_BASE, 0.0):
         unknowns.append(change_unknown(TIME_BASE, rate, {dynamics.TIME_SCALE: 1.0}))
     delays = [f"{name}.delay" for name in outputs if is_of(name, *GYROS)] if settings.nuisances else []

@@ -86,12 +86,10 @@ class Unknown:
         lower, upper = max(self.lower, possible[0]), min(self.upper, possible[1])
         return replace(self, lower=lower, upper=upper, possible=possible)
 
-    def widened(self, factor: float, largest: float) -> "Unknown":
-        """The unknown with so many times the prior standard deviation, and bounds so many of the new ones away."""
-        z = np.array([-largest, largest]) * self.scale * factor
-        lower, upper = (self.centre * np.exp(z) if self.logarithmic else self.centre + z).tolist()
-        wide = replace(self, scale=self.scale * factor, lower=lower, upper=upper, tail=math.inf)
-        return wide.within(*self.possible)
+    def reaching(self, largest: float) -> "Unknown":
+        """The unknown with bounds so many prior standard deviations away, within the range that it can have."""
+        lower, upper = (self.centre + self.change(z) for z in (-largest, largest))
+        return replace(self, lower=lower, upper=upper).within(*self.possible)
 
     def slope(self, value: float) -> float:
         """dp/dz at a value of p."""
@@ -124,7 +122,8 @@ def change_unknown(
 
 def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     """A fraction, 0 to 1, that each log has of its own, with its prior."""
-    return Unknown(name=name, centre=mean, scale=sigma, lower=0.0, upper=1.0, kind=UnknownKind.UNCERTAIN, per_log=True)
+    unknown = change_unknown(name, sigma, per_log=True)
+    return replace(unknown, centre=mean, lower=0.0, upper=1.0).within(0.0, 1.0)
 
 
 def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown:
