@@ -18,7 +18,6 @@ SOURCE = Path(fifthwheel.__file__).parent
 
 ROOMS = (
     "_callable",
-    "_moved",
     "_lazy",
     "_memory",
     "_types",

@@ -114,20 +114,13 @@ _NAMES = {
 }
 """Public names by their module; "" for those that are modules, which may be called like functions (`_callable`)."""
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
-_FORMER = {
-    "assess_information": "fifthwheel.identify.design.predict_sigmas",
-    "check_record": "fifthwheel.time_bases.check_signals",
-}
-"""Place of today by former name."""
 
 __all__ = ["__version__", *sorted(_MODULES)]
 
 
 def __getattr__(name: str) -> Any:
     if name not in _MODULES:
-        from fifthwheel._moved import moved
-
-        return moved(__name__, _FORMER)(name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     if not (module := _MODULES[name]):
         return import_module(f"{__name__}.{name}")
     globals()[name] = value = getattr(import_module(f"{__name__}.{module}"), name)

@@ -31,8 +31,11 @@ AIR = 0.6 * 6.0 * SPEED**2
 """Drag of the air, N, on 6 m^2 at half a density of 1.2 kg/m^3."""
 
 
-def longitudinal(vehicle: Vehicle, speed_rate: float, retarder: float = 0.0) -> dict[str, float]:
-    """Longitudinal force of each axle group at the standard speed, N, with a rolling resistance of 0.6 % of its load.
+def longitudinal(
+    vehicle: Vehicle, speed_rate: float, retarder: float = 0.0, lateral: tuple[float, ...] = (0.0, 0.0)
+) -> dict[str, float]:
+    """Longitudinal force of each axle group at the standard speed, N, with a rolling resistance of 0.6 % of its load,
+    and with the drag of side forces at a lateral acceleration of each unit.
 
     The drive axle of the tractor drives; a retarder gives a fraction of the braking force on it up to a deceleration,
     the brakes of all groups the rest by their loads.
@@ -40,6 +43,9 @@ def longitudinal(vehicle: Vehicle, speed_rate: float, retarder: float = 0.0) -> 
     loads = vehicle.axle_loads()
     weight = sum(loads.values())
     wheels = weight / STANDARD_GRAVITY * speed_rate + AIR + 0.006 * weight
+    for unit, a in zip(vehicle.units, lateral, strict=True):
+        for path in map(unit.group_path, unit.axle_groups):
+            wheels += (loads[path] / STANDARD_GRAVITY * a) ** 2 / vehicle.parameters()[f"{path}.cornering_stiffness"]
     alone = retarder * max(min(wheels, 0.0), -AUXILIARY * weight / STANDARD_GRAVITY)
     rest = min(wheels, 0.0) - alone
     forces = {path: rest * load / weight - 0.006 * load for path, load in loads.items()}
@@ -219,7 +225,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: flo
     p, names = truck.parameters(), chain.state_names(truck, roll=False)
     v, r1, r2, angle = x = np.array([0.8, 0.3, 0.25, -0.4]) * (1 + 0.1 * rng.normal(size=4))
     assert names == ("lateral_velocity.tractor", "yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-    loads, forward = truck.axle_loads(), longitudinal(truck, speed_rate, retarder)
+    loads = truck.axle_loads()
     steer, law = 0.07, p | saturation_parameters(truck)
     cos, sin = np.cos(angle), np.sin(angle)
     ahead = p["fifth_wheel.leading_position"] - p["tractor.cog"]
@@ -227,6 +233,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: flo
     rotation = np.array([[cos, -sin], [sin, cos]])  # trailer axes to tractor axes
     hitch = np.array([SPEED, v + ahead * r1])
     own = rotation.T @ hitch - [0, behind * r2]
+    forward = longitudinal(truck, speed_rate, retarder, (SPEED * r1, own[0] * r2))
 
     front_axle, rear_axles = (
         p["tractor.front.position"],
@@ -331,8 +338,8 @@ def load_changes(vehicle: Vehicle, speed: float, changes: dict[str, float], rate
 
 
 def test_drag_moves_load_from_the_front_to_the_drive_axle() -> None:
-    """By a balance of moments of the tractor about the road: 1.5 m times the drag of the air, and the rolling resistance
-    of the trailer, which pulls at the coupling. None of both without resistance."""
+    """By a balance of moments of the tractor about the road: 1.5 m times the drag of the air, and the rolling
+    resistance of the trailer, which pulls at the coupling. None of both without resistance."""
     p, rear = TRUCK.parameters(), np.mean([axle.position for axle in TRUCK.units[0].axles[1:]])
     for speed, area, rolling in ((25.0, 6.0, 0.0), (25.0, 6.0, 0.006), (12.0, 0.0, 0.006), (25.0, 0.0, 0.0)):
         pulled = p["fifth_wheel.height"] * rolling * TRUCK.axle_loads()["semitrailer"]

@@ -237,6 +237,17 @@ def test_a_truck_that_coasts_neither_drives_nor_brakes() -> None:
             assert (float(ca.evalf(force.rolling)) < 0) == (not changes)
 
 
+def test_the_drive_axle_supplies_what_the_side_forces_lose() -> None:
+    """Each side force N a / g acts at its slip angle N a / (g C); at 22 m/s and 2 m/s^2 sideways."""
+    p, loads = TRUCK.parameters() | saturation_parameters(TRUCK), TRUCK.axle_loads()
+    lost = sum((load / 9.80665 * 2.0) ** 2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
+    straight, turning = (
+        longitudinal_forces(p, TRUCK, ca.SX(22.0), ca.SX(0.0), lateral)["tractor.drive"].driving
+        for lateral in ((), (ca.SX(2.0), ca.SX(2.0)))
+    )
+    assert float(ca.evalf(turning - straight)) == pytest.approx(lost, rel=1e-9)
+
+
 def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
     """As braking does: the stiffness by sqrt(1 - b (F_x / (mu N))^2), and the largest side force so that both forces
     together are the peak friction; within 1 % of that factor, and 0.1 % at small forces."""

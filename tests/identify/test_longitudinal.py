@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.identify.longitudinal import drive_axle_braking
 from fifthwheel.plant.driving import DrivenTruck, drive
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import AIR_DENSITY, driveline_numbers
@@ -163,6 +164,26 @@ def test_any_braking_signal_leaves_samples_out(log, result):
     """Such as a retarder, whose torque is negative."""
     retarder = np.where((log.time > 50) & (log.time < 100), -20.0, 0.0)
     assert fw.gross_mass([changed(log, **{"braking.tractor.retarder": retarder})], TRUCK).used < result.used - 10
+
+
+@pytest.mark.parametrize(
+    ("signals", "expected"),
+    [
+        ({"braking.tractor": 0.0}, (1.0, 0.05)),  # engine and retarder alone slow the truck down
+        ({"braking.tractor": 0.0, "braking.tractor.retarder": -20.0}, (1.0, 0.05)),
+        ({"braking.tractor": 1.0}, (0.3, math.hypot(0.05, 0.3))),
+        ({"braking.tractor": np.nan}, (0.3, math.hypot(0.05, 0.3))),
+        ({"braking.tractor.retarder": -20.0}, None),  # the service brakes may act
+        ({}, None),
+    ],
+)
+def test_the_switch_of_the_service_brakes_shows_who_brakes(signals, expected):
+    time = np.arange(0, 20, 0.05)
+    record = fw.Record(time=time, signals={"speed": 20 - 0.5 * time}, name="slower")
+    found = drive_axle_braking(record.with_signals({name: np.full(400, value) for name, value in signals.items()}))
+    assert found == (expected and pytest.approx(expected))
+    steady = record.with_signals({"speed": np.full(400, 20.0), "braking.tractor": np.zeros(400)})
+    assert drive_axle_braking(steady) is None
 
 
 def test_brakes_that_are_never_on_are_refused_where_the_vehicle_brakes(log):

@@ -6,6 +6,7 @@ from itertools import combinations
 import numpy as np
 
 from fifthwheel.channels import (
+    BRAKING,
     DRIVING,
     MEASURED,
     STEER,
@@ -198,7 +199,7 @@ def _unused(record: Record) -> Iterator[Finding]:
         also = f", like {', '.join(others)}" if others else ""
         problem = f"nothing uses it{also}; move it to [reference] in signals.toml, or delete it"
         yield warning(first, Fault.UNUSED, problem, others=tuple(others))
-    driving = [name for name, channel in channels.items() if channel in DRIVING]
+    driving = [name for name, channel in channels.items() if channel in DRIVING and channel is not BRAKING]
     if driving and (missing := missing_for_mass(record.signals)):
         first, *others = driving
         problem = f"only the mass from driving uses {enumerated(['it', *others])}, and {enumerated(missing)} is missing"

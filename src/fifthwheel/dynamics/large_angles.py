@@ -103,7 +103,8 @@ def large_angles(
     convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
-    brakes_behind, longitudinal = ca.SX(0), longitudinal_forces(p, vehicle, speed, speed_rate)
+    lateral = [u * r for u, r in zip(motion.u, motion.r, strict=True)]
+    brakes_behind, longitudinal = ca.SX(0), longitudinal_forces(p, vehicle, speed, speed_rate, lateral)
     changes = _known_load_changes(p, vehicle, speed, speed_rate, longitudinal)
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])

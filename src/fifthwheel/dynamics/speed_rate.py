@@ -2,7 +2,7 @@
 
 The estimates of the speed u and its derivative u' are those of a line through all past samples with weights that fall
 as exp(-2 t / T), for equal steps (E. Brookner, Tracking and Kalman Filtering Made Easy, 1998, 1.2.6). The transfer
-function from speed to u' is s / (1 + T s)^2: u' is `LAG` T late, and noise of the standard deviation sigma at each of
+function from speed to u' is s / (1 + T s)^2: u' is 2 T late, and noise of the standard deviation sigma at each of
 samples dt apart gives u' one of sigma sqrt(dt / (4 T^3)).
 """
 
@@ -19,8 +19,6 @@ from fifthwheel.native import Scan, compiled
 
 TIME_CONSTANT = 0.2
 """T by default, s: noise of 0.1 m/s at 100 Hz gives one of 0.06 m/s^2."""
-LAG = 2.0
-"""Delay of u', in time constants."""
 START = np.zeros(2)
 """The carry before the first sample."""
 
@@ -50,12 +48,6 @@ def speed_rates(time: Array, speed: Array, time_constant: float, max_gap: float)
     samples = np.column_stack([np.where(starts, 1.0, dt), speed, starts])
     _, rates = speed_rate_step()(START, samples, np.array([1 / time_constant]))
     return np.asarray(rates[:, 0])
-
-
-def central_speed_rates(time: Array, speed: Array) -> Array:
-    """u' (N,), m/s^2, of measured speeds (N,), m/s, without delay, with later samples; arguments as `speed_rates`."""
-    rates = speed_rates(time, speed, TIME_CONSTANT, np.inf)
-    return np.interp(time + LAG * TIME_CONSTANT, time, rates)
 
 
 class SpeedRate:

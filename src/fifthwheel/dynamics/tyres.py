@@ -30,10 +30,11 @@ suspension and tyres, and of the side force at the height h_r of the roll axis.
 
 Longitudinal forces. At the speed u and its derivative u', the wheels of a truck of the mass m need the force
 
-    X = m u' + (rho / 2) A u^2 + c_r sum N
+    X = m u' + (rho / 2) A u^2 + c_r sum N + sum (N u r / g)^2 / C
 
-for the drag of the air on the drag area A (drag coefficient times frontal area) and for the rolling resistance c_r N of
-each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3). Where X > 0, the last group of the first unit
+for the drag of the air on the drag area A (drag coefficient times frontal area), for the rolling resistance c_r N of
+each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3), and for its side force N u r / g in a turn with the
+yaw rate r, which acts at its slip angle. Where X > 0, the last group of the first unit
 drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up to `AUXILIARY` m, and the
 brakes of all groups give the rest in proportion to the static loads. The longitudinal force F_x of a group is that of
 drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
@@ -46,7 +47,7 @@ across the wheel, and less for tyres that are stiffer along it. The trail is t_0
 friction that both forces use.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -178,15 +179,24 @@ class Longitudinal(NamedTuple):
 
 
 def longitudinal_forces(
-    p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX
+    p: Expressions, vehicle: Vehicle, speed: ca.SX, speed_rate: ca.SX, lateral: Sequence[ca.SX] = ()
 ) -> Mapping[str, Longitudinal]:
-    """The longitudinal forces of each axle group by its path, at a speed, m/s, and its derivative, m/s^2."""
+    """The longitudinal forces of each axle group by its path, at a speed, m/s, its derivative and the lateral
+    acceleration of each unit, m/s^2, by default 0."""
     paths = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
     first = vehicle.units[0]
     driven = first.group_path(first.axle_groups[-1])
     rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}
     mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
-    needed = mass * speed_rate + drag(p[DRAG_AREA], speed) - sum(rolling.values(), ca.SX(0))
+    side = sum(
+        (
+            (p[f"{path}.static_load"] / GRAVITY * a) ** 2 / p[f"{path}.cornering_stiffness"]
+            for unit, a in zip(vehicle.units, lateral, strict=False)
+            for path in map(unit.group_path, unit.axle_groups)
+        ),
+        ca.SX(0),
+    )
+    needed = mass * speed_rate + drag(p[DRAG_AREA], speed) - sum(rolling.values(), ca.SX(0)) + side
     brakes = ca.fmin(needed, 0)
     alone = p[DRIVE_AXLE_BRAKING] * ca.fmax(brakes, -AUXILIARY * mass)
     per_load = (brakes - alone) / sum(p[f"{path}.static_load"] for path in paths)

@@ -5,7 +5,6 @@ achieve. The two stages of the article are in `fifthwheel.cheng_cebon_2011`.
 """
 
 from fifthwheel._callable import make_callable
-from fifthwheel._moved import moved
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.identify import identify
 from fifthwheel.identify.one_stage.log_posterior import LogPosterior, log_posterior
@@ -31,5 +30,4 @@ __all__ = [
     "log_posterior",
 ]
 
-__getattr__ = moved(__name__, {name: f"fifthwheel.cheng_cebon_2011.{name}" for name in ("TwoStage", "article")})
 make_callable(__name__, identify)

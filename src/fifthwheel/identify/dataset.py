@@ -31,6 +31,7 @@ from fifthwheel.filters import variances
 from fifthwheel.filters.speed_curve import SpeedCurve
 from fifthwheel.identify.doubts import NONLINEAR_SPEED_RATE
 from fifthwheel.identify.grade import grade_notes, with_grade
+from fifthwheel.identify.longitudinal import drive_axle_braking
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.sensor_priors import common_sensors
@@ -57,6 +58,7 @@ class LogData:
     noise: Mapping[str, float] = field(default_factory=dict)  # variance of each channel's residuals, SI squared
     autocorrelation_factor: Mapping[str, float] = field(default_factory=dict)  # of each channel, see `noise_model`
     noise_models: Mapping[str, NoiseModel] = field(default_factory=dict)  # of each channel; white noise where missing
+    drive_axle_braking: tuple[float, float] | None = None  # as `longitudinal.drive_axle_braking`
 
     def with_noise(self, vehicle: Vehicle, channels: Sequence[str], given: Mapping[str, float]) -> "LogData":
         """The log with the noise variance of every channel: its own, else the given one, else that of the table."""
@@ -191,7 +193,14 @@ def prepare_dataset(
         records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
     inputs = ("speed", *steered.steer_signals())
     logs, validation = (
-        tuple(LogData(name=r.name, segments=segments_above(r, settings.min_speed, inputs)) for r in group)
+        tuple(
+            LogData(
+                name=record.name,
+                segments=segments_above(record, settings.min_speed, inputs),
+                drive_axle_braking=drive_axle_braking(record) if settings.brakes else None,
+            )
+            for record in group
+        )
         for group in (records, validate)
     )
     if settings.tyre_law == "linear":

@@ -27,6 +27,10 @@ from fifthwheel.vehicle.vehicle import Vehicle
 
 LONGEST_HOLD = 1.0
 """Time for which an engine signal or a flag may be missing, s."""
+BESIDE_SERVICE_BRAKES = (0.3, 0.3)
+"""Fraction of the braking force by engine and retarder where the service brakes act, and its standard deviation."""
+ENGINE_ALONE = 0.05
+"""Standard deviation of this fraction where the service brakes are off: trailers drag their brakes."""
 LOWEST_SPEED = 1.5
 """m/s; below it the clutch slips, and power over speed does not give the force."""
 SETTLING = 2
@@ -199,10 +203,26 @@ def unbraked(record: Record) -> NDArray[np.bool_]:
     return np.append(False, free[1:] & free[:-1])
 
 
-def _brakes(record: Record) -> Array:
-    """Each signal of the brakes (n, N), NaN where it is missing."""
+def drive_axle_braking(record: Record) -> tuple[float, float] | None:
+    """The fraction of the braking force by engine and retarder, and its standard deviation; None without a signal of
+    the service brakes.
+
+    It is 1 where the service brakes are off, and `BESIDE_SERVICE_BRAKES` where they act.
+    """
+    names = [name for name in names_of(BRAKING, record.signals) if not name.endswith(".retarder")]
+    speed = _filled(step_means(record, "speed"), round(LONGEST_HOLD / STEP))
+    slower = np.nan_to_num(np.maximum(-np.gradient(speed, STEP), 0.0)) if speed.size > 1 else np.zeros(speed.size)
+    if not names or not (total := float(slower.sum())):
+        return None
+    off = float(slower @ np.all(_brakes(record, names) == 0, axis=0)) / total
+    mean, sigma = BESIDE_SERVICE_BRAKES
+    return off + (1 - off) * mean, math.hypot(ENGINE_ALONE, (1 - off) * sigma)
+
+
+def _brakes(record: Record, names: Sequence[str] = ()) -> Array:
+    """Each signal of the brakes (n, N), or those named, NaN where it is missing."""
     means, hold = _Means(record), round(LONGEST_HOLD / STEP)
-    return np.array([_held(means.of(name), hold) for name in names_of(BRAKING, record.signals)])
+    return np.array([_held(means.of(name), hold) for name in names or names_of(BRAKING, record.signals)])
 
 
 def step_means(record: Record, name: str) -> Array:

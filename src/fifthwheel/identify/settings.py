@@ -109,12 +109,6 @@ def settings_class(method: str) -> type[CommonSettings]:
     return found
 
 
-def refuse_suspension(contents: Mapping[str, Any]) -> None:
-    """A ValueError for settings in an older file that contain the suspension of another result."""
-    if contents.get("changes"):
-        raise ValueError("changes: the suspension of another result, for which this version has --knowledge")
-
-
 def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
     """A SignalError for a file whose own tyre law or own equations of the steering are not imported, or others."""
     settings, vehicle = contents.get("settings"), contents.get("vehicle_file", contents.get("vehicle"))

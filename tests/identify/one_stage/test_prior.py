@@ -20,6 +20,19 @@ def test_gradient_and_hessian_are_those_of_the_cost() -> None:
     assert model.hessian[3, 1] == pytest.approx(np.linalg.inv(C)[0, 1])
 
 
+def test_a_log_gives_an_unknown_another_mean_and_sigma() -> None:
+    """Of the cost, its derivatives and the spread; an earlier log replaces both."""
+    own, z = {"a": (0.5, 0.2), "c": (-1.0, 3.0), "d": (9.0, 9.0)}, np.array([0.4, 1.0, -2.0, 0.3])
+    prior, other = Prior(NAMES, TAILS, EARLIER, own), Prior(NAMES, TAILS, EARLIER)
+    assert prior.mean.tolist() == [0.5, -1.0, -1.0, 0.5]
+    assert prior.cost(prior.mean) == pytest.approx(0.0)
+    np.testing.assert_allclose(prior.expand(prior.mean).hessian[[0, 2], [0, 2]], [25.0, 1 / 9])
+    gradient = [(prior.cost(z + e) - prior.cost(z - e)) / 2e-5 for e in 1e-5 * np.eye(4)]
+    np.testing.assert_allclose(prior.expand(z).gradient, gradient, atol=1e-6)
+    ratio = np.diag(prior.spread(np.eye(4))) / np.diag(other.spread(np.eye(4)))
+    np.testing.assert_allclose(ratio, [0.04, 1.0, 9.0, 1.0])
+
+
 def test_unknowns_without_earlier_logs_are_as_before() -> None:
     alone, other = Prior(NAMES, TAILS), Prior(NAMES, TAILS, EARLIER.among(()))
     z = np.array([0.4, 1.0, -2.0, 0.3])

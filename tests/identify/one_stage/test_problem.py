@@ -288,6 +288,16 @@ def test_bounds_and_nuisances(truck: Vehicle, records: list[Record]) -> None:
     assert "semitrailer.yaw_inertia" not in nuisances
 
 
+def test_a_log_may_tell_who_brakes(truck: Vehicle, records: list[Record]) -> None:
+    """Its prior then replaces the common one, 0.5 +- 0.4."""
+    p = problem(truck, records, OneStage())
+    logs = [p.logs[0], replace(p.logs[1], drive_axle_braking=(1.0, 0.05))]
+    prior = Problem(p.setup, logs).prior
+    places = [p.names.index(f"brakes.drive_axle@{i}") for i in (0, 1)]
+    np.testing.assert_allclose(prior.mean[places], [0.0, (1.0 - 0.5) / 0.4])
+    np.testing.assert_allclose(prior.variance[places], [1.0, (0.05 / 0.4) ** 2])
+
+
 def test_a_gross_error_has_a_wider_prior(truck: Vehicle, records: list[Record]) -> None:
     """The cost differs only by that of the prior, also with other noise; bounds are within what a truck can have."""
     p = problem(truck, records, OneStage())

@@ -1,12 +1,13 @@
 """The prior of all unknowns of a problem: of each by itself, and the information of earlier logs on some together.
 
-Each unknown z has by itself a normal prior N(0, 1) or, if it is a guess, the hyperbolic one of `Unknown`, with the
-precision w: w z is the gradient of its cost. Earlier logs replace these for the unknowns that they informed by a joint
-normal prior N(m, C). Model error widens it to V = D C D (`posterior`).
+Each unknown z has by itself a normal prior, N(0, 1) unless a log or a hypothesis gives another, or, if it is a guess,
+the hyperbolic one of `Unknown`, with the precision w: w z is the gradient of its cost. Earlier logs replace these for
+the unknowns that they informed by a joint normal prior N(m, C). Model error widens it to V = D C D (`posterior`).
 """
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 
@@ -50,20 +51,22 @@ class Prior:
         names: of the unknowns.
         tails: of the prior of each by itself (k,); infinite if it is normal.
         earlier: the information of earlier logs on some of them; other names are ignored.
-        factors: of the standard deviation of each by itself (k,); by default 1.
+        own: mean and standard deviation of each by itself, by name; others have 0 and 1.
     """
 
     def __init__(
-        self, names: Sequence[str], tails: Array, earlier: JointPrior | None = None, factors: Array | None = None
+        self,
+        names: Sequence[str],
+        tails: Array,
+        earlier: JointPrior | None = None,
+        own: Mapping[str, tuple[float, float]] = MappingProxyType({}),
     ) -> None:
-        self._factors = np.ones(len(tails)) if factors is None else factors
+        self.mean, self._sigmas = np.array([own.get(name, (0.0, 1.0)) for name in names]).reshape(-1, 2).T
         earlier = earlier.among(frozenset(names)) if earlier else None
         self._places = np.array([names.index(name) for name in earlier.names] if earlier else [], dtype=np.int64)
         self._tails = tails.copy()
         self._tails[self._places] = np.inf
-        self.mean = np.zeros(len(tails))
-        """(k,)"""
-        self.variance = np.ones(len(tails))
+        self.variance = self._sigmas**2
         """(k,), without tails and widening."""
         self._block = np.ix_(self._places, self._places)
         if earlier:
@@ -75,7 +78,7 @@ class Prior:
 
     def cost(self, z: Array) -> float:
         """Minus the logarithm of the prior density at z, without its constant."""
-        guess, c, own = np.isfinite(self._tails), self._tails, z / self._factors
+        guess, c, own = np.isfinite(self._tails), self._tails, (z - self.mean) / self._sigmas
         hyperbolic = c[guess] ** 2 * (np.sqrt(1 + (own[guess] / c[guess]) ** 2) - 1)
         alone, total = ~guess, 0.0
         if len(self._places):
@@ -85,12 +88,13 @@ class Prior:
 
     def own_precision(self, z: Array) -> Array:
         """w (k,): 1 for a normal prior, less for a guess far from its mean; of each unknown by itself."""
-        return np.asarray(1 / (self._factors**2 * np.sqrt(1 + (z / self._factors / self._tails) ** 2)))
+        own = (z - self.mean) / self._sigmas
+        return np.asarray(1 / (self._sigmas**2 * np.sqrt(1 + (own / self._tails) ** 2)))
 
     def expand(self, z: Array) -> Quadratic:
         """The cost about z: its gradient, and the precision as Hessian."""
         precision = self.own_precision(z)
-        gradient, hessian = precision * z, np.diag(precision)
+        gradient, hessian = precision * (z - self.mean), np.diag(precision)
         if len(self._places):
             gradient[self._places] = self._precision @ (z - self.mean)[self._places]
             hessian[self._block] = self._precision
@@ -107,8 +111,8 @@ class Prior:
 
     def spread(self, gains: Array) -> Array:
         """gains C gains' (k, k) with the covariance C of the prior, without tails."""
-        if not len(self._places):
-            return np.asarray(gains @ gains.T)
         others = np.delete(np.arange(len(self.mean)), self._places)
-        own, joint = gains[:, others], gains[:, self._places]
+        own, joint = gains[:, others] * self._sigmas[others], gains[:, self._places]
+        if not len(self._places):
+            return np.asarray(own @ own.T)
         return np.asarray(own @ own.T + joint @ self._covariance @ joint.T)

@@ -51,6 +51,7 @@ from fifthwheel.identify.one_stage.segment_run import SegmentRun
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
 
 SHORTEST_PART = 20.0
 """Of a segment in a shortened problem, s."""
@@ -201,11 +202,16 @@ class Problem:
     def prior(self) -> Prior:
         """Of all unknowns."""
         tails = np.array([u.tail if (u := self.unknowns_by_name.get(name)) else np.inf for name in self.names])
-        factors = np.ones(len(self.names))
+        own = dict[str, tuple[float, float]]()
+        for i, log in enumerate(self.logs):
+            name = f"{DRIVE_AXLE_BRAKING}@{i}"
+            if log.drive_axle_braking and (u := self.unknowns_by_name.get(name)):
+                mean, sigma = log.drive_axle_braking
+                own[name] = (mean - u.centre) / u.scale, sigma / u.scale
         if self._gross_error:
-            place = self.names.index(self._gross_error[0])
-            tails[place], factors[place] = np.inf, self._gross_error[1]
-        return Prior(self.names, tails, self._earlier, factors)
+            name, factor = self._gross_error
+            tails[self.names.index(name)], own[name] = np.inf, (own.get(name, (0.0, 1.0))[0], factor)
+        return Prior(self.names, tails, self._earlier, own)
 
     def sample_interval(self, log: int, channel: str) -> float:
         """Typical time between two samples of a channel of a log, s; NaN for fewer than two."""

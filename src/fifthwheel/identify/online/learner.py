@@ -30,7 +30,7 @@ from fifthwheel.identify.online.persistence import LEARNER_FILE, EstimateBlock, 
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.sensor_priors import with_sensors
-from fifthwheel.identify.settings import OneStage, refuse_suspension, require_own_functions
+from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
@@ -401,7 +401,6 @@ class Learner:
         """A learner with the estimates in the content of the file `path`; arguments and errors as in `load`."""
         require_own_functions(content, path)
         try:
-            refuse_suspension(content["settings"])
             learner = cls(
                 Vehicle(**content["vehicle"]),
                 content["signals"],

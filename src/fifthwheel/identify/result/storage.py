@@ -17,7 +17,7 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, LogSummary, SensorError
-from fifthwheel.identify.settings import refuse_suspension, settings_class
+from fifthwheel.identify.settings import settings_class
 from fifthwheel.input_files import read_json, require_regular
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
@@ -75,7 +75,6 @@ def series_of(identification: IdentificationData) -> dict[str, Array]:
 
 def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[str, Any]:
     """The fields of an `Identification`: the inverse of `contents_of` and `series_of`."""
-    refuse_suspension(contents["settings"])
     uncertainty = contents["uncertainty"]
     covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
     estimates = {key: parts(Estimate, contents[key]) for key in ("parameters", "derived", "uncertain")}
