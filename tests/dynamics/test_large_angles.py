@@ -32,10 +32,10 @@ AIR = 0.6 * 6.0 * SPEED**2
 
 
 def longitudinal(
-    vehicle: Vehicle, speed_rate: float, retarder: float = 0.0, lateral: tuple[float, ...] = (0.0, 0.0)
+    vehicle: Vehicle, speed_rate: float, retarder: float = 0.0, lateral: tuple[float, ...] = ()
 ) -> dict[str, float]:
     """Longitudinal force of each axle group at the standard speed, N, with a rolling resistance of 0.6 % of its load,
-    and with the drag of side forces at a lateral acceleration of each unit.
+    and at a lateral acceleration of each unit, whose drag they make up for.
 
     The drive axle of the tractor drives; a retarder gives a fraction of the braking force on it up to a deceleration,
     the brakes of all groups the rest by their loads.
@@ -43,9 +43,11 @@ def longitudinal(
     loads = vehicle.axle_loads()
     weight = sum(loads.values())
     wheels = weight / STANDARD_GRAVITY * speed_rate + AIR + 0.006 * weight
-    for unit, a in zip(vehicle.units, lateral, strict=True):
-        for path in map(unit.group_path, unit.axle_groups):
-            wheels += (loads[path] / STANDARD_GRAVITY * a) ** 2 / vehicle.parameters()[f"{path}.cornering_stiffness"]
+    wheels += sum(
+        (loads[path] / STANDARD_GRAVITY * min(abs(a), 5.0)) ** 2 / vehicle.parameters()[f"{path}.cornering_stiffness"]
+        for unit, a in zip(vehicle.units, lateral, strict=False)
+        for path in map(unit.group_path, unit.axle_groups)
+    )
     alone = retarder * max(min(wheels, 0.0), -AUXILIARY * weight / STANDARD_GRAVITY)
     rest = min(wheels, 0.0) - alone
     forces = {path: rest * load / weight - 0.006 * load for path, load in loads.items()}

@@ -237,15 +237,19 @@ def test_a_truck_that_coasts_neither_drives_nor_brakes() -> None:
             assert (float(ca.evalf(force.rolling)) < 0) == (not changes)
 
 
-def test_the_drive_axle_supplies_what_the_side_forces_lose() -> None:
-    """Each side force N a / g acts at its slip angle N a / (g C); at 22 m/s and 2 m/s^2 sideways."""
+def test_drive_and_brakes_make_up_for_the_drag_of_side_forces() -> None:
+    """Each side force N a / g acts at its slip angle N a / (g C); a truck that spins is left to slow down."""
     p, loads = TRUCK.parameters() | saturation_parameters(TRUCK), TRUCK.axle_loads()
-    lost = sum((load / 9.80665 * 2.0) ** 2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
-    straight, turning = (
-        longitudinal_forces(p, TRUCK, ca.SX(22.0), ca.SX(0.0), lateral)["tractor.drive"].driving
-        for lateral in ((), (ca.SX(2.0), ca.SX(2.0)))
-    )
-    assert float(ca.evalf(turning - straight)) == pytest.approx(lost, rel=1e-9)
+
+    def wheels(speed_rate: float, *lateral: float) -> float:
+        """Force of drive and brakes at 22 m/s, N."""
+        forces = longitudinal_forces(p, TRUCK, ca.SX(22.0), ca.SX(speed_rate), [ca.SX(a) for a in lateral])
+        return sum(float(ca.evalf(force.driving + force.braking)) for force in forces.values())
+
+    drag = sum((load / 9.80665 * 2.0) ** 2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
+    for speed_rate in (0.3, 0.0, -0.15, -1.0):
+        assert wheels(speed_rate, 2.0, 2.0) - wheels(speed_rate) == pytest.approx(drag, rel=1e-9)
+        assert wheels(speed_rate, 9.0, 9.0) == wheels(speed_rate, 5.0, 5.0)
 
 
 def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:

@@ -255,7 +255,7 @@ def test_logs_with_and_without_braking() -> None:
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
     assert abs(result[FRICTION].value - 0.74) < 1.645 * result[FRICTION].sigma
     (slip,) = [e for e in result.uncertain if e.name == COMBINED_SLIP]
-    assert slip.sigma < 0.5 * slip.prior
+    assert slip.sigma < 0.7 * slip.prior  # less than half of the variance
 
 
 def test_unknowns_of_one_log_have_the_names_of_an_only_log() -> None:

@@ -34,7 +34,7 @@ Longitudinal forces. At the speed u and its derivative u', the wheels of a truck
 
 for the drag of the air on the drag area A (drag coefficient times frontal area), for the rolling resistance c_r N of
 each group (J. Y. Wong, Theory of Ground Vehicles, 2008, chapter 3), and for its side force N u r / g in a turn with the
-yaw rate r, which acts at its slip angle. Where X > 0, the last group of the first unit
+yaw rate r, at most that of `LARGEST_TURN`, which acts at its slip angle. Where X > 0, the last group of the first unit
 drives with it. Where X < 0, engine and retarder brake that group with b X, b from 0 to 1, up to `AUXILIARY` m, and the
 brakes of all groups give the rest in proportion to the static loads. The longitudinal force F_x of a group is that of
 drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
@@ -87,6 +87,8 @@ SLOPE = 0.1
 """u' / g for the braking loads, which hardly depend on it."""
 AUXILIARY = 1.5
 """Largest deceleration by engine and retarder, m/s^2: their 600 kW give 20 to 40 kN at 15 to 30 m/s."""
+LARGEST_TURN = 5.0
+"""Largest lateral acceleration whose drag drive or brakes make up for, m/s^2: a truck that spins slows down."""
 SMOOTHING = 0.001
 """Slip angle below which softening is smooth, rad."""
 
@@ -190,7 +192,9 @@ def longitudinal_forces(
     mass = sum((p[f"{unit.name}.mass"] for unit in vehicle.units), ca.SX(0))
     side = sum(
         (
-            (p[f"{path}.static_load"] / GRAVITY * a) ** 2 / p[f"{path}.cornering_stiffness"]
+            (p[f"{path}.static_load"] / GRAVITY) ** 2
+            * ca.fmin(a * a, LARGEST_TURN**2)
+            / p[f"{path}.cornering_stiffness"]
             for unit, a in zip(vehicle.units, lateral, strict=False)
             for path in map(unit.group_path, unit.axle_groups)
         ),

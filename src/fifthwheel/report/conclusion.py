@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel import pages
-from fifthwheel.channels import si_unit
+from fifthwheel.channels import WEIGHTS, is_of, missing_for_mass, si_unit
 from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
 from fifthwheel.diagnose.caution import CautionKind, ranked
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
@@ -27,6 +27,10 @@ from fifthwheel.spoken_names import named, named_unit, spoken
 from fifthwheel.vehicle.parameters import FRICTION
 
 CONSEQUENCES = "Probably explained by the cautions"
+HEAVIER = 0.1
+"""Error of a mass whose effect is shown."""
+SIGNIFICANT_CHANGE = 0.015
+"""Smaller effects of it are not listed."""
 SHOWN = 3
 """Steps and cautions that are not folded away."""
 
@@ -42,6 +46,8 @@ class Conclusion:
     cautions: tuple[str, ...] = ()
     consequences: tuple[str, ...] = ()
     """Cautions that those above probably explain."""
+    unchecked: str = ""
+    """What the logs cannot check, and what follows from an error of it."""
     steps: tuple[Advice, ...] = ()
     """What to do next, the most useful step first."""
     notes: tuple[str, ...] = ()
@@ -62,6 +68,7 @@ class Conclusion:
         if self.consequences:
             cautions.append(pages.Folded(CONSEQUENCES, [pages.Items(self.consequences)]))
         missing = (pages.Items(self.not_identified, "Not identified"),)
+        first = [*first, *([pages.Paragraph(self.unchecked)] if self.unchecked else [])]
         return pages.Headline(self.headline, self.good, (first, cautions, missing, tuple(self._steps())))
 
     def _steps(self) -> Iterator[pages.Block]:
@@ -80,6 +87,7 @@ class Conclusion:
         more = len(self.steps) - SHOWN
         where = f"{f'{more} more and the' if more > 0 else 'The'} options for them: report.html, Next steps."
         return (
+            *([pages.Paragraph(self.unchecked)] if self.unchecked else []),
             pages.Items(self.cautions, "Cautions"),
             pages.Items(self.consequences, CONSEQUENCES),
             pages.Items(self.next_steps[:SHOWN], "Next steps"),
@@ -129,6 +137,7 @@ def conclude_identification(
         not_identified=tuple(_not_identified(identification)),
         cautions=tuple(map(str, cautions)),
         consequences=tuple(map(str, consequences)),
+        unchecked=_unchecked_mass(identification, converged, records),
         steps=tuple(next_steps(identification, runs, outlook)),
         notes=(*identification.notes, *[f"{finding.log}: {finding.message}" for finding in repaired]),
     )
@@ -195,6 +204,25 @@ def _changed_wheelbases(identification: Identification) -> Iterator[str]:
             times = digits(abs(change) / e.sigma, 2)
             side = "longer" if change > 0 else "shorter"
             yield sentence(f"{named(e.name)} is {size} {e.unit} {side} than in the vehicle file ({times} sigma)")
+
+
+def _unchecked_mass(identification: Identification, converged: Sequence[Estimate], records: Sequence[Record]) -> str:
+    """By how much the estimates change with the mass of the last unit, by their covariance; empty where a signal shows
+    the mass, which `mass_findings` then compares with that of the vehicle file."""
+    unit, covariance = identification.vehicle.units[-1].name, identification.covariance
+    path = f"{unit}.mass"
+    signals = {name for record in records for name in record.signals}
+    shown = signals and (not missing_for_mass(signals) or any(is_of(name, *WEIGHTS) for name in signals))
+    if shown or covariance is None or path not in covariance.names:
+        return ""
+    place, P = covariance.names.index(path), covariance.covariance
+    per_mass = P[:, place] / P[place, place] * HEAVIER * identification.vehicle.parameters()[path]
+    changes = [(e, per_mass[covariance.names.index(e.name)] / e.value) for e in converged if e.name != FRICTION]
+    listed = [f"{named(e.name)} {100 * change:+.0f} %" for e, change in changes if abs(change) > SIGNIFICANT_CHANGE]
+    if not listed:
+        return ""
+    heavier = f"If the {named_unit(unit)} is {percent(HEAVIER)} heavier than in the vehicle file"
+    return f"The logs cannot check the masses. {heavier}: {enumerated(listed)}."
 
 
 def _logs(identification: Identification) -> str:

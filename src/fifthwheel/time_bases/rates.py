@@ -31,6 +31,8 @@ _MAX_DURATION = 120.0
 """s from the first usable sample that are used."""
 _MIN_DURATION = 30.0
 """s; a shorter log shows no drift."""
+_ROUNDING = 1e-12
+"""Product of the relative variances of two signals, below which one of them is constant."""
 _GAIN = 0.5
 """A drift must reduce the residual variance of a constant offset to this fraction."""
 _MIN_EXPLAINED = 0.5
@@ -115,7 +117,8 @@ def _drift(measured: Array, predicted: Array) -> _Drift | None:
         enough = n > 0.6 * np.isfinite(measured).sum()
         with np.errstate(divide="ignore", invalid="ignore"):
             covariance, vm, vp = mp - m * p / n, mm - m * m / n, pp - p * p / n
-            row[:] = np.where(enough & (covariance > 0), 1 - covariance**2 / (vm * vp), 1.0)
+            varies = vm * vp > _ROUNDING * mm * pp
+            row[:] = np.where(enough & varies & (covariance > 0), 1 - covariance**2 / (vm * vp), 1.0)
     best = int(residual.min(axis=1).argmin())
     if best in (0, every.size - 1) or not residual[best].min() < 1:
         return None

@@ -12,8 +12,9 @@ vehicle file are treated as uncertain.
 import functools
 import itertools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -73,15 +74,18 @@ def solve_one_stage(
     """The maximum of the posterior; arguments and errors as in `identify`.
 
     `earlier` is the information of earlier logs on the unknowns of a setup. A vehicle that is unstable, or nearly,
-    in the logs is solved by prediction errors.
+    in the logs is solved by prediction errors, which also give another start if only the search made it so.
     """
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
     minimum = estimator.minimise(progress)
-    if minimum.objective.output_error and minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY:
+    if minimum.objective.output_error and _is_nearly_unstable(minimum):
         innovations = replace(settings, form="prediction_error")
         other = solve_one_stage(records, vehicle, innovations, earlier=earlier, validate=validate, progress=progress)
-        if other.minimum.converged:
+        if other.minimum.converged and not _is_nearly_unstable(other.minimum):
+            z = dict(zip(other.problem.names, other.minimum.z.tolist(), strict=True))
+            minimum = estimator.minimise(progress, start=z)
+        if other.minimum.converged and _is_nearly_unstable(minimum):
             return other
     return estimator.solution(minimum)
 
@@ -114,9 +118,13 @@ class _Estimator:
     setup: Setup
     earlier: JointPrior | None
 
-    def minimise(self, progress: Progress) -> Minimum[Problem]:
-        """Estimate all unknowns together."""
-        return self._minimise(Problem(self.setup, self.dataset.logs, self.earlier), progress)
+    def minimise(self, progress: Progress, start: Mapping[str, float] = MappingProxyType({})) -> Minimum[Problem]:
+        """Estimate all unknowns together; `start` is z by name of a solution in another form."""
+        problem = Problem(self.setup, self.dataset.logs, self.earlier)
+        if not start:
+            return self._minimise(problem, progress)
+        z = np.clip([start.get(name, 0.0) for name in problem.names], *problem.bounds)
+        return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
 
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""
@@ -227,6 +235,10 @@ class _Estimator:
         )
         progress(title, iterations, iterations)
         return minimum
+
+
+def _is_nearly_unstable(minimum: Minimum[Problem]) -> bool:
+    return minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY
 
 
 def _white(problem: Problem, z: Array, *_: int) -> Problem:
