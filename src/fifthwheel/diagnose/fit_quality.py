@@ -45,7 +45,7 @@ def fit_quality(fit: Fit, stated: Mapping[str, float]) -> FitQuality:
     """
     noise = float(np.fmax(white_noise_sigma(fit.measured), np.sqrt(stated.get(fit.signal, np.nan))))
     with np.errstate(over="ignore", invalid="ignore"):  # a prediction may diverge
-        motion = float(np.std(fit.predicted))
+        motion = float(np.std(fit.predicted)) if fit.predicted.size else np.nan  # a loaded result may have no series
     return FitQuality(explained=fit.explained, rms=fit.rms, noise=noise, motion=motion)
 
 

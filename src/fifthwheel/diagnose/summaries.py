@@ -42,10 +42,12 @@ def summarise_runs(identification: Identification, records: Sequence[Record]) ->
     for log in identification.logs:
         if log.name in present:
             continue
-        fits = [fit for fit in identification.fits if fit.log == log.name and fit.signal == f"yaw_rate.{first}"]
-        rate = fits[0].measured - offsets.get(log.name, 0.0) if fits else np.zeros(0)
-        step = float(np.median(np.diff(fits[0].time))) if fits else 1.0
-        acceleration = log.speed[1] * largest_mean(rate[np.isfinite(rate)], round(0.5 / step))
+        fit = next((f for f in identification.fits if f.log == log.name and f.signal == f"yaw_rate.{first}"), None)
+        acceleration = np.nan
+        if fit is not None and fit.time.size > 1:  # a loaded result may have no series
+            rate = fit.measured - offsets.get(log.name, 0.0)
+            window = round(0.5 / float(np.median(np.diff(fit.time))))
+            acceleration = log.speed[1] * largest_mean(rate[np.isfinite(rate)], window)
         summaries.append(RunSummary(name=log.name, speed=log.speed, acceleration=acceleration))
     return summaries
 

@@ -217,7 +217,8 @@ def _unchecked_mass(identification: Identification, converged: Sequence[Estimate
         return ""
     place, P = covariance.names.index(path), covariance.covariance
     per_mass = P[:, place] / P[place, place] * HEAVIER * identification.vehicle.parameters()[path]
-    changes = [(e, per_mass[covariance.names.index(e.name)] / e.value) for e in converged if e.name != FRICTION]
+    shared = [e for e in converged if e.name != FRICTION and e.name in covariance.names]
+    changes = [(e, per_mass[covariance.names.index(e.name)] / e.value) for e in shared]
     listed = [f"{named(e.name)} {100 * change:+.0f} %" for e, change in changes if abs(change) > SIGNIFICANT_CHANGE]
     if not listed:
         return ""

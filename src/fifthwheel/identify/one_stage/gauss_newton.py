@@ -140,9 +140,13 @@ def remaining_step(minimum: Minimum[ObjectiveT]) -> Array:
 
 
 def _sigma(hessian: Array, free: NDArray[np.bool_]) -> Array:
-    """Standard deviations (k,) of the unknowns; 0 of those that are not free."""
+    """Standard deviations (k,) of the unknowns; 0 of those that are not free.
+
+    Where a free run diverges, the derivatives of the residuals all point along its growth, and are so large that
+    rounding hides the other directions: the inverse is then not positive definite. 0 in its place ends no search.
+    """
     sigma = np.zeros(len(hessian))
-    sigma[free] = np.sqrt(np.diag(np.linalg.inv(hessian[np.ix_(free, free)])))
+    sigma[free] = np.sqrt(np.maximum(np.diag(np.linalg.inv(hessian[np.ix_(free, free)])), 0.0))
     return sigma
 
 
