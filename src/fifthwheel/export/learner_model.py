@@ -17,6 +17,7 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
 from fifthwheel.identify.online.start import discrepancy_variances
 from fifthwheel.identify.online.steering import Excitation
+from fifthwheel.identify.unknowns.gross_errors import largest_possible
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
@@ -181,6 +182,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
     scaling = setup.scaling
     return [
         *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
+        table("possible_change", [*map(largest_possible, setup.considered_unknowns)] or [0.0], static=False),
         integers("logarithmic", [int(u.logarithmic) for u in setup.unknowns]),
         integers("sensor_error", [int(u.is_sensor_error) for u in setup.unknowns]),
         integers("roll_channel", [_roll_channel(u, setup.outputs) for u in setup.unknowns]),

@@ -11,12 +11,11 @@ import pytest
 from fifthwheel import vehicle
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.online.persistence import LEARNER_FILE
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from tests.identify.online.conftest import CONSIDERING, FIVE, HEIGHT, assert_identified, estimates, learn
+from tests.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
 
 def test_a_loaded_learner_has_the_saved_estimates_and_settings(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
@@ -127,15 +126,3 @@ def test_a_known_trailer_name_with_another_vehicle_file_is_refused(guess: Vehicl
 def test_another_tractor_is_refused(learned: Learner) -> None:
     with pytest.raises(VehicleError, match="a new tractor needs a new Learner"):
         learned.couple("any", vehicle.get("auburn_6x4"))
-
-
-def test_the_suspension_of_another_result_in_an_older_file(guess: Vehicle, lanes: Record, tmp_path: Path) -> None:
-    """An empty one is ignored, and any other refused."""
-    saved, path = Learner(guess, lanes.signals, FIVE), tmp_path / "learner.json"
-    saved.save(path)
-    content = LEARNER_FILE.read(path)
-    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": []}})
-    assert estimates(Learner.load(path))[0] == pytest.approx(estimates(saved)[0])
-    LEARNER_FILE.write(path, content | {"settings": content["settings"] | {"changes": [{"name": "roll_stiffness"}]}})
-    with pytest.raises(SignalError, match=r"this version has --knowledge.*start with a new Learner"):
-        Learner.load(path)

@@ -29,6 +29,7 @@ from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
 from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.names import ParameterPath
 
@@ -156,20 +157,23 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
 
 
 def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
-    """The score test of every considered unknown, the largest |t| first.
+    """The score test of every considered unknown that a truck can have as it implies, the largest |t| first.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
     tests, cross = [], estimate.B @ estimate.correlation
     for i, unknown in enumerate(live.setup.considered_unknowns):
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
-        if information > 0:
-            implied = -gradient / (1 + information)
+        if information <= 0:
+            continue
+        implied = -gradient / (1 + information)
+        change = implied * float(live.considered.sigma[i])
+        if is_possible(unknown, change):
             tests.append(
                 PriorTest(
                     name=unknown.name,
                     statistic=-gradient / np.sqrt(information),
-                    implied=implied * float(live.considered.sigma[i]),
+                    implied=change,
                     size=abs(implied),
                     shifts=cross[:, i] * implied,
                 )

@@ -82,8 +82,16 @@ def gross_error(unknown: Unknown) -> GrossError | None:
 
 def is_possible(unknown: Unknown, deviation: float) -> bool:
     """Whether a truck can have an unknown so many prior standard deviations from its prior mean."""
+    return abs(deviation) <= largest_possible(unknown)
+
+
+def largest_possible(unknown: Unknown) -> float:
+    """Prior standard deviations from its prior mean that a truck can have an unknown."""
     row = gross_error(unknown)
-    return abs(deviation) <= RANGE * (row.sigma if row else max(1.0, unknown.tail))
+    reach = RANGE * (row.sigma if row else max(1.0, unknown.tail))
+    if unknown.logarithmic:
+        return reach
+    return min(reach, max(abs(end - unknown.centre) for end in unknown.possible) / unknown.scale)
 
 
 def _kind(name: str) -> str:

@@ -63,7 +63,8 @@ static void fw_mark_all(fw_doubts doubts)
     }
 }
 
-/* |t| of the score test of a considered unknown, and the change that it implies; 0 if that is not unusual. */
+/* |t| of the score test of a considered unknown, and the change that it implies; 0 if that is not unusual, or more than
+   a truck can have. */
 static fw_real fw_score(const fw_inflated *estimate, int c, fw_real *implied)
 {
     const fw_real gradient = estimate->evidence[(FW_AT_GRADIENT - FW_AT_Z) + c] / estimate->inflation;
@@ -74,7 +75,8 @@ static fw_real fw_score(const fw_inflated *estimate, int c, fw_real *implied)
         score = FW_ABS(gradient) / FW_SQRT(information);
         *implied = -gradient / (FW_REAL(1.0) + information);
     }
-    return (FW_ABS(*implied) > FW_UNUSUAL_CHANGE) ? score : FW_REAL(0.0);
+    const fw_real change = FW_ABS(*implied);
+    return ((change > FW_UNUSUAL_CHANGE) && (change <= fw_possible_change[c])) ? score : FW_REAL(0.0);
 }
 
 /* Estimates that depend on the assumptions which the score tests contradict most. */
