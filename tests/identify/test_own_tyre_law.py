@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from fifthwheel.dynamics import tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.online import Learner
@@ -56,17 +57,16 @@ def built_in(record: Record, guess: Vehicle) -> Identification:
 
 
 def test_the_law_of_the_truck_gives_its_parameters(own: Identification, built_in: Identification) -> None:
-    """Errors are those of the noise; the other law has larger ones, and explains less."""
+    """Errors are those of the noise; the other law explains less."""
     for name, true in {**{n: TRUCK.parameters()[n] for n in STIFFNESSES}, FRICTION: 0.4}.items():
         assert abs(own[name].value - true) < 3.5 * own[name].sigma < 0.01 * true
     assert own.log_likelihood > built_in.log_likelihood + 100
-    name = "tractor.drive.cornering_stiffness"
-    assert abs(built_in[name].value - TRUCK.parameters()[name]) > 5 * built_in[name].sigma
 
 
 @pytest.fixture
 def coasting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No drag and no rolling resistance: of an own law the peak is not known, which limits side and drive together."""
+    """No drag of air, tyres and turns: of an own law the peak is not known, which limits side and drive together."""
+    monkeypatch.setattr(tyres, "LARGEST_TURN", 0.0)
     for name in (DRAG_AREA, ROLLING_RESISTANCE):
         monkeypatch.setitem(TYRE_PARAMETERS, name, TYRE_PARAMETERS[name]._replace(default=0.0))
 

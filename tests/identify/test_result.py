@@ -105,18 +105,6 @@ def test_damaged_files_are_refused(result, tmp_path):
         Identification.load(tmp_path)
 
 
-def test_the_suspension_of_another_result_in_an_older_file(result, tmp_path):
-    """An empty one is ignored, and any other refused."""
-    result.save(tmp_path)
-    path = tmp_path / "identification.json"
-    contents = json.loads(path.read_text())
-    path.write_text(json.dumps(contents | {"settings": contents["settings"] | {"changes": []}}))
-    assert Identification.load(tmp_path).settings == result.settings
-    path.write_text(json.dumps(contents | {"settings": contents["settings"] | {"changes": [{"name": "suspension"}]}}))
-    with pytest.raises(SignalError, match=r"for which this version has --knowledge.*identify again"):
-        Identification.load(tmp_path)
-
-
 def test_an_observer_of_the_result(result):
     observer = result.observer()
     assert set(observer.inputs) | set(observer.outputs) == set(RUN.signals)
