@@ -17,7 +17,7 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.record import Record
 from fifthwheel.report import write_report
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import DRAG_AREA, FRICTION, ROLLING_RESISTANCE, SHAPE, TYRE_PARAMETERS
+from fifthwheel.vehicle.parameters import FRICTION, SHAPE, TYRE_PARAMETERS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 from tyre_laws import magic_formula, simulated
@@ -26,7 +26,6 @@ TRUCK = get("cheng_cebon_2011")
 STIFFNESSES = [name for name in TRUCK.parameters() if name.endswith("cornering_stiffness")]
 EXACT = OneStage(tyres=magic_formula, friction=0.5, consider={}, nuisances=False, check=False)
 """Everything but the estimated parameters and the noise is known."""
-SHAPE_FACTOR = TYRE_PARAMETERS[SHAPE].default
 
 
 def same_law(slip, load, stiffness, friction):
@@ -63,37 +62,31 @@ def test_the_law_of_the_truck_gives_its_parameters(own: Identification, built_in
 
 
 @pytest.fixture
-def coasting(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No drag but that of turns, at most 5 kN: of an own law the peak is not known, which limits side and drive
-    together."""
-    for name in (DRAG_AREA, ROLLING_RESISTANCE):
-        monkeypatch.setitem(TYRE_PARAMETERS, name, TYRE_PARAMETERS[name]._replace(default=0.0))
+def without_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The built-in law tends to the peak friction, as an own law does, whose friction is that of its peak."""
+    monkeypatch.setitem(TYRE_PARAMETERS, SHAPE, TYRE_PARAMETERS[SHAPE]._replace(default=1.0))
 
 
-@pytest.mark.usefixtures("coasting")
+@pytest.mark.usefixtures("without_shape")
 def test_the_built_in_law_in_other_words_gives_the_same(record: Record, guess: Vehicle) -> None:
-    """An own law has no shape: its friction is that of the built-in law times its shape.
-
-    The search begins at the prior, because this is enough friction for the log.
-    """
+    """The search begins at the prior, because this is enough friction for the log."""
     built_in = identify([record], guess, replace(EXACT, tyres="saturating", friction=1.0))
-    own = identify([record], guess, replace(EXACT, tyres=same_law, friction=SHAPE_FACTOR))
+    own = identify([record], guess, replace(EXACT, tyres=same_law, friction=1.0))
     assert SHAPE not in own.vehicle.parameters()
     for e in built_in.parameters:
-        factor = SHAPE_FACTOR if e.name == FRICTION else 1.0
-        assert own[e.name].value == pytest.approx(factor * e.value, rel=0.02)
-        assert own[e.name].sigma == pytest.approx(factor * e.sigma, rel=0.1)
-    assert own.log_likelihood == pytest.approx(built_in.log_likelihood, rel=1e-5)
+        assert own[e.name].value == pytest.approx(e.value, rel=1e-7)
+        assert own[e.name].sigma == pytest.approx(e.sigma, rel=1e-6)
+    assert own.log_likelihood == pytest.approx(built_in.log_likelihood, rel=1e-9)
 
 
-@pytest.mark.usefixtures("coasting")
+@pytest.mark.usefixtures("without_shape")
 def test_states_of_the_same_law_are_the_same(record: Record) -> None:
-    plain = Observer(TRUCK, record.signals, ObserverSettings(friction=0.4)).batch(record)
-    friction = SHAPE_FACTOR * 0.4
+    friction = 0.44
+    plain = Observer(TRUCK, record.signals, ObserverSettings(friction=friction)).batch(record)
     observer = Observer(TRUCK, record.signals, ObserverSettings(friction=friction, tyres=same_law))
     own = observer.batch(record)
     for name, values in plain.values.items():
-        np.testing.assert_allclose(own.values[name], values, rtol=0, atol=1e-4 * np.abs(values).max())
+        np.testing.assert_allclose(own.values[name], values, rtol=0, atol=1e-9 * np.abs(values).max())
     other = Observer(TRUCK, record.signals, ObserverSettings(friction=friction, tyres=magic_formula))
     assert np.abs(other.batch(record).values["sideslip.tractor"] - own.values["sideslip.tractor"]).max() > 1e-4
     with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
