@@ -36,7 +36,6 @@ def place(run, tmp_path):  # noqa: F811
         "signals log.csv --out truck.toml",
         "signals log.csv --signals map.toml --save log.csv",
         "simulate log.csv",
-        "simulate other.csv --model nonlinear --film mine.png",
         "check log.csv -v truck.toml --plot truck.toml",
         "weigh log.csv -v truck.toml --out truck.toml",
         "design -v truck.toml --out log.csv",

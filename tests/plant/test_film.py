@@ -10,8 +10,10 @@ import pytest
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.manoeuvres import course
 from fifthwheel.plant import Plant, PlantRun, Properties
-from fifthwheel.plant.film import EXAGGERATION, LIGHT, _blocks, _Scene, _window, film
 from fifthwheel.vehicle import Vehicle, get
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
+from film import EXAGGERATION, LIGHT, _blocks, _Scene, _window, film
 
 pytest.importorskip("matplotlib")
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @command(
     "fifthwheel simulate run.csv --vehicle cheng_cebon_2011",
     "fifthwheel simulate sweep.parquet -v truck.toml --manoeuvre sweep --speed 80 --seed 3",
-    "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track --film strip.png",
+    "fifthwheel simulate run.csv --model nonlinear --manoeuvre test_track",
     "fifthwheel simulate run.parquet --model nonlinear --manoeuvre everyday --sensors sensors.toml --all-truth",
     "fifthwheel simulate wet.csv --model nonlinear --with friction=0.6 --with 'bank=2 deg'",
     "fifthwheel simulate rough.csv --model nonlinear --manoeuvre straight --with roughness=B",
@@ -78,10 +78,6 @@ def simulate(
             help="Write all true signals (tyre forces, positions, ...) as reference signals; nonlinear only.",
         ),
     ] = False,
-    film: Annotated[
-        Path | None,
-        typer.Option(help="A strip of pictures (.png, .svg) or an animation (.gif); nonlinear only."),
-    ] = None,
     force: ForceFileOption = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -95,9 +91,9 @@ def simulate(
     truck, files = read_vehicle(vehicle), [str(log)]
     given: dict[str, Any] = {"speed": None if speed is None else speed / 3.6, "count": count, "duration": duration}
     given = {name: value for name, value in given.items() if value is not None}
-    nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth, "--film": film}
+    nonlinear_only = {"--sensors": sensors, "--with": properties, "--all-truth": all_truth}
     nonlinear_only |= {"--braking": braking is not None}
-    with reserved(log, film, force=force):
+    with reserved(log, force=force):
         if model == "linear":
             from fifthwheel.simulate import simulate as run_linear
 
@@ -120,14 +116,10 @@ def simulate(
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
             from fifthwheel.manoeuvres import course as make_course
             from fifthwheel.plant import Plant, Properties
-            from fifthwheel.plant.film import SUFFIXES
-            from fifthwheel.plant.film import film as draw
             from fifthwheel.plant.properties import with_changes
             from fifthwheel.plant.sensors import read_sensors
             from fifthwheel.workflow.settings import named_texts
 
-            if film and film.suffix.lower() not in SUFFIXES:  # before the simulation
-                raise SignalError(f"{film.name}: expected a name that ends in {', '.join(SUFFIXES)}")
             fitted = read_sensors(sensors) if sensors else None
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)
             changed = named_texts("--with", properties or (), "PROPERTY=VALUE, such as 'bank=2 deg'")
@@ -137,8 +129,6 @@ def simulate(
                 run = plant.drive(course, rate=rate, driven=powertrain, seed=seed, name=log.stem, progress=progress)
             record = run.record(fitted, seed=seed, everything=all_truth)
         write_record(record, log)
-        if film:
-            files.append(str(draw(run, film)))
     if as_json:
         signals = {"signals": list(record.signals), "reference": list(record.reference)}
         print_json({"file": str(log), "files": files, "samples": len(record), "span": record.span, **signals})

@@ -1,11 +1,14 @@
 """Pictures of a run: the truck from above and from behind, as a strip of instants or as an animation.
 
+    python examples/film.py strip.png        # or strip.svg, film.gif; needs fifthwheel[plant,figures]
+
 They show off-tracking of the trailer and the roll of its body. Points of the road are complex, x + iy; points of a
 picture are right + i up.
 """
 
 import io
 import math
+import sys
 import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -290,3 +293,16 @@ class _Scene:
             shade = str(1 - 0.9 * min(max(fraction, 0), 1))
             axes.fill(tyre.real, tyre.imag, fc=shade, ec=DARK, lw=0.9, zorder=6)
             axes.text(side * half_track, -0.1, f"{fraction * total / 1e3:.0f} kN", ha="center", va="top", size=7)
+
+
+def main() -> None:
+    """Draw a lane change at 88 km/h, to the file that is given."""
+    from fifthwheel.manoeuvres import lane_changes
+    from fifthwheel.plant import Plant
+    from fifthwheel.vehicle import get
+
+    print(film(Plant(get("cheng_cebon_2011")).drive(lane_changes(count=1)), Path(sys.argv[1])))
+
+
+if __name__ == "__main__":
+    main()
