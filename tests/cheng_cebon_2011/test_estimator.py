@@ -142,7 +142,7 @@ def test_not_converged_from_an_implausible_start(truck: Vehicle, factors: tuple[
     assert Verdict.CONVERGED not in {e.verdict for e in result.parameters}
     assert all(e.sigma is not None and math.isfinite(e.sigma) and math.isfinite(e.value) for e in result.parameters)
     worst = min(fit.explained for fit in result.fits if fit.signal.startswith("yaw_rate"))
-    assert any("cannot be trusted" in note for note in result.notes) == (worst < 0.5)
+    assert any("Check the signal, the vehicle file and" in note for note in result.notes) == (worst < 0.5)
 
 
 def test_not_converged_when_stopped_early(truck: Vehicle) -> None:

@@ -114,8 +114,8 @@ def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[s
 
 
 def test_verdicts(truck: Vehicle) -> None:
-    """Converged if the next step moves the estimate by less than half a sigma, and the model explains the logs; excited
-    if less than half of the variance of the prior remains, here at 1.1 times the prior mean."""
+    """Converged if the next step moves the estimate by less than half a sigma, doubtful if the model does not explain
+    the logs; excited if less than half of the variance of the prior remains, here at 1.1 times the prior mean."""
     assert verdicts(truck)[FRONT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 1, 0.0)
     assert verdicts(truck)[HEIGHT] == (Verdict.CONVERGED, pytest.approx(1.1), 0.2, 2, 0.0)
     assert verdicts(truck)[DRIVE] == (Verdict.FIXED, 1.0, None, 1, None)
@@ -123,7 +123,7 @@ def test_verdicts(truck: Vehicle) -> None:
         assert verdicts(truck, sigma={FRONT: edge * np.sqrt(0.5) / 1.1})[FRONT][0] == excited
         assert verdicts(truck, step={FRONT: -edge * 0.5 * 0.2})[FRONT][0] == step
         assert verdicts(truck, step={FRONT: -edge * 0.5 * 0.2})[HEIGHT][0] is Verdict.CONVERGED
-    assert verdicts(truck, trusted=False)[FRONT][0] is Verdict.NOT_CONVERGED
+    assert verdicts(truck, trusted=False)[FRONT][0] is Verdict.DOUBTFUL
     assert verdicts(truck, values={HEIGHT: 3.5})[HEIGHT][0] is Verdict.AT_BOUND
     assert verdicts(truck, not_excited=[FRONT])[FRONT] == (Verdict.NOT_EXCITED, 1.0, 1.0, 1, None)
 

@@ -68,7 +68,7 @@ def test_a_wide_sigma_calls_for_more_excitation(result):
 @pytest.mark.parametrize(
     ("verdict", "changes", "reason", "advice"),
     [
-        (Verdict.NOT_CONVERGED, {}, "(not converged): ", "Add another log"),
+        (Verdict.NOT_CONVERGED, {}, "(not converged): ", "Identify parts of the log"),
         (Verdict.AT_BOUND, {}, "limit of the permitted range", "error in the vehicle file"),
         (Verdict.FIXED, {}, "(fixed): ", ""),
         (Verdict.NOT_EXCITED, {"sigma": 1e5}, "(not excited): the logs reduce sigma too little", "lane change"),

@@ -42,10 +42,8 @@ VERDICTS = {
     ),
     Verdict.DOUBTFUL: ("Check what the cautions name, correct what is wrong, and identify again.", ""),
     Verdict.NOT_CONVERGED: (
-        "Parameters that did not converge may compensate each other. Add another log of this truck, allow more "
-        "passes, or fix a parameter whose value is known from another source. If the model does not explain the log "
-        "either, check signs, units and positions of the signals first.",
-        "--set NAME='VALUE exact'",
+        "The search had not ended. Identify parts of the log, or state a parameter that is known from another source.",
+        "--set NAME='VALUE +- SIGMA'",
     ),
 }
 """Verdict -> what to do, and the option for it."""

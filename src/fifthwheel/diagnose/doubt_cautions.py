@@ -13,7 +13,7 @@ from fifthwheel.identify import Identification, Verdict
 from fifthwheel.identify.doubts import Cause, DoubtKind
 from fifthwheel.identify.knowledge.history import changes_in_words
 from fifthwheel.identify.knowledge.information import LogKnowledge
-from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
+from fifthwheel.identify.knowledge.knowledge import UNSURE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import FIRST_UNITS, named_unit
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -60,7 +60,7 @@ def _contradicting(identification: Identification) -> Iterator[tuple[LogKnowledg
     """Its logs that contradict those before, each with what changed in words; empty if that explains nothing."""
     own = {log.name for log in identification.logs}
     for log in identification.knowledge.logs if identification.knowledge else ():
-        if log.name in own and log.set_aside not in ("", NOT_CONVERGED):  # the verdicts show the latter
+        if log.name in own and log.set_aside not in ("", UNSURE):  # the verdicts show the latter
             yield log, ""
         elif log.name in own and log.changed:
             yield log, enumerated([*changes_in_words(log)] or log.changed)

@@ -73,8 +73,8 @@ def evaluate_fits(
     unexplained = [fit for fit in fits if _is_unexplained(fit, dataset.vehicle, settings)]
     for fit in unexplained:
         notes.append(
-            f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}; the estimates "
-            "cannot be trusted. Check the signal, the vehicle file and the initial values."
+            f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}. Check the "
+            "signal, the vehicle file and the initial values."
         )
     for log in dataset.validation:
         log = replace(log, noise=logs[0].noise)

@@ -287,14 +287,14 @@ def _reason(identification: Identification, e: Estimate) -> str:
     if e.verdict is Verdict.DOUBTFUL:
         return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
     if e.verdict is Verdict.NOT_CONVERGED:
-        return f"{estimate} is provisional: the last step still changed it, or the model does not explain the log"
+        return f"{estimate} is provisional: the next step of the search would move it by half a sigma or more"
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:
             others = " and ".join(named(name) for name in e.correlated_with)
             return f"strongly correlated with {others}; {origin}"
         if e.name == FRICTION:
-            return f"the run uses too little of it; {origin}"
+            return f"the logs use too little of it; {origin}"
         if has_roll_rate(identification, e.name):
             return f"the logs contain too little information on it alone, for example too little roll; {origin}"
         return f"the roll rate of the {named_unit(unit)} is not logged; {origin}"

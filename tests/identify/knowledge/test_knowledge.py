@@ -8,7 +8,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.diagnose.doubt_cautions import contradiction_cautions
 from fifthwheel.errors import SignalError, VehicleError
-from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED
+from fifthwheel.identify.knowledge.knowledge import UNSURE
 from tests.identify.knowledge.conftest import SETTINGS
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
@@ -208,13 +208,13 @@ def test_a_log_that_did_not_converge_is_set_aside_until_it_is_identified_again(k
     stopped = fw.identify([first], GUESS, replace(SETTINGS, adapt_noise=False, iterations=1))
     assert fw.Verdict.NOT_CONVERGED in {estimate.verdict for estimate in stopped.parameters}
     (log,) = stopped.knowledge.logs
-    assert log.set_aside == NOT_CONVERGED
+    assert log.set_aside == UNSURE
     with pytest.raises(SignalError, match="run 4 did not converge"):
         _ = stopped.knowledge.combined
     both = knowledge.with_logs([log])
     assert both.without("run 1").used == both.used[1:]
     assert both.majority(knowledge.logs) is None
     later = fw.identify([second], TRUCK, SETTINGS, knowledge=both)
-    assert [log.set_aside for log in later.knowledge.logs] == ["", "", "", NOT_CONVERGED, ""]
+    assert [log.set_aside for log in later.knowledge.logs] == ["", "", "", UNSURE, ""]
     again = fw.identify([first], TRUCK, SETTINGS, knowledge=later.knowledge)
     assert [(log.name, log.set_aside) for log in again.knowledge.logs][3:] == [("run 5", ""), ("run 4", "")]

@@ -36,7 +36,7 @@ SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
 OUTLYING = "contradicts the logs after it"
 """Why a log is set aside."""
-NOT_CONVERGED = "did not converge, and must be identified again"
+UNSURE = "must be identified again: its search did not end, or the model does not explain it"
 """The same; no other log changes that."""
 FALSE_ALARM = 0.01
 """Probability of a false change by one log."""
@@ -190,12 +190,12 @@ class Knowledge(ComparedByContents):
     def majority(self, logs: Sequence[LogKnowledge]) -> "Knowledge | None":
         """The logs that were set aside instead of those in use, if together with these logs they are more, and agree;
         None if not."""
-        aside = [log for log in self.logs if log.set_aside not in ("", NOT_CONVERGED)]
+        aside = [log for log in self.logs if log.set_aside not in ("", UNSURE)]
         if not aside or len(aside) + len(logs) <= len(self.used):
             return None
         if Knowledge(logs=(*(replace(log, set_aside="") for log in aside), *logs)).changes:
             return None
-        swapped = {"": OUTLYING, NOT_CONVERGED: NOT_CONVERGED}
+        swapped = {"": OUTLYING, UNSURE: UNSURE}
         return Knowledge(logs=tuple(replace(log, set_aside=swapped.get(log.set_aside, "")) for log in self.logs))
 
     def without_records(self, records: Sequence[Record]) -> "Knowledge":
@@ -227,7 +227,7 @@ class Knowledge(ComparedByContents):
     def _reconsidered(self) -> "Knowledge":
         """With the logs used that are set aside and do not contradict those that are used, the earliest first."""
         accepted = Knowledge(logs=self.used)
-        aside = [log for log in self.logs if log.set_aside not in ("", NOT_CONVERGED)]
+        aside = [log for log in self.logs if log.set_aside not in ("", UNSURE)]
         for log in sorted(aside, key=lambda log: log.date):
             again = replace(log, set_aside="")
             if not any(change.kind == OUTLIER for change in accepted.changes_by([again])):

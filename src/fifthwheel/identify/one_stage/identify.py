@@ -7,7 +7,7 @@ from functools import partial
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
-from fifthwheel.identify.knowledge.knowledge import NOT_CONVERGED, OUTLYING, Knowledge, LogChange, tyre_change
+from fifthwheel.identify.knowledge.knowledge import OUTLYING, UNSURE, Knowledge, LogChange, tyre_change
 from fifthwheel.identify.one_stage.causes import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.evidence import quick_doubts
@@ -66,8 +66,9 @@ def identify_one_stage(
             notes.append(_doubtful(before.used))
     causes = likely_causes(solution, solution.linearisation.tests, progress)
     result = build_identification(solution, causes, " ".join(filter(None, notes)))
-    if any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in result.parameters):
-        logs = [replace(log, set_aside=log.set_aside or NOT_CONVERGED) for log in logs]
+    unexplained = any(doubt.kind is DoubtKind.NOISE for doubt in result.doubts)
+    if unexplained or any(estimate.verdict is Verdict.NOT_CONVERGED for estimate in result.parameters):
+        logs = [replace(log, set_aside=log.set_aside or UNSURE) for log in logs]
     return replace(result, knowledge=before.with_logs(with_doubts(logs, result.doubts)))
 
 
