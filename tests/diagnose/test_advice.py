@@ -37,7 +37,7 @@ def test_a_good_result_needs_a_validation_only(result):
     [
         (Verdict.AT_BOUND, "usually indicates an error in the vehicle file or a log"),
         (Verdict.DOUBTFUL, "Check what the cautions name"),
-        (Verdict.NOT_CONVERGED, "may compensate each other"),
+        (Verdict.NOT_CONVERGED, "The search had not ended"),
     ],
 )
 def test_verdicts(result, verdict, text):

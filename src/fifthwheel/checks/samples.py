@@ -83,7 +83,7 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     else:
         return
     finding = severe if fraction > 0.5 else warning
-    yield finding(name, Fault.DROPOUT, f"{fraction:.0%} of the samples are missing; {where}; {cure}")
+    yield finding(name, Fault.DROPOUT, f"{100 * fraction:.2g} % of the samples are missing; {where}; {cure}")
 
 
 def spike_mask(name: str, time: Array, values: Array) -> NDArray[np.bool_]:

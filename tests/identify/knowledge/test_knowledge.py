@@ -209,7 +209,7 @@ def test_a_log_that_did_not_converge_is_set_aside_until_it_is_identified_again(k
     assert fw.Verdict.NOT_CONVERGED in {estimate.verdict for estimate in stopped.parameters}
     (log,) = stopped.knowledge.logs
     assert log.set_aside == UNSURE
-    with pytest.raises(SignalError, match="run 4 did not converge"):
+    with pytest.raises(SignalError, match="run 4 must be identified again"):
         _ = stopped.knowledge.combined
     both = knowledge.with_logs([log])
     assert both.without("run 1").used == both.used[1:]

@@ -19,7 +19,7 @@ from fifthwheel.vehicle.parameters import FRICTION
 def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:
     """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
 
-    `likely` are the causes of a contradiction, see `alternatives`. What the first of them explains is no further doubt.
+    `likely` are the causes of a contradiction, see `causes`. What the first of them explains is no further doubt.
     `left` is the discrepancy, as a fraction of the signals, of logs that nothing explains.
     """
     problem, posterior = solution.problem, solution.linearisation.posterior

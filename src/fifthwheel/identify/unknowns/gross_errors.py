@@ -67,8 +67,8 @@ GROSS_ERRORS: Mapping[str, GrossError] = {
     "wheel_speed_difference.offset": GrossError(0.02, 1.0),
 }
 """By the end of a name; of a sensor error also by its quantity. The figures are judgements, in the order of what
-brochures, weighbridges, slipped fifth wheels and logs of other clocks show; ranks of causes hardly depend on them:
-`benchmarks/causes.py` names the same faults with all of them halved or doubled."""
+brochures, weighbridges, slipped fifth wheels and logs of other clocks show. Ranks of causes hardly depend on them:
+`benchmarks/causes.py` names 25 of 29 faults first, and 24 or 25 with all sizes halved or doubled."""
 
 
 def gross_error(unknown: Unknown) -> GrossError | None:
