@@ -27,7 +27,8 @@ def unknowns(truck: Vehicle, tyres: str = "saturating") -> dict[str, Unknown]:
     [
         ("mass_scale", "semitrailer.mass", 0.3),
         ("semitrailer.payload.mass", "semitrailer.sprung.mass", 0.3),  # which replaces the payload
-        ("tractor.cog", "tractor.cog", 0.7),
+        ("tractor.cog", "tractor.cog", 0.3),
+        ("semitrailer.cog", "semitrailer.cog", 0.7),
         ("semitrailer.axle_positions", "semitrailer.rear.position", 0.6),  # the axle that moves most
         ("tractor.coupling", "fifth_wheel.leading_position", 0.4),
         ("semitrailer.roll_stiffness", "semitrailer.roll_stiffness", 0.5),

@@ -29,6 +29,7 @@ GROSS_ERRORS: Mapping[str, GrossError] = {
     "mass": GrossError(0.3, 3.0),
     "payload.mass": GrossError(0.3, 2.0),
     "cog": GrossError(0.7, 1.0),  # the load at one end
+    "tractor.cog": GrossError(0.3, 0.5),  # whose load is on the fifth wheel
     "axle_positions": GrossError(0.6, 2.0),  # another trailer; or to another axle of the group
     "coupling": GrossError(0.4, 1.5),  # a fifth wheel slides by up to 0.6 m
     "position": GrossError(0.6, 1.0),
