@@ -16,6 +16,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state
 from fifthwheel.identify.one_stage import estimator
 from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
+from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
@@ -84,6 +85,27 @@ def test_sigma_is_close_to_the_bound(truck: Vehicle, guess: Vehicle) -> None:
     history = result.histories["one stage"]
     assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
     assert (np.diff(history.sigma[:, 0] / history.values[:, 0]) < 1e-3).all()
+
+
+def test_a_search_that_diverges_begins_again_at_the_prediction_errors(
+    truck: Vehicle, guess: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Here it only looks so: the second search ends where the first one did."""
+    record, searches = simulate(truck, count=1, seed=3), list[str]()
+
+    def diverges(minimum: Minimum[Problem]) -> bool:
+        searches.append(minimum.objective.settings.form)
+        return len(searches) == 1
+
+    plain = solve_one_stage([record], guess, OneStage(tyres="linear"))
+    monkeypatch.setattr(estimator, "_diverges", diverges)
+    again = solve_one_stage([record], guess, OneStage(tyres="linear"))
+    assert searches == ["output_error", "prediction_error", "output_error"]
+    assert again.minimum.converged
+    assert again.settings.form == "output_error"
+    for name in plain.estimated:
+        i = plain.problem.names.index(name)
+        assert abs(again.minimum.z[i] - plain.minimum.z[i]) < 0.3 * plain.linearisation.posterior.sigma[i], name
 
 
 @pytest.mark.slow
@@ -377,22 +399,31 @@ def test_the_search_begins_with_enough_friction(truck: Vehicle, friction: float,
 
 
 @pytest.mark.parametrize(
-    ("decay", "form", "converged", "expected"),
+    ("decay", "form", "converged", "spins", "expected"),
     [
-        (0.1, "output_error", True, "output_error"),
-        (0.0999, "output_error", True, "prediction_error"),
-        (0.0999, "output_error", False, "output_error"),
-        (0.0999, "prediction_error", True, "prediction_error"),
+        (0.1, "output_error", True, False, "output_error"),
+        (0.0999, "output_error", True, False, "prediction_error"),
+        (0.0999, "output_error", False, False, "output_error"),
+        (0.0999, "prediction_error", True, False, "prediction_error"),
+        (0.1, "output_error", False, True, "prediction_error"),
     ],
 )
 def test_a_nearly_unstable_vehicle_is_solved_by_prediction_errors(
-    truck: Vehicle, monkeypatch: pytest.MonkeyPatch, decay: float, form: str, converged: bool, expected: str
+    truck: Vehicle,
+    monkeypatch: pytest.MonkeyPatch,
+    decay: float,
+    form: str,
+    converged: bool,
+    spins: bool,
+    expected: str,
 ) -> None:
-    """Below 0.1 1/s of the slowest mode, if the prediction errors have a minimum."""
+    """Below 0.1 1/s of the slowest mode, if the prediction errors have a minimum, or where a free run has no limit."""
 
     def estimator_of(records, vehicle, settings, validate, earlier):
         objective = SimpleNamespace(output_error=settings.form == "output_error", slowest_decay=lambda z: decay)
-        minimum = SimpleNamespace(objective=objective, z=None, converged=converged)
+        hessian = np.full((1, 1), math.inf if spins and objective.output_error else 1.0)
+        model = SimpleNamespace(hessian=hessian)
+        minimum = SimpleNamespace(objective=objective, z=None, converged=converged, model=model)
         return SimpleNamespace(
             minimise=lambda progress: minimum, solution=lambda m: SimpleNamespace(form=settings.form, minimum=m)
         )

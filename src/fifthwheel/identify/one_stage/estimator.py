@@ -79,13 +79,13 @@ def solve_one_stage(
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
     minimum = estimator.minimise(progress)
-    if minimum.objective.output_error and _is_nearly_unstable(minimum):
+    if minimum.objective.output_error and _diverges(minimum):
         innovations = replace(settings, form="prediction_error")
         other = solve_one_stage(records, vehicle, innovations, earlier=earlier, validate=validate, progress=progress)
-        if other.minimum.converged and not _is_nearly_unstable(other.minimum):
+        if other.minimum.converged and not _diverges(other.minimum):
             z = dict(zip(other.problem.names, other.minimum.z.tolist(), strict=True))
             minimum = estimator.minimise(progress, start=z)
-        if other.minimum.converged and _is_nearly_unstable(minimum):
+        if _diverges(minimum) and (other.minimum.converged or not np.isfinite(minimum.model.hessian).all()):
             return other
     return estimator.solution(minimum)
 
@@ -237,8 +237,10 @@ class _Estimator:
         return minimum
 
 
-def _is_nearly_unstable(minimum: Minimum[Problem]) -> bool:
-    return minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY
+def _diverges(minimum: Minimum[Problem]) -> bool:
+    """Whether the vehicle is unstable, or nearly, in the linear range, or spins in a free run."""
+    spins = not np.isfinite(minimum.model.hessian).all()
+    return spins or minimum.objective.slowest_decay(minimum.z) < LEAST_DECAY
 
 
 def _white(problem: Problem, z: Array, *_: int) -> Problem:
