@@ -189,13 +189,14 @@ class Setup:
         """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
         return self.slowest_decay(z, speeds) > 0
 
-    def stiffened(self, z: Array, speeds: Sequence[float]) -> Array:
-        """z with stiffer tyres behind the first group, as far as the vehicle is unstable at z at one of the speeds."""
+    def stiffened(self, z: Array, speeds: Sequence[float], least: float = 0.0) -> Array:
+        """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,
+        1/s, at all speeds, m/s."""
         _, *behind_first = [f"{path}.cornering_stiffness" for path in group_paths(self.vehicle)]
         places = [i for i, u in enumerate(self.unknowns) if u.name in behind_first and u.is_estimated]
         limits = self.scaling.to_z(self.scaling.upper)
         z = z.copy()
-        while not self.is_stable(z, speeds) and places and z[places[0]] < limits[places[0]]:
+        while self.slowest_decay(z, speeds) <= least and places and z[places[0]] < limits[places[0]]:
             z[places] += STIFFENING
         return z
 

@@ -16,7 +16,6 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state
 from fifthwheel.identify.one_stage import estimator
 from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
-from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
@@ -85,27 +84,6 @@ def test_sigma_is_close_to_the_bound(truck: Vehicle, guess: Vehicle) -> None:
     history = result.histories["one stage"]
     assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
     assert (np.diff(history.sigma[:, 0] / history.values[:, 0]) < 1e-3).all()
-
-
-def test_a_search_that_diverges_begins_again_at_the_prediction_errors(
-    truck: Vehicle, guess: Vehicle, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Here it only looks so: the second search ends where the first one did."""
-    record, searches = simulate(truck, count=1, seed=3), list[str]()
-
-    def diverges(minimum: Minimum[Problem]) -> bool:
-        searches.append(minimum.objective.settings.form)
-        return len(searches) == 1
-
-    plain = solve_one_stage([record], guess, OneStage(tyres="linear"))
-    monkeypatch.setattr(estimator, "_diverges", diverges)
-    again = solve_one_stage([record], guess, OneStage(tyres="linear"))
-    assert searches == ["output_error", "prediction_error", "output_error"]
-    assert again.minimum.converged
-    assert again.settings.form == "output_error"
-    for name in plain.estimated:
-        i = plain.problem.names.index(name)
-        assert abs(again.minimum.z[i] - plain.minimum.z[i]) < 0.3 * plain.linearisation.posterior.sigma[i], name
 
 
 @pytest.mark.slow

@@ -12,9 +12,8 @@ vehicle file are treated as uncertain.
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 
 import numpy as np
 
@@ -74,7 +73,7 @@ def solve_one_stage(
     """The maximum of the posterior; arguments and errors as in `identify`.
 
     `earlier` is the information of earlier logs on the unknowns of a setup. A vehicle that is unstable, or nearly,
-    in the logs is solved by prediction errors, which also give another start if only the search made it so.
+    in the logs is solved by prediction errors.
     """
     settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
@@ -82,10 +81,7 @@ def solve_one_stage(
     if minimum.objective.output_error and _diverges(minimum):
         innovations = replace(settings, form="prediction_error")
         other = solve_one_stage(records, vehicle, innovations, earlier=earlier, validate=validate, progress=progress)
-        if other.minimum.converged and not _diverges(other.minimum):
-            z = dict(zip(other.problem.names, other.minimum.z.tolist(), strict=True))
-            minimum = estimator.minimise(progress, start=z)
-        if _diverges(minimum) and (other.minimum.converged or not np.isfinite(minimum.model.hessian).all()):
+        if other.minimum.converged or not np.isfinite(minimum.model.hessian).all():
             return other
     return estimator.solution(minimum)
 
@@ -118,13 +114,9 @@ class _Estimator:
     setup: Setup
     earlier: JointPrior | None
 
-    def minimise(self, progress: Progress, start: Mapping[str, float] = MappingProxyType({})) -> Minimum[Problem]:
-        """Estimate all unknowns together; `start` is z by name of a solution in another form."""
-        problem = Problem(self.setup, self.dataset.logs, self.earlier)
-        if not start:
-            return self._minimise(problem, progress)
-        z = np.clip([start.get(name, 0.0) for name in problem.names], *problem.bounds)
-        return self._fit(_coloured(problem, z), z, FINAL, progress, reweighted=_coloured)
+    def minimise(self, progress: Progress) -> Minimum[Problem]:
+        """Estimate all unknowns together."""
+        return self._minimise(Problem(self.setup, self.dataset.logs, self.earlier), progress)
 
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""

@@ -59,6 +59,8 @@ SHORTEST_PART = 20.0
 CLEAR_SIGNAL = 20.0
 """A truck turns where the variance of a channel exceeds that of its white noise by this factor."""
 
+START_DECAY = 0.3
+"""Least rate at which the slowest mode decays at the start of a search, 1/s: a truck that hardly decays may spin."""
 FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
 
@@ -327,9 +329,9 @@ class Problem:
             return True
 
     def stiffened(self, z: Array) -> Array:
-        """z with stiffer tyres behind the first axle group, if the vehicle is unstable at z."""
+        """z with stiffer tyres behind the first axle group, if the vehicle is unstable at z, or nearly."""
         first, z = self.layout.unknowns[0], z.copy()
-        z[first] = self.setup.stiffened(z[first], self._speed_range)
+        z[first] = self.setup.stiffened(z[first], self._speed_range, START_DECAY)
         return z
 
     def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
