@@ -87,4 +87,4 @@ GRADE = Channel(
 )
 """Rise over run, positive uphill."""
 DRIVING = (ENGINE_SPEED, ENGINE_TORQUE, FRICTION_TORQUE, DRIVE_FORCE, DRIVELINE_ENGAGED, BRAKING, GRADE)
-"""Those that only the mass from driving uses, and the grade."""
+"""Those that only the mass from driving, the grade and, of the brakes, who brakes use."""

@@ -346,8 +346,14 @@ def _estimates(
         if name in state.not_excited:
             value, sigma, initial, verdict = given[name], 1.0, given[name], Verdict.NOT_EXCITED
         else:
-            search = {"converged": name not in moving, "doubtful": not trusted}
-            verdict = estimate_verdict(unknown, value, sigma, excited=settings.excited, **search)
+            verdict = estimate_verdict(
+                unknown,
+                value,
+                sigma,
+                excited=settings.excited,
+                converged=name not in moving,
+                doubtful=not trusted,
+            )
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(
             estimates.parameter_estimate(

@@ -136,7 +136,7 @@ def force_balance(
     moving = v > LOWEST_SPEED
     v = np.where(moving, v, LOWEST_SPEED)
     acceleration = np.gradient(np.convolve(np.pad(v, 2, mode="edge"), np.full(5, 0.2), "valid"), STEP)
-    brakes = _brakes(record)
+    brakes = _brakes(record, names_of(BRAKING, record.signals))
     if not (brakes > 0).any() and (lost := -acceleration[moving].min(initial=0.0)) > COASTING:
         raise SignalError(
             f"{', '.join(names_of(BRAKING, record.signals))}: never on in {record.name}, although the speed falls by up"
@@ -199,7 +199,7 @@ def force_balance(
 
 def unbraked(record: Record) -> NDArray[np.bool_]:
     """Whether no brake acts at the ends of each step (N,) of `force_balance`, nor shortly before or after."""
-    free = ~_widened(np.any(_brakes(record) != 0, axis=0), SETTLING)
+    free = ~_widened(np.any(_brakes(record, names_of(BRAKING, record.signals)) != 0, axis=0), SETTLING)
     return np.append(False, free[1:] & free[:-1])
 
 
@@ -210,19 +210,19 @@ def drive_axle_braking(record: Record) -> tuple[float, float] | None:
     It is 1 where the service brakes are off, and `BESIDE_SERVICE_BRAKES` where they act.
     """
     names = [name for name in names_of(BRAKING, record.signals) if not name.endswith(".retarder")]
-    speed = _filled(step_means(record, "speed"), round(LONGEST_HOLD / STEP))
-    slower = np.nan_to_num(np.maximum(-np.gradient(speed, STEP), 0.0)) if speed.size > 1 else np.zeros(speed.size)
-    if not names or not (total := float(slower.sum())):
+    speed = _filled(step_means(record, "speed"), round(LONGEST_HOLD / STEP)) if names else np.zeros(0)
+    slower = np.nan_to_num(np.maximum(-np.gradient(speed, STEP), 0.0)) if speed.size > 1 else np.zeros(0)
+    if not (total := float(slower.sum())):
         return None
     off = float(slower @ np.all(_brakes(record, names) == 0, axis=0)) / total
     mean, sigma = BESIDE_SERVICE_BRAKES
     return off + (1 - off) * mean, math.hypot(ENGINE_ALONE, (1 - off) * sigma)
 
 
-def _brakes(record: Record, names: Sequence[str] = ()) -> Array:
-    """Each signal of the brakes (n, N), or those named, NaN where it is missing."""
+def _brakes(record: Record, names: Sequence[str]) -> Array:
+    """Signals of the brakes (n, N), NaN where they are missing."""
     means, hold = _Means(record), round(LONGEST_HOLD / STEP)
-    return np.array([_held(means.of(name), hold) for name in names or names_of(BRAKING, record.signals)])
+    return np.array([_held(means.of(name), hold) for name in names])
 
 
 def step_means(record: Record, name: str) -> Array:

@@ -68,8 +68,12 @@ class Conclusion:
         if self.consequences:
             cautions.append(pages.Folded(CONSEQUENCES, [pages.Items(self.consequences)]))
         missing = (pages.Items(self.not_identified, "Not identified"),)
-        first = [*first, *([pages.Paragraph(self.unchecked)] if self.unchecked else [])]
-        return pages.Headline(self.headline, self.good, (first, cautions, missing, tuple(self._steps())))
+        return pages.Headline(
+            self.headline, self.good, ([*first, *self._unchecked()], cautions, missing, tuple(self._steps()))
+        )
+
+    def _unchecked(self) -> list[pages.Block]:
+        return [pages.Paragraph(self.unchecked)] if self.unchecked else []
 
     def _steps(self) -> Iterator[pages.Block]:
         """The first steps in words; behind them the options of all, and the other steps."""
@@ -87,7 +91,7 @@ class Conclusion:
         more = len(self.steps) - SHOWN
         where = f"{f'{more} more and the' if more > 0 else 'The'} options for them: report.html, Next steps."
         return (
-            *([pages.Paragraph(self.unchecked)] if self.unchecked else []),
+            *self._unchecked(),
             pages.Items(self.cautions, "Cautions"),
             pages.Items(self.consequences, CONSEQUENCES),
             pages.Items(self.next_steps[:SHOWN], "Next steps"),
