@@ -31,7 +31,7 @@ WHEEL_SPEED_DIFFERENCE = Channel(
         sign_only=True,
     ),
     noise=(0.005**2, 0.005**2),  # with the effect of the load transfer, where it is not identified
-    discrepancy=0.0007,
+    discrepancy=0.0014,
     large_offset=True,
     of_roll=True,
     model=SensorModel(

@@ -32,7 +32,8 @@ NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 def reported(learner: Learner) -> list[Unknown]:
     """The unknowns whose estimates C code can read: the estimated ones, then parameters that are not identifiable."""
     setup = learner.live.setup
-    return [*setup.estimated_unknowns, *(u for u in setup.considered_unknowns if u.name in setup.estimated)]
+    estimated = (u for u in setup.estimated_unknowns if u.is_sensor_error or not u.per_log)
+    return [*estimated, *(u for u in setup.considered_unknowns if u.name in setup.estimated)]
 
 
 def texts_of(learner: Learner) -> dict[str, str]:

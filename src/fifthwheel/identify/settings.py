@@ -137,7 +137,7 @@ MODEL_ERRORS: Mapping[str, float] = {
 }
 """What a model lacks, in groups: the standard deviations of masses and lengths in the vehicle file, as a multiple of
 those that the file states or implies (`vehicle.uncertainty`); the softening of linear tyres with the slip angle, as a
-multiple of the typical one (`parameters.softening`); the latency of each gyro, s; the variation of a cornering
+multiple of that of `parameters.softening_priors`; the latency of each gyro, s; the variation of a cornering
 stiffness from log to log, with temperature and pressure of the tyres, as a fraction; the rate of the time base, because
 timestamps are sometimes made from a nominal sampling rate; the self-steering of the last axle of a group behind the
 first unit that is fixed according to the file; the least discrepancy of a free-running model (`noise_model`), as a

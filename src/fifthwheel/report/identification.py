@@ -19,7 +19,7 @@ from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.result import display
-from fifthwheel.identify.unknowns.parameters import TIME_BASE, softening
+from fifthwheel.identify.unknowns.parameters import TIME_BASE, softening_priors
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.pages import page, terminal
@@ -214,7 +214,8 @@ def _prior_alone(identification: Identification, name: str) -> tuple[float, floa
         return 1.0, consider[TIME_BASE], "1"
     group, _, quantity = name.rpartition(".")
     if quantity == "softening":
-        return 0.0, consider["softening"] * softening(vehicle)[group], "1/rad"
+        mean, sigma = softening_priors(vehicle)[group]
+        return mean, consider["softening"] * sigma, "1/rad"
     return 0.0, vehicle.stated.get(name, consider.get("fixed_axles", 0.0)), "1"
 
 

@@ -75,10 +75,10 @@ def test_a_reached_target_asks_for_no_manoeuvre(learner, candidates):
     assert both.steps == alone.steps != ()
 
 
-def test_a_target_that_driving_does_not_reach_is_limited_by_a_considered_number(learner, candidates):
+def test_a_target_that_driving_does_not_reach_is_limited_by_what_varies(learner, candidates):
     plan = plan_manoeuvres(learner, candidates, {TRAILER: 0.02})
     assert plan.sigma[TRAILER] > 0.02
-    assert plan.limits == {TRAILER: "semitrailer.softening"}
+    assert plan.limits == {TRAILER: "semitrailer.cornering_stiffness.variation"}
     exact = Learner(TRUCK, SIGNALS, OneStage(tyres="linear", consider={}))
     plan = plan_manoeuvres(exact, manoeuvre_information(exact, FEW), {TRAILER: 0.02})
     assert plan.sigma[TRAILER] <= 0.02

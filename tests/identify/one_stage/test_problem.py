@@ -106,7 +106,7 @@ def test_the_log_likelihood_is_that_of_coloured_noise(truck: Vehicle) -> None:
 
 
 def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
-    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(initial_payload_height=None))
+    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(initial_payload_height=None, consider={}))
     i = p.names.index("steer.tractor.front.delay")
     costs = []
     for delay in (-0.03, 0.0, 0.03):

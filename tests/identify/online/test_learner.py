@@ -59,7 +59,8 @@ def test_changes_of_the_vehicle_file_are_considered_at_zero(guess: Vehicle, lane
     unknowns = {u.name: u for u in learner._live.setup.unknowns}
     assert {"tractor.mass", "semitrailer.payload.mass", "mass_scale", "time_base"} <= set(unknowns)
     assert {u.centre for u in unknowns.values() if u.moves and not u.is_estimated} == {0.0}
-    assert not any(u.name.endswith(".variation") for u in unknowns.values())  # of one log
+    assert unknowns["semitrailer.cornering_stiffness.variation"].is_estimated
+    assert "semitrailer.cornering_stiffness.variation" not in {value.name for value in learner.parameters}
 
 
 def test_automatic_tyres_are_linear_without_axle_loads(guess: Vehicle, lanes: Record) -> None:

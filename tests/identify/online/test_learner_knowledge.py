@@ -61,21 +61,26 @@ def test_it_begins_with_the_joint_posterior(learner: fw.Learner, result: fw.Iden
 def test_estimates_and_states_at_the_start_are_those_of_the_logs(
     learner: fw.Learner, result: fw.Identification, record: fw.Record, guess: fw.Vehicle, truck: fw.Vehicle
 ) -> None:
-    """And the sideslip in the next lane change is within its sigma, with a smaller error than without them."""
+    """And the sideslip in later lane changes is within its sigma, mostly with a smaller error than without them."""
     for name in ("tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "semitrailer.yaw_inertia"):
         assert learner[name].value == pytest.approx(result[name].value, rel=2e-2)
         assert learner[name].sigma == pytest.approx(result[name].sigma, rel=0.3)
-    later, within, errors = fw.simulate(truck, count=1, seed=9), [], []
-    for one in (learner, fw.Learner(guess, record.signals, SETTINGS)):
-        rows = [
-            dict(zip(later.signals, row, strict=True)) for row in np.column_stack([*later.signals.values()]).tolist()
-        ]
-        answers = [one.push({"time": t, **row}) for t, row in zip(later.time.tolist(), rows, strict=True)][100:]
-        error = np.array([answer["sideslip.tractor"] for answer in answers]) - later.reference["sideslip.tractor"][100:]
-        errors.append(np.sqrt(np.mean(error**2)))
-        within.append(np.mean(np.abs(error) < 2 * np.array([answer["sideslip.tractor.sigma"] for answer in answers])))
-    assert errors[0] < errors[1]
-    assert within[0] > 0.85
+    better = []
+    for seed in range(9, 15):
+        later = fw.simulate(truck, count=1, seed=seed)
+        error, sigma = sideslip_error(copy.copy(learner), later)
+        other, _ = sideslip_error(fw.Learner(guess, record.signals, SETTINGS), later)
+        better.append(np.mean(error**2) < np.mean(other**2))
+        assert np.mean(np.abs(error) < 2 * sigma) > 0.85
+    assert sum(better) >= 4
+
+
+def sideslip_error(learner: fw.Learner, later: fw.Record) -> tuple[np.ndarray, np.ndarray]:
+    """Error and sigma of the tractor's sideslip after the first second, rad."""
+    rows = [dict(zip(later.signals, row, strict=True)) for row in np.column_stack([*later.signals.values()]).tolist()]
+    answers = [learner.push({"time": t, **row}) for t, row in zip(later.time.tolist(), rows, strict=True)][100:]
+    values, sigma = ([a[name] for a in answers] for name in ("sideslip.tractor", "sideslip.tractor.sigma"))
+    return np.array(values) - later.reference["sideslip.tractor"][100:], np.array(sigma)
 
 
 def test_sigma_of_states_contains_the_joint_covariance(learner: fw.Learner) -> None:

@@ -14,13 +14,14 @@ from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
+    SOFTENING_PRIOR,
     estimated_parameters,
     expand_names,
     lacks_roll_rate,
     longest_matching_key,
     one_stage_unknowns,
     sensor_error_unknowns,
-    softening,
+    softening_priors,
     stage_1_names,
     stage_2_names,
     time_base_delays,
@@ -138,13 +139,15 @@ def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES
 
 def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
     """Fiala (1954): F = C a - (C a)^2 / (3 mu Fz) + (C a)^3 / (27 mu^2 Fz^2); equal to second order in a."""
-    slopes, loads = softening(truck), truck.axle_loads()
+    priors, loads = softening_priors(truck), truck.axle_loads()
     for unit in truck.units:
         for group in unit.axle_groups:
             path, slip = unit.group_path(group), 1e-3
             linear, grip = group.cornering_stiffness * slip, ROAD_FRICTION * loads[path]
             fiala = linear - linear**2 / (3 * grip) + linear**3 / (27 * grip**2)
-            softened = linear / (1 + slopes[path] * slip)
+            (mean, sigma), (fraction, _) = priors[path], SOFTENING_PRIOR
+            assert sigma < mean < mean / fraction
+            softened = linear / (1 + mean / fraction * slip)
             assert linear - softened == pytest.approx(linear - fiala, rel=0.02)
 
 
@@ -154,7 +157,7 @@ def test_softening_without_static_loads(truck: Vehicle) -> None:
     axles = [group.model_copy(update={"name": f"part{i}", "axles": (axle,)}) for i, axle in enumerate(group.axles)]
     trailer = truck.units[1].model_copy(update={"axle_groups": tuple(axles)})
     undetermined = truck.model_copy(update={"units": (truck.units[0], trailer)})
-    assert set(softening(undetermined).values()) == {SOFTENING}
+    assert set(softening_priors(undetermined).values()) == {tuple(SOFTENING * x for x in SOFTENING_PRIOR)}
 
 
 def test_what_the_model_lacks_is_scaled(truck: Vehicle) -> None:
@@ -163,7 +166,9 @@ def test_what_the_model_lacks_is_scaled(truck: Vehicle) -> None:
     half = by_name(truck, OneStage(consider={name: sigma / 2 for name, sigma in MODEL_ERRORS.items()}))
     gyros = {f"{rate}.delay" for rate in RATES}
     scaled = {
-        name: u for name, u in full.items() if name in gyros or (u.kind is UnknownKind.UNCERTAIN and not u.centre)
+        name: u
+        for name, u in full.items()
+        if name in gyros or name.endswith(".softening") or (u.kind is UnknownKind.UNCERTAIN and not u.centre)
     }
     variation = "semitrailer.cornering_stiffness.variation"
     assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= set(scaled)

@@ -25,6 +25,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import play_contact
 from fifthwheel.identify.design.search import DesignSettings, sizes_within_limits, stable_speeds
 from fifthwheel.identify.online import Learner
+from fifthwheel.identify.unknowns.parameters import VARIATION
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
@@ -67,7 +68,8 @@ class DrivingPlan:
     uninformed: tuple[str, ...]
     """Those that no manoeuvre with these sensors informs."""
     limits: Mapping[str, str]
-    """Of each parameter whose variance then comes mostly from considered unknowns: the one that contributes most."""
+    """Of each parameter whose variance then comes mostly from considered unknowns, or from its own variation: the one
+    that contributes most."""
 
     @property
     def duration(self) -> float:
@@ -159,13 +161,19 @@ def plan_manoeuvres(
         own, others = own_then[best], others_then[best]
     sigma = np.sqrt(own + others.sum(-1))
     largest = [considered[i].name for i in others.argmax(axis=-1)] if considered else names
+    limits = {n: c for n, c, mine, rest in zip(names, largest, own, others, strict=True) if rest.sum() > mine}
+    P = np.linalg.inv(information)
+    for name in names:
+        i, k = places[name], places.get(f"{name}{VARIATION}")
+        if name not in limits and k is not None and 2 * P[i, k] ** 2 > P[k, k] * sigma[names.index(name)] ** 2:
+            limits[name] = unknowns[k].name
     uninformed = tuple(n for n in targets if n not in places or not sigma[names.index(n)] < limit.excited)
     return DrivingPlan(
         steps=tuple(steps),
         excess=present,
         sigma=dict(zip(names, (sigma * units).tolist(), strict=True)),
         uninformed=uninformed,
-        limits={n: c for n, c, mine, rest in zip(names, largest, own, others, strict=True) if rest.sum() > mine},
+        limits=limits,
     )
 
 

@@ -162,6 +162,8 @@ class InformationPredictor:
         """
         settings = replace(settings, form="output_error", initial_payload_height=None, tyres="linear")
         setup = Setup.of(vehicle, possible_channels(vehicle, logged, roll=settings.roll), settings)
+        superposed = (replace(u, centre=0.0) if u.name.endswith(".softening") else u for u in setup.unknowns)
+        setup = replace(setup, unknowns=tuple(superposed))  # responses superpose where tyres do not soften
         if not setup.estimated:
             raise VehicleError(
                 "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--set)"

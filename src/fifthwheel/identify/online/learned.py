@@ -5,9 +5,6 @@ the effect of the considered unknowns, the samples between contribute the inform
 H z = P1^-1 z1 - P0^-1 z0. Start and information together give the estimates of the learner with their sigma. Directions
 of z that gained nothing, because the estimates walk or a considered unknown determines them, contribute nothing. Of the
 considered unknowns nothing is kept: their effect is a bound of model errors, from which they cannot be estimated.
-
-The cornering stiffness of a log varies about that which logs share, with a standard deviation that is no unknown of a
-learner. With the covariance Q of this variation, the information on the shared one is H (I + Q H)^-1.
 """
 
 import datetime
@@ -28,10 +25,8 @@ from fifthwheel.identify.one_stage.shared_information import marginal_informatio
 from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
-from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import UnknownKind
-from fifthwheel.names import ParameterPath
 
 GAINED = 1e-3
 """Smallest information of a direction of z that counts, in units of the prior's."""
@@ -117,21 +112,13 @@ def learned_knowledge(live: LiveFilter) -> SharedInformation | None:
     information, vector = learned_information(live)
     if not information.any():
         return None
-    T = np.linalg.inv(np.eye(len(now.z)) + information * _variation(setup))
     log = LogLinearisation(
         indices=np.arange(len(now.z)),
-        information=T @ information,
-        gradient=T @ (information @ now.z - vector),
-        score_covariance=max(1.0, *live.innovations.autocorrelation) * (T @ information),
+        information=information,
+        gradient=information @ now.z - vector,
+        score_covariance=max(1.0, *live.innovations.autocorrelation) * information,
     )
     return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log)
-
-
-def _variation(setup: Setup) -> Array:
-    """Variance (n_z,) of the unknowns from log to log, in units of their priors."""
-    sigma = setup.settings.consider.get("stiffness_variation", 0.0)
-    varies = [ParameterPath.of(u.name).quantity == "cornering_stiffness" for u in setup.unknowns]
-    return np.array([(sigma / u.scale) ** 2 if v else 0.0 for u, v in zip(setup.unknowns, varies, strict=True)])
 
 
 def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:

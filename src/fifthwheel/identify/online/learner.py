@@ -218,8 +218,9 @@ class Learner:
         return self._parameters(finished=False)
 
     def _parameters(self, *, finished: bool) -> tuple[LearnedValue, ...]:
-        requested, estimates = self._live.setup.estimated, self._estimates(finished=finished)
-        return tuple(v for u, v in estimates if not u.is_sensor_error and (u.is_estimated or u.name in requested))
+        requested = self._live.setup.estimated
+        lasting = ((u, v) for u, v in self._estimates(finished=finished) if not (u.is_sensor_error or u.per_log))
+        return tuple(v for u, v in lasting if u.is_estimated or u.name in requested)
 
     @property
     def sensors(self) -> tuple[LearnedValue, ...]:

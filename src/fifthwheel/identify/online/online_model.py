@@ -16,10 +16,13 @@ from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
-from fifthwheel.identify.unknowns.parameters import longest_matching_key
+from fifthwheel.identify.unknowns.parameters import VARIATION, longest_matching_key
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
+
+LINEAR_TYRES = 0.06
+"""Error of the cornering stiffness of a linear tyre, as a fraction: what slip, load and longitudinal force change of
+it differs from drive to drive, and does not average out."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,7 +70,10 @@ class OnlineModel:
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
     consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
-    settings = replace(with_tyre_law(vehicle, settings)[0], consider=consider)
+    settings = with_tyre_law(vehicle, settings)[0]
+    if settings.tyre_law == "linear" and "stiffness_variation" in consider:
+        consider["stiffness_variation"] = max(consider["stiffness_variation"], LINEAR_TYRES)
+    settings = replace(settings, consider=consider)
     if not settings.roll:
         raise SignalError("roll: expected True, because a learner models roll, got False; leave it out")
     if "speed" not in signals:
@@ -78,9 +84,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    left_out = {u.name for u in setup.unknowns if u.per_log and not u.is_sensor_error} | {dynamics.SPEED_DELAY}
-    left_out -= {DRIVE_AXLE_BRAKING}
-    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
+    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name != dynamics.SPEED_DELAY))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
         raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
@@ -88,8 +92,10 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
 
 
 def _considered(setup: Setup) -> set[str]:
-    """Unknowns that a learner considers, to save time: uncertain ones without a prior of the settings."""
-    uncertain = {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN}
+    """Unknowns that a learner considers, to save time: uncertain ones without a prior of the settings. What varies from
+    log to log is estimated, so that no estimate becomes less certain than it was at the start."""
+    varying = {u.name for u in setup.unknowns if u.name.endswith(VARIATION)}
+    uncertain = {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN} - varying
     return {n for n in uncertain if longest_matching_key(n, setup.settings.priors) is None}
 
 

@@ -42,7 +42,7 @@ class LearnerSettings(Settings):
     )
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
     does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
-    discrepancy_time: Positive = 5.0
+    discrepancy_time: Positive = 3.0
     """Time constant of the discrepancies, s."""
     offset_time: Positive = 3600.0
     """After this time without information, s, the offset of a sensor is about as uncertain as its prior."""

@@ -40,7 +40,10 @@ TIME_BASE = "time_base"
 ROAD_FRICTION = 0.8
 """Of a dry road, in Fiala's law."""
 SOFTENING = 3.0
-"""Typical softening of an axle group whose load is not determined, 1/rad."""
+"""That of Fiala's law for an axle group whose load is not determined, 1/rad."""
+SOFTENING_PRIOR = 0.75, 0.5
+"""Prior mean and standard deviation of a softening over that of Fiala's law: all tyres soften. Magic Formulas of truck
+tyres with load transfer lose as much at 0.3 g, and a quarter of it at 0.1 g."""
 SMALL_STEP = 1e-3
 """Of a numerical derivative, in standard deviations."""
 EXACT = 1e-6
@@ -304,8 +307,8 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     """What the model lacks: softening and variation of tyres, rate of the time base, latency of the gyros."""
     unknowns = []
     factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
-    for path, slope in (softening(vehicle) if factor else {}).items():
-        unknowns.append(change_unknown(f"{path}.softening", slope * factor))
+    for path, (mean, sigma) in (softening_priors(vehicle) if factor else {}).items():
+        unknowns.append(replace(change_unknown(f"{path}.softening", sigma * factor), centre=mean))
     variation = settings.consider.get("stiffness_variation", 0.0)
     exact = expand_names(vehicle, settings.fixed, settings)
     names = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)] if variation else []
@@ -324,21 +327,24 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     return unknowns
 
 
-def softening(vehicle: Vehicle) -> dict[str, float]:
-    """Typical softening of each axle group by its path, 1/rad.
+def softening_priors(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
+    """Prior mean and standard deviation of the softening of each axle group by its path, 1/rad.
 
     The side force of a tyre under the vertical load Fz on a road with the friction mu has the cornering stiffness
-    C / (1 + softening |alpha|) to first order, with softening = C / (3 mu Fz) (Fiala 1954). The load is the static one.
+    C / (1 + softening |alpha|) to first order, in Fiala's law (1954) with softening = C / (3 mu Fz). The load is the
+    static one.
     """
     groups = {unit.group_path(group): group for unit in vehicle.units for group in unit.axle_groups}
     try:
         loads = vehicle.axle_loads()
     except VehicleError:
         loads = {}
-    return {
+    of_fiala = {
         path: group.cornering_stiffness / (3 * ROAD_FRICTION * loads[path]) if loads.get(path, 0.0) > 0 else SOFTENING
         for path, group in groups.items()
     }
+    mean, sigma = SOFTENING_PRIOR
+    return {path: (mean * slope, sigma * slope) for path, slope in of_fiala.items()}
 
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
