@@ -137,9 +137,9 @@ def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
     assert np.sqrt(np.mean(np.square(errors))) < 0.007
 
 
-@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.067)])
+@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.07)])
 def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
-    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.4 % of the peak."""
+    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.9 % of the peak."""
     tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
     still, errors = (ca.SX(0), ca.SX(0), ca.SX(0)), []
     for n in (0.5, 0.8, 1.0, 1.3, 1.6):
@@ -262,7 +262,7 @@ def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
         force = used * p[SHAPE] * p[FRICTION] * load
         return float(ca.evalf(saturating(p, "tractor.drive", Contact(ca.SX(slip), longitudinal=ca.SX(force)))))
 
-    for slip, loss in ((1e-4, p[COMBINED_SLIP]), (100.0, p[SHAPE] ** 2)):
+    for slip, loss in ((1e-4, p[COMBINED_SLIP]), (100.0, 1.0)):
         for used, tolerance in ((0.05, 0.001), (0.2, 0.001), (0.6, 0.01)):
             assert secant(used, slip) == pytest.approx(secant(0.0, slip) * np.sqrt(1 - loss * used**2), rel=tolerance)
             assert secant(-used, slip) == secant(used, slip)

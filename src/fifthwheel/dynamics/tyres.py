@@ -40,9 +40,10 @@ brakes of all groups give the rest in proportion to the static loads. The longit
 drive and brakes less c_r N, equally on both sides. `large_angles` has the change of the loads, by which n = 1 + dN / N
 + lambda and 1 + dN / N - lambda. It leaves a side less stiffness and friction for its side force:
 
-    C k sqrt(1 - b (F_x / (mu N))^2),        mu sqrt(1 - (c F_x / (mu N))^2),
+    C k sqrt(1 - b (F_x / (mu N))^2),        mu sqrt(1 - (F_x / (mu N))^2),
 
-the latter because both forces together are at most the peak mu N / c. b is 1 for a tyre with the same curve along and
+the latter because both forces together tend to at most mu N. So the shape c and the friction mu_0 act by their product
+alone: a log far from the limit says nothing of either. b is 1 for a tyre with the same curve along and
 across the wheel, and less for tyres that are stiffer along it. The trail is t_0 (1 - f^2), with the fraction f of the
 friction that both forces use.
 """
@@ -244,7 +245,7 @@ def saturating(p: Expressions, path: str, contact: Contact, side_force: SideForc
         limit = N * mu * (1 - friction_sensitivity * (q * (1 + change) - 1))  # mu N, for the static load
         used = (longitudinal / (limit * ca.fmax(1 + change, SMALL_LOAD))) ** 2
         stiffness = C * k * _braked_factor(p[COMBINED_SLIP] * used)
-        grip, friction = _braked_factor(p.get(SHAPE, 1) ** 2 * used), limit / N
+        grip, friction = _braked_factor(used), limit / N
         reduction = 1 / fraction(slip, 1 / friction, stiffness / (limit * grip), friction)  # at 1 N, for any load
         secant = stiffness / 2 * (1 + change) / reduction
         secants += ca.vertcat(secant) if trail is None else ca.vertcat(secant, trail * grip**2 / reduction**2 * secant)
