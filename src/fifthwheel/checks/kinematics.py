@@ -40,6 +40,9 @@ _LEAST_YAW_RATE = 0.01
 """rad/s; standard deviation of the leading yaw rate above which it shows turns and not only noise."""
 _CLEAR = 0.5
 """Correlation above which a signal has the expected sign, and below minus which it has the other one."""
+_CLEAR_LEAD = 2.0
+"""Variance that a possible delay leaves unexplained, over that of the best one, above which the signal leads: signals
+that change slowly agree at any delay."""
 _SMOOTHING = 0.3
 """s; time constant of the lag that both signals pass before they are compared."""
 
@@ -60,7 +63,7 @@ class Relation:
     inverted: float
     """The same of the inverted signal, at delays from -0.3 to 0.3 s."""
     lead: float
-    """Time by which the signal leads the expected value, s; 0 where the correlation is low."""
+    """Time by which the signal clearly leads the expected value, s; else 0."""
     gain: float
     """Standard deviation of the signal over that of the expected value."""
     offset: float
@@ -180,6 +183,8 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
         shifts = range(-30, 31, 2)
         shifted = [correlation(actual, reference, compared, shift) for shift in shifts]
         best = int(np.argmax(shifted))
+        possible = max(r for r, shift in zip(shifted, shifts, strict=True) if shift * _STEP <= turn.longest_lead)
+        leads = shifted[best] > 0.9 and 1 - possible**2 > _CLEAR_LEAD * (1 - shifted[best] ** 2)
         yield Relation(
             signal=name,
             leading=leading,
@@ -187,7 +192,7 @@ def relations(record: Record, *, wheelbase: float, min_speed: float) -> Iterator
             coherence=max(map(abs, shifted)),
             best=shifted[best],
             inverted=-min(shifted[i] for i, shift in enumerate(shifts) if abs(shift) <= 6),
-            lead=shifts[best] * _STEP if shifted[best] > 0.9 else 0.0,
+            lead=shifts[best] * _STEP if leads else 0.0,
             gain=gain,
             offset=float(np.mean(actual[compared]) - np.sign(nominal) * gain * np.mean(reference[compared])),
             excited=turning and float(np.std(actual[compared])) > turn.least_sigma,
