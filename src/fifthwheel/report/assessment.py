@@ -1,4 +1,4 @@
-"""The page of an assessment, its section in the report of an identification, and its result on a terminal."""
+"""The page of an assessment, its section in the report of an identification, and its document."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -16,7 +16,7 @@ from fifthwheel.assess.rollover import Rollover, rollover
 from fifthwheel.assess.truck import Truck
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.formatting import approximate, enumerated, with_sigma
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, DARK, GREY
@@ -80,11 +80,6 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     )
     yield assessment.table()
     yield from map(pages.Hint, assessment.notes)
-
-
-def show_assessment(assessment: Assessment, console: "terminal.Console | None" = None) -> None:
-    """Print an assessment: measures with sigma, thresholds and notes."""
-    terminal.show(assessment_document(assessment), console)
 
 
 def assessment_document(assessment: Assessment) -> pages.Document:

@@ -1,4 +1,4 @@
-"""The report of states, their section in the report of an identification, and their result on a terminal."""
+"""The report of states, their section in the report of an identification, and their document for a terminal."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
 from fifthwheel.observe.states import SHADES
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.pages.html import text
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import DARK, rgba
@@ -79,16 +79,6 @@ def write_states_report(
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
     document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix, name)
     return page.write(Path(path), document, images=figures)
-
-
-def show_states(
-    states: Sequence[States],
-    records: Sequence[Record],
-    console: "terminal.Console | None" = None,
-    conclusion: Conclusion | None = None,
-) -> None:
-    """Print how reliable states are, with their uncertainty, cautions and next steps."""
-    terminal.show(states_document(states, records, conclusion), console)
 
 
 def states_document(
