@@ -117,9 +117,7 @@ def test_messages_of_the_information_summary():
     for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
         assert information(replace(correlated, **changes)).messages == (strong,)
     assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
-    terms = tuple(
-        VarianceTerm(parameter=FRONT, source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1))
-    )
+    terms = tuple(VarianceTerm(source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1)))
     assert information(estimate(FRONT), budget=terms[:1]).messages == (
         f"Its variance would be 50 % smaller if {axis} were exact.",
     )

@@ -104,8 +104,8 @@ def _tables(summary: StateSummary) -> Iterator[pages.Block]:
     yield pages.Table((pages.TableColumn(summary.name), *columns), rows)
     statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
     yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
-    if summary.lift_warning is not None:
-        yield pages.Paragraph(sentence(str(summary.lift_warning)))
+    if summary.lift_warning:
+        yield pages.Paragraph(sentence(summary.lift_warning))
     sizes = [
         (name, f"{size.rms:.2f}" if np.isfinite(size.rms) else "–", percent(size.rejected))
         for name, size in summary.innovations.items()
