@@ -84,8 +84,8 @@ def test_the_information_summary_of_an_outlook(result):
     assert row(estimate(REAR, sigma=0.2), useful).improvements == ()
     fixed = of(result, estimate(FRONT, Verdict.FIXED), estimate(REAR))
     assert [r.estimate.name for r in information_summary(fixed)] == [REAR]
-    (negative,) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
-    assert negative.relative_sigma == 0.0899 / 2.0
+    ((_, relative_sigma),) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
+    assert relative_sigma == 0.0899 / 2.0
 
 
 def information(e, **others):

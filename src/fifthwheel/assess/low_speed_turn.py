@@ -189,14 +189,10 @@ def swings(truck: Truck, run: LowSpeedTurn) -> Values:
     values["frontal_swing"] = max(0.0, float(path[0].real.max()) - RADIUS)
     pairs = [(path[max(j for j in path if j < i)], path[i]) for i in truck.semitrailers() if i in path]
     if pairs:
-        values["frontal_swing_difference"] = max(_largest_difference(front, semi) for front, semi in pairs)
+        beyond = [semi.real - np.interp(semi.imag, front.imag, front.real) for front, semi in pairs]
+        values["frontal_swing_difference"] = float(max(map(np.max, beyond)))
         values["frontal_swing_maxima"] = max(float(semi.real.max() - front.real.max()) for front, semi in pairs)
     return values
-
-
-def _largest_difference(front: NDArray[np.complex128], rear: NDArray[np.complex128]) -> float:
-    """Largest distance of one path outside another, m, at one place along the line after the turn."""
-    return float(np.max(rear.real - np.interp(rear.imag, front.imag, front.real)))
 
 
 def equivalent_axle(unit: Unit, reference: float) -> tuple[float, float]:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from fifthwheel.spoken_names import named_axle, named_unit
 
+Sense = Literal["at least", "at most"]
 SCHEME, EUROPE = "Australian PBS", "96/53/EC"
 """Names of the schemes of the thresholds."""
 EDITIONS: Mapping[str, str] = {
@@ -27,7 +28,7 @@ class Limit:
 
     level: str
     """Level of the scheme, "1" to "4"; "all" for all levels."""
-    sense: Literal["at least", "at most"]
+    sense: Sense
     value: float
     times: str | None = None
     """Measure that `value` multiplies; None: `value` is the threshold, SI."""
@@ -51,17 +52,13 @@ class Measure:
     limits: tuple[Limit, ...] = ()
 
 
-def _levels(
-    sense: Literal["at least", "at most"], *values: float, unconfirmed: Collection[int] = ()
-) -> tuple[Limit, ...]:
+def _levels(sense: Sense, *values: float, unconfirmed: Collection[int] = ()) -> tuple[Limit, ...]:
     """Limits of levels 1 to 4, of which some levels are not confirmed."""
-    return tuple(
-        Limit(level=str(k), sense=sense, value=value, confirmed=k not in unconfirmed)
-        for k, value in enumerate(values, 1)
-    )
+    levels = enumerate(values, 1)
+    return tuple(Limit(level=str(k), sense=sense, value=v, confirmed=k not in unconfirmed) for k, v in levels)
 
 
-def _one(sense: Literal["at least", "at most"], value: float, **fields: Any) -> tuple[Limit, ...]:
+def _one(sense: Sense, value: float, **fields: Any) -> tuple[Limit, ...]:
     """One limit for all levels."""
     return (Limit(level="all", sense=sense, value=value, **fields),)
 

@@ -47,13 +47,6 @@ def dominant_terms(identification: Identification) -> dict[str, list[VarianceTer
     return dominant
 
 
-class Improvement(NamedTuple):
-    """A change and its predicted effect."""
-
-    remedy: Remedy
-    relative_sigma: float  # as a fraction of the parameter's value
-
-
 @dataclass(frozen=True, kw_only=True)
 class ParameterInformation:
     """What the logs contribute to one parameter."""
@@ -62,7 +55,7 @@ class ParameterInformation:
     noise_sigma: float | None = None  # sigma from the sensor noise alone, where it is much smaller, SI
     correlation: tuple[str, float] | None = None  # the largest notable correlation of a separable estimate
     budget: tuple[VarianceTerm, ...] = ()  # the largest terms of its variance
-    improvements: tuple[Improvement, ...] = ()
+    improvements: tuple[tuple[Remedy, float], ...] = ()  # each with the predicted sigma as a fraction of the value
 
     @property
     def remaining(self) -> float | None:
@@ -107,10 +100,7 @@ class ParameterInformation:
                 "residuals are autocorrelated."
             )
         if self.improvements:
-            changes = [
-                f"{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy, naming=named)}"
-                for i in self.improvements
-            ]
+            changes = [f"{relative(1.0, sigma)} {describe_remedy(r, naming=named)}" for r, sigma in self.improvements]
             messages.append(f"Predicted sigma: {'; '.join(changes)}.")
         return tuple(messages)
 
@@ -132,14 +122,14 @@ def _information(
     identification: Identification, e: Estimate, outlook: InformationAssessment | None
 ) -> ParameterInformation:
     assessment = next((p for p in outlook.parameters if p.name == e.name), None) if outlook else None
-    noise_sigma, improvements = None, list[Improvement]()
+    noise_sigma, improvements = None, list[tuple[Remedy, float]]()
     if assessment is not None:
         estimated = e.verdict in (Verdict.CONVERGED, Verdict.NOT_CONVERGED) and assessment.verdict is Verdict.CONVERGED
         if estimated and e.sigma is not None and e.sigma > thresholds.AUTOCORRELATION_EFFECT * assessment.sigma:
             noise_sigma = assessment.sigma
         else:
             improvements = [
-                Improvement(remedy, remedy.sigma / abs(assessment.value))
+                (remedy, remedy.sigma / abs(assessment.value))
                 for remedy in assessment.remedies
                 if e.sigma is None or remedy.sigma < thresholds.USEFUL_REDUCTION * e.sigma
             ]

@@ -37,15 +37,7 @@ OUTLINES = 7
 def write_assessment_report(
     path: Path, assessment: Assessment, *, provenance: Provenance | None = None, figures: str | None = None
 ) -> list[Path]:
-    """Write the page of an assessment as one HTML file; returns the figures that were written.
-
-    Args:
-        provenance: command, files and versions, to reproduce the result.
-        figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
-
-    Raises:
-        FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
-    """
+    """Write the page of an assessment as one HTML file; arguments, result and errors as of `write_report`."""
     truck = Truck(vehicle=assessment.vehicle, body=assessment.body, speed=assessment.speed)
     blocks: list[pages.Block] = [
         pages.Headline(headline(assessment), is_good(assessment)),

@@ -135,10 +135,8 @@ def versions() -> dict[str, str]:
     """Versions of fifthwheel, Python and the packages that the numbers depend on, and the platform."""
     installed = {"fifthwheel": fifthwheel.__version__, "Python": platform.python_version()}
     for name in PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             installed[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     return installed | {"platform": platform.platform(), "byte order": sys.byteorder}
 
 
