@@ -85,10 +85,7 @@ def measures(run: LaneChangeRun) -> Values:
     """
     *others, last = run.roll
     ratio = float(np.max(np.abs(run.load_transfer)))
-    values = {
-        "load_transfer_ratio": ratio,
-        DYNAMIC: float(np.max(np.abs(run.acceleration["front"]))) / GRAVITY / ratio,
-    }
+    values = {"load_transfer_ratio": ratio, DYNAMIC: float(np.max(np.abs(run.acceleration["front"]))) / GRAVITY / ratio}
     if others:
         peak = {name: float(np.max(np.abs(run.acceleration[name]))) for name in ("front", last)}
         values["rearward_amplification"] = peak[last] / peak["front"]

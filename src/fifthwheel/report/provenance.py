@@ -106,11 +106,7 @@ def gather_provenance(
 
 
 def provenance_of_run(
-    logs: Sequence[Path],
-    vehicle: str,
-    signals: Path | None = None,
-    *others: Path | None,
-    command: Sequence[str] = (),
+    logs: Sequence[Path], vehicle: str, signals: Path | None = None, *others: Path | None, command: Sequence[str] = ()
 ) -> Provenance:
     """The provenance of a command.
 
