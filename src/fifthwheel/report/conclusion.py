@@ -247,10 +247,8 @@ def _identified(identification: Identification, e: Estimate) -> str:
     given = identification.initial_vehicle.parameters().get(e.name)
     if given:
         change = e.value / given - 1
-        difference = (
-            f"{percent(abs(change))} {'above' if change > 0 else 'below'}" if abs(change) >= 5e-4 else "equal to"
-        )
-        text += f", {difference} the vehicle file"
+        above = f"{percent(abs(change))} {'above' if change > 0 else 'below'}"
+        text += f", {above if abs(change) >= 5e-4 else 'equal to'} the vehicle file"
     return sentence(text)
 
 
