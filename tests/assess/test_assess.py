@@ -125,7 +125,7 @@ def test_a_single_unit():
 
 def test_every_number_of_the_table_has_the_unit_of_its_measure(assessment):
     simulated = replace(assessment, measures=tuple(replace(m, nonlinear=m.value) for m in assessment))
-    for measure, (_, *numbers, _) in zip(simulated, simulated.rows(), strict=True):
+    for measure, (_, *numbers, _) in zip(simulated, simulated.table().rows, strict=True):
         unit = display_unit(measure.unit).name
         assert not unit or all(f" {unit}" in text for text in numbers if text), numbers
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fifthwheel.assess.low_speed_turn import FRICTION, RADIUS, equivalent_length, measure, turn
+from fifthwheel.assess.low_speed_turn import FRICTION, RADIUS, equivalent_axle, measure, turn
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import get
@@ -43,8 +43,8 @@ def test_the_outer_tyre_follows_the_circle():
 def test_equivalent_length_of_a_bogie():
     """Three axles of equal stiffness: (6.7^2 + 8^2 + 9.3^2) / (6.7 + 8 + 9.3)."""
     trailer = get("cheng_cebon_2011").units[1]
-    assert equivalent_length(trailer, 0.0) == pytest.approx((6.7**2 + 8.0**2 + 9.3**2) / 24.0)
-    assert equivalent_length(single_axles().units[1], 0.0) == pytest.approx(8.0)
+    assert equivalent_axle(trailer, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2 + 9.3**2) / 24.0)
+    assert equivalent_axle(single_axles().units[1], 0.0)[0] == pytest.approx(8.0)
 
 
 def test_swept_path_grows_with_the_trailer_and_tail_swing_with_the_overhang():
@@ -86,7 +86,7 @@ def test_friction_demand_is_that_of_two_equal_axles():
     tandem, front = unit.axle_groups[1], unit.axle_groups[0]
     loads = truck.vehicle.axle_loads()
     limit, stiffness = FRICTION * loads[path] / 2, tandem.cornering_stiffness / 2
-    reference = front.position - equivalent_length(unit, front.position)
+    reference = front.position - equivalent_axle(unit, front.position)[0]
     moment = 0.0
     for axle, slip in zip(tandem.axles, run.slips[:, 1:].T, strict=True):
         sliding = 1 + (stiffness * slip / limit) ** 2

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_length, measure, measure_circle, unstated
+from fifthwheel.assess.low_speed_turn import RADIUS, equivalent_axle, measure, measure_circle, unstated
 from fifthwheel.assess.truck import Body, Truck
 from fifthwheel.vehicle import get
 from tests.assess.trucks import CATALOGUE, rigid, single_axles
@@ -24,7 +24,7 @@ def rolled(truck, ahead, angle, beyond):
     """Outer and inner corners of each unit, front and rear, (N, n) complex, by the velocities of rigid bodies."""
     units, couplings, half = truck.vehicle.units, truck.vehicle.couplings, truck.body.width / 2
     leads = [truck.front_axle.position, *(c.trailing_position for c in couplings)]
-    axles = [x - equivalent_length(unit, x) for unit, x in zip(units, leads, strict=True)]
+    axles = [x - equivalent_axle(unit, x)[0] for unit, x in zip(units, leads, strict=True)]
     outer = truck.front_axle.position + ahead - 1j * half  # in the frame of the first unit
 
     def turned(s):

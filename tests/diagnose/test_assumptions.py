@@ -9,7 +9,6 @@ from fifthwheel.dynamics.summary import summarize
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.pages.html import blocks
-from fifthwheel.pages.terminal import show
 from fifthwheel.report.identification import assumed_numbers as assumed_section
 from fifthwheel.report.vehicle import vehicle_document
 from fifthwheel.simulate import simulate
@@ -57,7 +56,7 @@ def test_an_unstable_vehicle_has_no_effects():
 
 
 def test_the_assumed_numbers_are_shown(numbers):
-    text = printed(show, vehicle_document(TRUCK, summarize(TRUCK, 20.0), list(numbers.values())))
+    text = printed(vehicle_document(TRUCK, summarize(TRUCK, 20.0), list(numbers.values())))
     html = blocks([*assumed_section(TRUCK)]).replace("<wbr/>", "")
     (note,) = [n for n in prepare_dataset([simulate(TRUCK, count=1)], TRUCK, OneStage()).notes if "are assumed" in n]
     for path in TRUCK.assumed:
@@ -65,6 +64,4 @@ def test_the_assumed_numbers_are_shown(numbers):
         assert path in html
     assert note.startswith(f"{len(TRUCK.assumed)} numbers are not in the vehicle file")
     assert max(map(len, text.splitlines())) <= 80
-    assert "No number is assumed" in printed(
-        show, vehicle_document(get("auburn_6x4"), summarize(get("auburn_6x4")), [])
-    )
+    assert "No number is assumed" in printed(vehicle_document(get("auburn_6x4"), summarize(get("auburn_6x4")), []))

@@ -84,8 +84,8 @@ def test_the_information_summary_of_an_outlook(result):
     assert row(estimate(REAR, sigma=0.2), useful).improvements == ()
     fixed = of(result, estimate(FRONT, Verdict.FIXED), estimate(REAR))
     assert [r.estimate.name for r in information_summary(fixed)] == [REAR]
-    (negative,) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
-    assert negative.relative_sigma == 0.0899 / 2.0
+    ((_, relative_sigma),) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
+    assert relative_sigma == 0.0899 / 2.0
 
 
 def information(e, **others):
@@ -117,9 +117,7 @@ def test_messages_of_the_information_summary():
     for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
         assert information(replace(correlated, **changes)).messages == (strong,)
     assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
-    terms = tuple(
-        VarianceTerm(parameter=FRONT, source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1))
-    )
+    terms = tuple(VarianceTerm(source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1)))
     assert information(estimate(FRONT), budget=terms[:1]).messages == (
         f"Its variance would be 50 % smaller if {axis} were exact.",
     )

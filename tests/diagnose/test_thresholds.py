@@ -174,8 +174,8 @@ def test_sigmas_of_estimates(result):
     for sigma, fraction, dominates in ((0.05, 0.51, True), (0.05 * BELOW, 0.51, False), (0.05, 0.5, False)):
         e = estimate(sigma)
         of = replace(result.identification, parameters=(e,), variance_budget={e.name: {"a": fraction, "b": 0.1}})
-        assert [term.source for term in dominant_terms(of)] == ["a"] * dominates
-        assert dominant_terms(replace(of, parameters=(replace(e, verdict=Verdict.DOUBTFUL),))) == []
+        assert [term.source for terms in dominant_terms(of).values() for term in terms] == ["a"] * dominates
+        assert dominant_terms(replace(of, parameters=(replace(e, verdict=Verdict.DOUBTFUL),))) == {}
 
 
 def test_terms_of_the_information_summary(result):

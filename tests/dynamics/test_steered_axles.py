@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.assess.low_speed_turn import equivalent_length, measure, turn
+from fifthwheel.assess.low_speed_turn import equivalent_axle, measure, turn
 from fifthwheel.assess.truck import Truck
 from fifthwheel.dynamics import chain, frequency_response, matrices
 from fifthwheel.dynamics.large_angles import large_angles
@@ -100,8 +100,8 @@ def test_wheels_of_command_steering_roll_without_slip_in_the_low_speed_turn():
 
 def test_low_speed_turn_of_castor_and_raised_axles():
     castor, lifted = (with_axle(keys).units[1] for keys in (SELF_STEERING, LIFTED))
-    assert equivalent_length(castor, 0.0) == pytest.approx((6.7**2 + 8.0**2 + 0.2 * 9.3**2) / (14.7 + 0.2 * 9.3))
-    assert equivalent_length(lifted, 0.0) == pytest.approx((6.7**2 + 8.0**2) / 14.7)
+    assert equivalent_axle(castor, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2 + 0.2 * 9.3**2) / (14.7 + 0.2 * 9.3))
+    assert equivalent_axle(lifted, 0.0)[0] == pytest.approx((6.7**2 + 8.0**2) / 14.7)
     runs = [turn(Truck(vehicle=with_axle(keys))) for keys in ({}, SELF_STEERING, LIFTED)]
     assert [run.slips.shape[1] for run in runs] == [5, 5, 4]
     demands = [measure(Truck(vehicle=with_axle(keys)))["friction_demand"] for keys in ({}, SELF_STEERING)]

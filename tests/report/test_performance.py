@@ -9,7 +9,8 @@ from rich.console import Console
 import fifthwheel as fw
 from fifthwheel.assess.lane_change import linear
 from fifthwheel.assess.truck import Truck
-from fifthwheel.report import show_assessment, write_assessment_report, write_report
+from fifthwheel.pages.terminal import show
+from fifthwheel.report import assessment_document, write_assessment_report, write_report
 from fifthwheel.report.assessment import explanations, headline, is_good
 from tests.report.conftest import Page
 
@@ -102,7 +103,7 @@ def test_the_report_of_an_identification_says_what_the_truck_will_do(result, tmp
 
 
 def test_a_terminal_without_unicode(assessment, capsys):
-    show_assessment(assessment, Console(width=160, force_terminal=False))
+    show(assessment_document(assessment), Console(width=160, force_terminal=False))
     out = capsys.readouterr().out
     assert ">= 0.35 g" in out
     assert out.isascii()

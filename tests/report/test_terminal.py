@@ -10,21 +10,21 @@ from rich.console import Console
 from fifthwheel import pages
 from fifthwheel.formatting import plain_ascii, with_sigma
 from fifthwheel.pages.terminal import COLOURS, show
-from fifthwheel.report import show_identification, show_states
+from fifthwheel.report import identification_document, states_document
 from fifthwheel.report.words import MARKS, spoken_verdict
 from tests.report.conftest import NASTY
 
 
-def printed(show, *args, terminal: bool = False) -> str:
+def printed(document, terminal: bool = False) -> str:
     file = io.TextIOWrapper(io.BytesIO(), encoding="utf-8")
-    show(*args, Console(file=file, width=80, force_terminal=terminal, color_system="standard" if terminal else None))
+    show(document, Console(file=file, width=80, force_terminal=terminal, color_system="standard" if terminal else None))
     file.flush()
     return file.buffer.getvalue().decode()
 
 
 @pytest.fixture(scope="module")
 def text(every_verdict) -> str:
-    return printed(show_identification, every_verdict)
+    return printed(identification_document(every_verdict))
 
 
 def test_every_verdict_is_there(text):
@@ -55,25 +55,25 @@ def test_fit_and_next_steps(text, every_verdict):
 
 
 def test_a_real_terminal_gets_colour_and_signs(every_verdict):
-    text = printed(show_identification, every_verdict, terminal=True)
+    text = printed(identification_document(every_verdict), terminal=True)
     assert "\x1b[" in text
     assert "±" in text
 
 
 def test_long_names_fold_within_80_columns(every_verdict):
     long = replace(every_verdict.parameters[0], name="second_semitrailer.rear_bogie.cornering_stiffness")
-    text = printed(show_identification, replace(every_verdict, parameters=(long,)))
+    text = printed(identification_document(replace(every_verdict, parameters=(long,))))
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "converged" in text
 
 
 def test_markup_in_names_is_text(result):
     states = replace(result.states[0], name="[red]log[/]")
-    assert "[red]log[/]" in printed(show_states, [states], result.records)
+    assert "[red]log[/]" in printed(states_document([states], result.records))
 
 
 def test_states(result):
-    text = printed(show_states, result.states, result.records)
+    text = printed(states_document(result.states, result.records))
     assert max(len(line) for line in text.splitlines()) <= 80
     assert "sideslip.semitrailer" in text
     assert "too slow for the model" in " ".join(text.split())
@@ -83,13 +83,13 @@ def test_states(result):
 def test_a_wheel_lift_is_announced(result):
     (states, *_) = result.states
     lifting = {**states.values, "predicted_load_transfer.semitrailer": np.where(states.time < 2, 0.0, -0.95)}
-    text = printed(show_states, [replace(states, values=lifting)], result.records)
+    text = printed(states_document([replace(states, values=lifting)], result.records))
     assert f"A wheel of semitrailer is about to lift at {states.time[states.time >= 2][0]:.1f} s." in text
-    assert "lift" not in printed(show_states, [states], result.records)
+    assert "lift" not in printed(states_document([states], result.records))
 
 
 def test_without_a_console(result, capsys):
-    show_identification(result.identification)
+    show(identification_document(result.identification))
     assert "All 5 parameters are identified" in capsys.readouterr().out
 
 

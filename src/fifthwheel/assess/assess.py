@@ -7,15 +7,7 @@ from itertools import chain
 import numpy as np
 
 from fifthwheel._arguments import expect, expect_known, expect_number, expect_road_speed
-from fifthwheel.assess import (
-    braking,
-    lane_change,
-    longitudinal,
-    low_speed_turn,
-    rollover,
-    steady_motion,
-    yaw_damping,
-)
+from fifthwheel.assess import braking, lane_change, longitudinal, low_speed_turn, rollover, steady_motion, yaw_damping
 from fifthwheel.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.measures import (

@@ -149,18 +149,6 @@ class Assessment(Displayed):
         trucks = f"About {percent(self.unstable)} of the trucks within the uncertainty are"
         return f"{'the truck is' if self.unstable == 1 else trucks} unstable at this speed."
 
-    def rows(self) -> list[tuple[str, str, str, str, str]]:
-        """Title, value with sigma, nonlinear truck, threshold and its probability of each measure, as texts."""
-        rows = []
-        for measure in self.measures:
-            threshold, probability = measure.best_threshold(), ""
-            if threshold and threshold.probability is not None:
-                probability = percent(round(threshold.probability, 4))
-            nonlinear = "" if measure.nonlinear is None else in_unit(measure.nonlinear, measure.unit)
-            limit = threshold.text(measure.unit) if threshold else ""
-            rows.append((measure.title, measure.text(), nonlinear, limit, probability))
-        return rows
-
     def uncertain_units(self) -> Iterator[tuple[str, str, str]]:
         """Path, name in words and SI unit of each uncertain parameter."""
         for path in self.uncertain:
@@ -187,14 +175,18 @@ class Assessment(Displayed):
         return f"Assessment({self.title}, {len(self.measures)} measures)"
 
     def table(self) -> pages.Table:
-        """The rows below their heads; without the column of the nonlinear truck if it was not simulated."""
+        """Each measure with its threshold; without the column of the nonlinear truck if it was not simulated."""
         simulated = any(m.nonlinear is not None for m in self)
-        kept = [k for k, head in enumerate(HEADS) if simulated or head != "Nonlinear>"]
-        return pages.Table([HEADS[k] for k in kept], [[row[k] for k in kept] for row in self.rows()])
+        heads = ("Measure|name", "Linear ± sigma>", *["Nonlinear>"] * simulated, "Threshold>", "Probability>")
+        rows = []
+        for measure in self:
+            threshold, probability = measure.best_threshold(), ""
+            if threshold and threshold.probability is not None:
+                probability = percent(round(threshold.probability, 4))
+            nonlinear = "" if measure.nonlinear is None else in_unit(measure.nonlinear, measure.unit)
+            limit = threshold.text(measure.unit) if threshold else ""
+            rows.append((measure.title, measure.text(), *[nonlinear] * simulated, limit, probability))
+        return pages.Table(heads, rows)
 
     def _document(self) -> pages.Document:
         return pages.Document(self.title, [self.table(), pages.Items([*filter(None, [self.instability]), *self.notes])])
-
-
-HEADS = ("Measure|name", "Linear ± sigma>", "Nonlinear>", "Threshold>", "Probability>")
-"""Of the table of measures."""

@@ -85,10 +85,7 @@ def measures(run: LaneChangeRun) -> Values:
     """
     *others, last = run.roll
     ratio = float(np.max(np.abs(run.load_transfer)))
-    values = {
-        "load_transfer_ratio": ratio,
-        DYNAMIC: float(np.max(np.abs(run.acceleration["front"]))) / GRAVITY / ratio,
-    }
+    values = {"load_transfer_ratio": ratio, DYNAMIC: float(np.max(np.abs(run.acceleration["front"]))) / GRAVITY / ratio}
     if others:
         peak = {name: float(np.max(np.abs(run.acceleration[name]))) for name in ("front", last)}
         values["rearward_amplification"] = peak[last] / peak["front"]
@@ -115,15 +112,10 @@ def linear(truck: Truck) -> LaneChangeRun:
     names = [unit.name for unit in vehicle.units]
     first = names[0]
     groups = truck.groups()[1:]
-    outputs = [
-        *[
-            f"{quantity}.{name}"
-            for quantity in ("lateral_velocity", "yaw_rate", "roll", "cog_acceleration")
-            for name in names
-        ],
-        *[f"articulation.{name}" for name in names[1:]],
-        *[f"load_transfer_moment.{path}" for *_, path in groups],
-    ]
+    quantities = ("lateral_velocity", "yaw_rate", "roll", "cog_acceleration")
+    outputs = [f"{quantity}.{name}" for quantity in quantities for name in names]
+    outputs += [f"articulation.{name}" for name in names[1:]]
+    outputs += [f"load_transfer_moment.{path}" for *_, path in groups]
     size = round((DURATION + DECAY) / STEP)
     time = STEP * np.arange(size, dtype=np.float64)
     frequency = np.fft.rfftfreq(size, STEP)

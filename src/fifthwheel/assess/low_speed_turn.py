@@ -112,9 +112,9 @@ def turn(
         step: of the integration, m.
     """
     units, references, outer = truck.vehicle.units, _references(truck), truck.body.width / 2
-    lengths = [equivalent_length(unit, reference) for unit, reference in zip(units, references, strict=True)]
+    axles = [equivalent_axle(unit, reference) for unit, reference in zip(units, references, strict=True)]
+    lengths, commands = ([*values] for values in zip(*axles, strict=True))
     effective = [reference - length for reference, length in zip(references, lengths, strict=True)]
-    commands = [_command(unit, reference) for unit, reference in zip(units, references, strict=True)]
     lengths[0] += ahead
     joints = [c.leading_position for c in truck.vehicle.couplings]
     arms = [joint - e for joint, e in zip(joints, effective, strict=False)]
@@ -189,33 +189,16 @@ def swings(truck: Truck, run: LowSpeedTurn) -> Values:
     values["frontal_swing"] = max(0.0, float(path[0].real.max()) - RADIUS)
     pairs = [(path[max(j for j in path if j < i)], path[i]) for i in truck.semitrailers() if i in path]
     if pairs:
-        values["frontal_swing_difference"] = max(_largest_difference(front, semi) for front, semi in pairs)
+        beyond = [semi.real - np.interp(semi.imag, front.imag, front.real) for front, semi in pairs]
+        values["frontal_swing_difference"] = float(max(map(np.max, beyond)))
         values["frontal_swing_maxima"] = max(float(semi.real.max() - front.real.max()) for front, semi in pairs)
     return values
 
 
-def _largest_difference(front: NDArray[np.complex128], rear: NDArray[np.complex128]) -> float:
-    """Largest distance of one path outside another, m, at one place along the line after the turn."""
-    return float(np.max(rear.real - np.interp(rear.imag, front.imag, front.real)))
-
-
-def equivalent_length(unit: Unit, reference: float) -> float:
-    """Distance L, m, behind a point of a unit at which one axle turns it like all of its axles behind that point."""
-    arms = _arms(unit, reference)
-    if not any(c for c, _, _ in arms):
-        raise VehicleError(f"{unit.name}: no axle behind its front end has a side force; the low-speed turn needs one")
-    return sum(c * arm**2 for c, arm, _ in arms) / sum(c * arm for c, arm, _ in arms)
-
-
-def _command(unit: Unit, reference: float) -> float:
-    """Steer angle of that axle over the articulation angle, k."""
-    arms = _arms(unit, reference)
-    return sum(c * arm * k for c, arm, k in arms) / sum(c * arm for c, arm, _ in arms)
-
-
-def _arms(unit: Unit, reference: float) -> list[tuple[float, float, float]]:
-    """C_j, N/rad, L_j, m, and k_j of the axles behind a point of a unit."""
-    return [
+def equivalent_axle(unit: Unit, reference: float) -> tuple[float, float]:
+    """Distance L, m, behind a point of a unit at which one axle turns it like all of its axles behind that point, and
+    the steer angle of that axle over the articulation angle, k."""
+    arms = [  # C_j, N/rad, L_j, m, and k_j
         (
             (1 - (axle.self_steering or 0.0)) * (group.cornering_stiffness / len(group.on_road)),
             reference - axle.position,
@@ -225,6 +208,10 @@ def _arms(unit: Unit, reference: float) -> list[tuple[float, float, float]]:
         for axle in group.on_road
         if axle.position < reference
     ]
+    if not any(c for c, _, _ in arms):
+        raise VehicleError(f"{unit.name}: no axle behind its front end has a side force; the low-speed turn needs one")
+    moment = sum(c * arm for c, arm, _ in arms)
+    return sum(c * arm**2 for c, arm, _ in arms) / moment, sum(c * arm * k for c, arm, k in arms) / moment
 
 
 def _references(truck: Truck) -> list[float]:
@@ -278,7 +265,7 @@ def friction_demand(truck: Truck, run: LowSpeedTurn) -> float:
     for i in reversed(range(len(vehicle.units))):
         unit = vehicle.units[i]
         forces, moment = np.zeros(len(run.steer)), np.zeros(len(run.steer))
-        reference = _references(truck)[i] - (0.0 if i else equivalent_length(unit, truck.front_axle.position))
+        reference = _references(truck)[i] - (0.0 if i else equivalent_axle(unit, truck.front_axle.position)[0])
         if i < len(vehicle.couplings):
             articulation = run.headings[:, i + 1] - run.headings[:, i]
             forces = forces + coupling * np.cos(articulation)

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from fifthwheel.spoken_names import named_axle, named_unit
 
+Sense = Literal["at least", "at most"]
 SCHEME, EUROPE = "Australian PBS", "96/53/EC"
 """Names of the schemes of the thresholds."""
 EDITIONS: Mapping[str, str] = {
@@ -27,7 +28,7 @@ class Limit:
 
     level: str
     """Level of the scheme, "1" to "4"; "all" for all levels."""
-    sense: Literal["at least", "at most"]
+    sense: Sense
     value: float
     times: str | None = None
     """Measure that `value` multiplies; None: `value` is the threshold, SI."""
@@ -40,7 +41,7 @@ class Limit:
         return self.value if self.times is None else self.value * values[self.times]
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Measure:
     """The definition of a measure."""
 
@@ -51,23 +52,18 @@ class Measure:
     limits: tuple[Limit, ...] = ()
 
 
-def _levels(
-    sense: Literal["at least", "at most"], *values: float, unconfirmed: Collection[int] = ()
-) -> tuple[Limit, ...]:
+def _levels(sense: Sense, *values: float, unconfirmed: Collection[int] = ()) -> tuple[Limit, ...]:
     """Limits of levels 1 to 4, of which some levels are not confirmed."""
-    return tuple(
-        Limit(level=str(k), sense=sense, value=value, confirmed=k not in unconfirmed)
-        for k, value in enumerate(values, 1)
-    )
+    levels = enumerate(values, 1)
+    return tuple(Limit(level=str(k), sense=sense, value=v, confirmed=k not in unconfirmed) for k, v in levels)
 
 
-def _one(sense: Literal["at least", "at most"], value: float, **fields: Any) -> tuple[Limit, ...]:
+def _one(sense: Sense, value: float, **fields: Any) -> tuple[Limit, ...]:
     """One limit for all levels."""
     return (Limit(level="all", sense=sense, value=value, **fields),)
 
 
 ALL = range(1, 5)
-
 
 ROLLOVER = "rollover_threshold"
 """Rollover threshold of the truck."""
@@ -85,114 +81,67 @@ STOP = "stop_width"
 """Width swept in a stop on that road without roughness."""
 
 MEASURES: Mapping[str, Measure] = {
-    ROLLOVER: Measure(
-        title="static rollover threshold",
-        unit="g",
-        source="Winkler (2000)",
-        limits=_one("at least", 0.35),
-    ),
-    EFFECTIVE_TRACK: Measure(title="static rollover threshold, effective track", unit="g", source="ISO 22135:2023"),
-    STABILITY_FACTOR: Measure(title="static stability factor", unit="g", source="Winkler (2000)"),
-    DYNAMIC: Measure(title="dynamic rollover threshold, lane change", unit="g", source="Ervin and Guy (1986)"),
-    "wheel_lift": Measure(title="wheel lift", unit="g", source="Winkler (2000)"),
+    ROLLOVER: Measure("static rollover threshold", "g", "Winkler (2000)", _one("at least", 0.35)),
+    EFFECTIVE_TRACK: Measure("static rollover threshold, effective track", "g", "ISO 22135:2023"),
+    STABILITY_FACTOR: Measure("static stability factor", "g", "Winkler (2000)"),
+    DYNAMIC: Measure("dynamic rollover threshold, lane change", "g", "Ervin and Guy (1986)"),
+    "wheel_lift": Measure("wheel lift", "g", "Winkler (2000)"),
     "rearward_amplification_set": Measure(
-        title="rearward amplification, rearmost roll-coupled units",
-        unit="1",
-        source="NTC (2008)",
-        limits=_one("at most", 5.7, times=REAR),
+        "rearward amplification, rearmost roll-coupled units", "1", "NTC (2008)", _one("at most", 5.7, times=REAR)
     ),
-    "rearward_amplification": Measure(title="rearward amplification, lane change", unit="1", source="ISO 14791"),
-    "rearward_amplification_peak": Measure(
-        title="rearward amplification, frequency response", unit="1", source="ISO 14791"
-    ),
+    "rearward_amplification": Measure("rearward amplification, lane change", "1", "ISO 14791"),
+    "rearward_amplification_peak": Measure("rearward amplification, frequency response", "1", "ISO 14791"),
     "transient_off_tracking": Measure(
-        title="high-speed transient off-tracking",
-        unit="m",
-        source="ISO 14791",
-        limits=_levels("at most", 0.6, 0.8, 1.0, 1.2),
+        "high-speed transient off-tracking", "m", "ISO 14791", _levels("at most", 0.6, 0.8, 1.0, 1.2)
     ),
-    "load_transfer_ratio": Measure(title="load transfer ratio, lane change", unit="1", source="Ervin and Guy (1986)"),
-    "yaw_damping": Measure(
-        title="yaw damping, eigenvalues",
-        unit="1",
-        source="ISO 14791",
-        limits=_one("at least", 0.15),
-    ),
-    "yaw_damping_pulse": Measure(
-        title="yaw damping, pulse",
-        unit="1",
-        source="ISO 14791",
-        limits=_one("at least", 0.15),
-    ),
-    "zero_damping_speed": Measure(title="zero-damping speed", unit="m/s", source="ISO 14791"),
-    "understeer_gradient": Measure(title="understeer gradient", unit="rad s^2/m", source="ISO 14792"),
-    "steady_off_tracking": Measure(title="high-speed steady off-tracking", unit="m", source="Ervin and Guy (1986)"),
-    STRAIGHT: Measure(title="swept width on a crossfall", unit="m", source="NTC (2008), without roughness"),
+    "load_transfer_ratio": Measure("load transfer ratio, lane change", "1", "Ervin and Guy (1986)"),
+    "yaw_damping": Measure("yaw damping, eigenvalues", "1", "ISO 14791", _one("at least", 0.15)),
+    "yaw_damping_pulse": Measure("yaw damping, pulse", "1", "ISO 14791", _one("at least", 0.15)),
+    "zero_damping_speed": Measure("zero-damping speed", "m/s", "ISO 14791"),
+    "understeer_gradient": Measure("understeer gradient", "rad s^2/m", "ISO 14792"),
+    "steady_off_tracking": Measure("high-speed steady off-tracking", "m", "Ervin and Guy (1986)"),
+    STRAIGHT: Measure("swept width on a crossfall", "m", "NTC (2008), without roughness"),
     TRACKING: Measure(
-        title="tracking ability on a straight path",
-        unit="m",
-        source="NTC (2008)",
-        limits=_levels("at most", 2.9, 3.0, 3.1, 3.3, unconfirmed=ALL),
+        "tracking ability on a straight path",
+        "m",
+        "NTC (2008)",
+        _levels("at most", 2.9, 3.0, 3.1, 3.3, unconfirmed=ALL),
     ),
-    STOP: Measure(title="swept width in a stop", unit="m", source="conditions of our own"),
+    STOP: Measure("swept width in a stop", "m", "conditions of our own"),
     "swept_path": Measure(
-        title="low-speed swept path",
-        unit="m",
-        source="NTC (2008)",
-        limits=_levels("at most", 7.4, 8.7, 10.6, 13.7, unconfirmed=[3]),
+        "low-speed swept path", "m", "NTC (2008)", _levels("at most", 7.4, 8.7, 10.6, 13.7, unconfirmed=[3])
     ),
-    "frontal_swing": Measure(
-        title="frontal swing", unit="m", source="NTC (2008)", limits=_one("at most", 0.70, confirmed=False)
-    ),
+    "frontal_swing": Measure("frontal swing", "m", "NTC (2008)", _one("at most", 0.70, confirmed=False)),
     "frontal_swing_difference": Measure(
-        title="frontal swing of a semitrailer, largest difference",
-        unit="m",
-        source="NTC (2008)",
-        limits=_one("at most", 0.40, confirmed=False),
+        "frontal swing of a semitrailer, largest difference", "m", "NTC (2008)", _one("at most", 0.40, confirmed=False)
     ),
     "frontal_swing_maxima": Measure(
-        title="frontal swing of a semitrailer, difference of maxima",
-        unit="m",
-        source="NTC (2008)",
-        limits=_one("at most", 0.20, confirmed=False),
+        "frontal swing of a semitrailer, difference of maxima",
+        "m",
+        "NTC (2008)",
+        _one("at most", 0.20, confirmed=False),
     ),
-    "tail_swing": Measure(
-        title="tail swing", unit="m", source="NTC (2008)", limits=_levels("at most", 0.30, 0.35, 0.35, 0.50)
-    ),
-    "friction_demand": Measure(
-        title="steer tyre friction demand", unit="1", source="NTC (2008)", limits=_one("at most", 0.8)
-    ),
+    "tail_swing": Measure("tail swing", "m", "NTC (2008)", _levels("at most", 0.30, 0.35, 0.35, 0.50)),
+    "friction_demand": Measure("steer tyre friction demand", "1", "NTC (2008)", _one("at most", 0.8)),
     "turning_circle": Measure(
-        title="European turning circle, inner radius",
-        unit="m",
-        source="96/53/EC",
-        limits=_one("at least", 5.3, scheme=EUROPE),
+        "European turning circle, inner radius", "m", "96/53/EC", _one("at least", 5.3, scheme=EUROPE)
     ),
     "startability": Measure(
-        title="startability",
-        unit="1",
-        source="NTC (2008)",
-        limits=_levels("at least", 0.15, 0.12, 0.10, 0.05, unconfirmed=ALL),
+        "startability", "1", "NTC (2008)", _levels("at least", 0.15, 0.12, 0.10, 0.05, unconfirmed=ALL)
     ),
     "gradeability": Measure(
-        title="gradeability",
-        unit="1",
-        source="NTC (2008)",
-        limits=_levels("at least", 0.20, 0.15, 0.12, 0.08, unconfirmed=ALL),
+        "gradeability", "1", "NTC (2008)", _levels("at least", 0.20, 0.15, 0.12, 0.08, unconfirmed=ALL)
     ),
     "grade_speed": Measure(
-        title="speed on a grade of 1 %",
-        unit="m/s",
-        source="NTC (2008)",
-        limits=_levels("at least", 80 / 3.6, 70 / 3.6, 70 / 3.6, 60 / 3.6, unconfirmed=ALL),
+        "speed on a grade of 1 %",
+        "m/s",
+        "NTC (2008)",
+        _levels("at least", 80 / 3.6, 70 / 3.6, 70 / 3.6, 60 / 3.6, unconfirmed=ALL),
     ),
     "acceleration_time": Measure(
-        title="time for 100 m from rest",
-        unit="s",
-        source="NTC (2008)",
-        limits=_levels("at most", 20.0, 23.0, 26.0, 29.0, unconfirmed=ALL),
+        "time for 100 m from rest", "s", "NTC (2008)", _levels("at most", 20.0, 23.0, 26.0, 29.0, unconfirmed=ALL)
     ),
-    "braking_efficiency": Measure(title="braking efficiency at 0.4 g", unit="1", source="Ervin and Guy (1986)"),
+    "braking_efficiency": Measure("braking efficiency at 0.4 g", "1", "Ervin and Guy (1986)"),
 }
 """Measures by name; "wheel_lift" stands for "wheel_lift.<axle group>", and "rollover_threshold" also for
 "rollover_threshold.<units>" of each roll-coupled set of units, such as "rollover_threshold.dolly+trailer"."""

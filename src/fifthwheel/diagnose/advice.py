@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel.channels import ROLL_RATE, SignalName, names_of
 from fifthwheel.diagnose.cautions import has_wide_sigma
 from fifthwheel.diagnose.fit_quality import predicted_logs
-from fifthwheel.diagnose.information_summary import VarianceTerm, describe_remedy, dominant_terms
+from fifthwheel.diagnose.information_summary import describe_remedy, dominant_terms
 from fifthwheel.diagnose.summaries import RunSummary
 from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.formatting import enumerated, percent, relative
@@ -89,7 +89,7 @@ def next_steps(
 
 
 def _more_excitation(identification: Identification, runs: Sequence[RunSummary]) -> Iterator[Advice]:
-    elsewhere = {term.parameter for term in dominant_terms(identification)}  # another run would not help
+    elsewhere = dominant_terms(identification)  # another run would not help
     missing = tuple(
         e.name
         for e in identification.parameters
@@ -180,10 +180,8 @@ def _separation(identification: Identification) -> Iterator[Advice]:
 
 def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
     """One step for each parameter whose sigma comes from a few uncertain numbers: which ones to measure."""
-    stated, limits = {e.name for e in identification.uncertain}, dict[str, list[VarianceTerm]]()
-    for term in dominant_terms(identification):
-        limits.setdefault(term.parameter, []).append(term)
-    for name, terms in limits.items():
+    stated = {e.name for e in identification.uncertain}
+    for name, terms in dominant_terms(identification).items():
         subject = f"of the variance of {named(name)}"
         for term in (term for term in terms if term.source.endswith(".softening")):
             yield Advice(

@@ -120,8 +120,7 @@ class Comparison:
 
     def largest_difference(self) -> tuple[ComparedParameter, int] | None:
         """The parameter and the number of the run with the most significant difference; None if none has a sigma."""
-        known = self._known()
-        return max(known, key=lambda found: abs(found[0].sigmas(found[1]))) if known else None
+        return next(iter(self._known()), None)
 
     def beyond_chance(self) -> list[tuple[ComparedParameter, int]]:
         """The parameters and runs with differences that chance alone would hardly give, the most significant first.
@@ -131,12 +130,12 @@ class Comparison:
         """
         known = self._known()
         limit = NormalDist().inv_cdf(1 - FALSE_ALARM / 2 / len(known)) if known else math.inf
-        clear = [found for found in known if abs(found[0].sigmas(found[1])) > limit]
-        return sorted(clear, key=lambda found: -abs(found[0].sigmas(found[1])))
+        return [(parameter, k) for parameter, k in known if abs(parameter.sigmas(k)) > limit]
 
     def _known(self) -> list[tuple[ComparedParameter, int]]:
-        """The differences that have a sigma, of parameters that both runs identify; derived quantities repeat them."""
-        return [
+        """The differences that have a sigma, of parameters that both runs identify, the most significant first; derived
+        quantities repeat them."""
+        known = [
             (p, k)
             for p in self.parameters
             for k in range(len(self.runs))
@@ -144,6 +143,7 @@ class Comparison:
             and not p.derived
             and not any(e and e.verdict is Verdict.NOT_IDENTIFIABLE for e in (p.estimates[0], p.estimates[k]))
         ]
+        return sorted(known, key=lambda found: -abs(found[0].sigmas(found[1])))
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
@@ -231,32 +231,34 @@ def _compared(
     """Each quantity that one of the runs has."""
     by_name = [{e.name: e for e in estimates} for estimates in found]
     for name in dict.fromkeys(name for own in by_name for name in own):
-        yield _parameter(name, runs, tuple(own.get(name) for own in by_name), derived)
+        estimates = tuple(own.get(name) for own in by_name)
+        first, *others = zip(runs, estimates, strict=True)
+        yield ComparedParameter(
+            name=name,
+            unit=next(e.unit for e in estimates if e is not None),
+            estimates=estimates,
+            differences=(None, *(_difference(first, other, derived) for other in others)),
+            derived=derived,
+        )
 
 
-def _parameter(
-    name: str, runs: Sequence[Identification], estimates: tuple[Estimate | None, ...], derived: bool
-) -> ComparedParameter:
-    first = estimates[0]
-    differences: list[Difference | None] = [None]
-    for run, e in zip(runs[1:], estimates[1:], strict=True):
-        if first is None or e is None:
-            differences.append(None)
-            continue
-        sigma = _sigma_of_difference(name, (runs[0], first), (run, e))
-        shared = Verdict.FIXED not in (first.verdict, e.verdict) and bool(_shared_logs(runs[0], run))
-        differences.append(Difference(value=e.value - first.value, sigma=sigma, at_least=shared or derived))
-    unit = next(e.unit for e in estimates if e is not None)
-    return ComparedParameter(name=name, unit=unit, estimates=estimates, differences=tuple(differences), derived=derived)
+def _difference(
+    a: tuple[Identification, Estimate | None], b: tuple[Identification, Estimate | None], derived: bool
+) -> Difference | None:
+    """From the estimate of a to that of b; None if one of the runs did not estimate it."""
+    (reference, first), (run, e) = a, b
+    if first is None or e is None:
+        return None
+    shared = Verdict.FIXED not in (first.verdict, e.verdict) and bool(_shared_logs(reference, run))
+    sigma = _sigma_of_difference((reference, first), (run, e))
+    return Difference(value=e.value - first.value, sigma=sigma, at_least=shared or derived)
 
 
-def _sigma_of_difference(
-    name: str, a: tuple[Identification, Estimate], b: tuple[Identification, Estimate]
-) -> float | None:
+def _sigma_of_difference(a: tuple[Identification, Estimate], b: tuple[Identification, Estimate]) -> float | None:
     """By the equation of this module; a fixed parameter counts as exact."""
     if any(e.sigma is None and e.verdict is not Verdict.FIXED for _, e in (a, b)):
         return None
-    parts = [_parts(run, name, e) for run, e in (a, b)]
+    parts = [_parts(run, e) for run, e in (a, b)]
     common = sorted(_common_sources(a[0], b[0]) & parts[0].keys() & parts[1].keys())
     independent = [
         (e.sigma or 0.0) ** 2 - sum(part[source] ** 2 for source in common)
@@ -266,9 +268,9 @@ def _sigma_of_difference(
     return math.sqrt(sum(max(variance, 0.0) for variance in independent) + shared)
 
 
-def _parts(run: Identification, name: str, e: Estimate) -> dict[str, float]:
+def _parts(run: Identification, e: Estimate) -> dict[str, float]:
     """The part of sigma that comes from the prior of each uncertain number, SI."""
-    budget, remaining = run.variance_budget.get(name, {}), run.remaining_uncertainty
+    budget, remaining = run.variance_budget.get(e.name, {}), run.remaining_uncertainty
     return {s: math.sqrt(fraction) * (e.sigma or 0.0) * remaining.get(s, 1.0) for s, fraction in budget.items()}
 
 

@@ -115,12 +115,9 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
     """The truck of the vehicle file or the identified one, where it is unstable at the speed of the logs."""
     speeds = [log.speed[1] for log in identification.logs if np.isfinite(log.speed[1])]
     highest = max(speeds, default=0.0)
-    identified = any(e.verdict in (Verdict.CONVERGED, Verdict.DOUBTFUL) for e in identification.parameters)
-    vehicle, name = (
-        (identification.vehicle, "The identified truck")
-        if identified
-        else (identification.initial_vehicle, "The truck of the vehicle file")
-    )
+    vehicle, name = identification.initial_vehicle, "The truck of the vehicle file"
+    if any(e.verdict in (Verdict.CONVERGED, Verdict.DOUBTFUL) for e in identification.parameters):
+        vehicle, name = identification.vehicle, "The identified truck"
     critical = critical_speed(vehicle, highest=NEARLY * highest) if highest > 0 else None
     if critical is not None:
         message = f"{name} is unstable above {3.6 * critical:.0f} km/h, and the logs reach {3.6 * highest:.0f} km/h."

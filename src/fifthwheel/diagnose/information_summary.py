@@ -1,5 +1,6 @@
 """How much information the logs contain on each parameter, what limits its sigma, and what would reduce it."""
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -18,43 +19,32 @@ from fifthwheel.spoken_names import named
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
-@dataclass(frozen=True, kw_only=True)
-class VarianceTerm:
+class VarianceTerm(NamedTuple):
     """By how much an uncertain number limits a parameter."""
 
-    parameter: str
     source: str  # the uncertain number
     fraction: float  # by which the parameter's variance would fall if the source were exact
 
 
-def variance_budget(identification: Identification, name: str) -> list[VarianceTerm]:
-    """The terms of a parameter's variance, the largest first; empty for a method that does not compute them."""
-    terms = identification.variance_budget.get(name, {}).items()
-    return [VarianceTerm(parameter=name, source=source, fraction=fraction) for source, fraction in terms]
+def variance_budget(identification: Identification, name: str, least: float = 0.0) -> list[VarianceTerm]:
+    """The terms of a parameter's variance above a fraction, the largest first; empty for a method that does not compute
+    them."""
+    terms = itertools.starmap(VarianceTerm, identification.variance_budget.get(name, {}).items())
+    return [term for term in terms if term.fraction > least]
 
 
-def dominant_terms(identification: Identification) -> list[VarianceTerm]:
-    """Of each converged parameter with a notable sigma, the fewest uncertain numbers, up to three, that
+def dominant_terms(identification: Identification) -> dict[str, list[VarianceTerm]]:
+    """Of each converged parameter with a notable sigma, by its name, the fewest uncertain numbers, up to three, that
     limit it, if any do."""
-    terms = []
-    for estimate in identification.parameters:
-        if estimate.verdict is not Verdict.CONVERGED or not estimate.sigma:
-            continue
-        if estimate.sigma >= thresholds.NOTABLE_SIGMA * abs(estimate.value):
-            largest = variance_budget(identification, estimate.name)
-            largest = [term for term in largest if term.fraction > thresholds.LARGE_FRACTION]
+    dominant = {}
+    for e in identification.parameters:
+        if e.verdict is Verdict.CONVERGED and e.sigma and e.sigma >= thresholds.NOTABLE_SIGMA * abs(e.value):
+            largest = variance_budget(identification, e.name, thresholds.LARGE_FRACTION)
             for count in (1, 2, 3):
                 if sum(term.fraction for term in largest[:count]) > thresholds.DOMINANT_FRACTION:
-                    terms += largest[:count]
+                    dominant[e.name] = largest[:count]
                     break
-    return terms
-
-
-class Improvement(NamedTuple):
-    """A change and its predicted effect."""
-
-    remedy: Remedy
-    relative_sigma: float  # as a fraction of the parameter's value
+    return dominant
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,7 +55,7 @@ class ParameterInformation:
     noise_sigma: float | None = None  # sigma from the sensor noise alone, where it is much smaller, SI
     correlation: tuple[str, float] | None = None  # the largest notable correlation of a separable estimate
     budget: tuple[VarianceTerm, ...] = ()  # the largest terms of its variance
-    improvements: tuple[Improvement, ...] = ()
+    improvements: tuple[tuple[Remedy, float], ...] = ()  # each with the predicted sigma as a fraction of the value
 
     @property
     def remaining(self) -> float | None:
@@ -110,10 +100,7 @@ class ParameterInformation:
                 "residuals are autocorrelated."
             )
         if self.improvements:
-            changes = [
-                f"{relative(1.0, i.relative_sigma)} {describe_remedy(i.remedy, naming=named)}"
-                for i in self.improvements
-            ]
+            changes = [f"{relative(1.0, sigma)} {describe_remedy(r, naming=named)}" for r, sigma in self.improvements]
             messages.append(f"Predicted sigma: {'; '.join(changes)}.")
         return tuple(messages)
 
@@ -135,14 +122,14 @@ def _information(
     identification: Identification, e: Estimate, outlook: InformationAssessment | None
 ) -> ParameterInformation:
     assessment = next((p for p in outlook.parameters if p.name == e.name), None) if outlook else None
-    noise_sigma, improvements = None, list[Improvement]()
+    noise_sigma, improvements = None, list[tuple[Remedy, float]]()
     if assessment is not None:
         estimated = e.verdict in (Verdict.CONVERGED, Verdict.NOT_CONVERGED) and assessment.verdict is Verdict.CONVERGED
         if estimated and e.sigma is not None and e.sigma > thresholds.AUTOCORRELATION_EFFECT * assessment.sigma:
             noise_sigma = assessment.sigma
         else:
             improvements = [
-                Improvement(remedy, remedy.sigma / abs(assessment.value))
+                (remedy, remedy.sigma / abs(assessment.value))
                 for remedy in assessment.remedies
                 if e.sigma is None or remedy.sigma < thresholds.USEFUL_REDUCTION * e.sigma
             ]
@@ -150,7 +137,7 @@ def _information(
         estimate=e,
         noise_sigma=noise_sigma,
         correlation=None if e.correlated_with else _largest_correlation(identification, e),
-        budget=tuple(t for t in variance_budget(identification, e.name) if t.fraction > thresholds.LISTED_FRACTION),
+        budget=tuple(variance_budget(identification, e.name, thresholds.LISTED_FRACTION)),
         improvements=tuple(improvements),
     )
 
@@ -165,9 +152,8 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
     with np.errstate(divide="ignore", invalid="ignore"):
         magnitude = np.nan_to_num(np.abs(P[i]) / (scale[i] * scale))
     of_vehicle = [*identification.parameters, *identification.uncertain]
-    estimated = {o.name for o in of_vehicle if o.verdict is not Verdict.FIXED} | {
-        o.name for o in identification.sensors
-    }
+    estimated = {o.name for o in of_vehicle if o.verdict is not Verdict.FIXED}
+    estimated |= {o.name for o in identification.sensors}
     for j, name in enumerate(covariance.names):
         base, log = split_log(name)
         if j == i or base not in estimated or log == "":
@@ -196,11 +182,8 @@ def describe_remedy(
             clauses.append(f"{' and '.join(subjects)} {'are' if plural else 'is'} {manner}")
         return f"if {' and '.join(clauses)}"
     if remedy.roll_test:
-        stiffness, axis = (
-            f"its roll stiffness to {percent(TESTED_STIFFNESS)}",
-            f"its roll axis to {100 * TESTED_AXIS:g} cm",
-        )
-        return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {stiffness} and {axis}"
+        gives = f"its roll stiffness to {percent(TESTED_STIFFNESS)} and its roll axis to {100 * TESTED_AXIS:g} cm"
+        return f"if a static test of the {remedy.roll_test} (fifthwheel roll-test) gives {gives}"
     changes = [f"{naming(remedy.channel)} is logged"] if remedy.channel else []
     if remedy.drive:
         changes.append("the same run is repeated" if remedy.drive == "again" else f"{lane_change} is driven")

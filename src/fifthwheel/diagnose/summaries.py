@@ -91,16 +91,6 @@ class InnovationSize(NamedTuple):
     rejected: float  # fraction of the measured samples outside the gate
 
 
-class LiftWarning(NamedTuple):
-    """A warning that a wheel is about to lift."""
-
-    time: float  # s
-    group: str  # path of the axle group with the largest predicted load transfer ratio
-
-    def __str__(self) -> str:
-        return f"a wheel of {self.group} is about to lift at {self.time:.1f} s"
-
-
 @dataclass(frozen=True, kw_only=True)
 class StateSummary:
     """The states of one record in a few numbers, SI."""
@@ -110,7 +100,7 @@ class StateSummary:
     band: Mapping[str, float | None]  # median of two sigma by state; None for a state that is never known
     reference_rms: Mapping[str, float | None]  # rms difference from the reference by state; None without a reference
     innovations: Mapping[str, InnovationSize]  # by measured channel
-    lift_warning: LiftWarning | None  # the first one; None without one
+    lift_warning: str  # the first warning that a wheel is about to lift; empty without one
 
     @property
     def valid(self) -> float:
@@ -132,13 +122,14 @@ def summarise_states(states: States, records: Sequence[Record] = ()) -> StateSum
     )
 
 
-def _first_lift_warning(states: States) -> LiftWarning | None:
+def _first_lift_warning(states: States) -> str:
+    """The time, and the axle group with the largest predicted load transfer ratio."""
     if not states.lift_warning.any():
-        return None
+        return ""
     first = int(states.lift_warning.argmax())
     predicted = names_of(PREDICTED_LOAD_TRANSFER, states.values)
     largest = max(predicted, key=lambda name: abs(states.values[name][first]))
-    return LiftWarning(float(states.time[first]), SignalName.of(largest).place)
+    return f"a wheel of {SignalName.of(largest).place} is about to lift at {states.time[first]:.1f} s"
 
 
 def record_of(states: States, records: Sequence[Record]) -> Record | None:

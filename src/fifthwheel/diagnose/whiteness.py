@@ -91,12 +91,12 @@ def segment_rms(time: Array, normalised: Array) -> SegmentRms | None:
     segments = np.array_split(
         np.flatnonzero(finite), int(np.clip(count // thresholds.MIN_SAMPLES, 1, thresholds.SEGMENTS))
     )
-    limits = [rms_limits(len(rows)) for rows in segments]
+    low, high = np.array([rms_limits(len(rows)) for rows in segments]).T
     return SegmentRms(
         time=np.array([time[rows].mean() for rows in segments]),
         rms=np.array([np.sqrt(np.mean(normalised[rows] ** 2)) for rows in segments]),
-        low=np.array([low for low, _ in limits]),
-        high=np.array([high for _, high in limits]),
+        low=low,
+        high=high,
     )
 
 

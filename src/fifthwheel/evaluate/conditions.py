@@ -23,24 +23,15 @@ def conditions(motion: MeasuredMotion, findings: MethodResult) -> tuple[Conditio
     """The conditions, met or not."""
     deviation = float(np.abs(motion.speed - motion.speed.mean()).max())
     constant = findings.has_constant_speed
-    result = [
-        Condition(
-            name="sampling rate",
-            required=f"at least {SAMPLING:g} Hz",
-            found=f"{motion.rate:.3g} Hz",
-            met=motion.rate >= 0.99 * SAMPLING,
-        ),
-        Condition(
-            name="steady speed",
-            required=f"within {3.6 * SPEED:g} km/h of its mean" if constant else "not in this test",
-            found=f"{3.6 * motion.speed.mean():.1f} km/h, within {3.6 * deviation:.1f} km/h",
-            met=deviation <= SPEED if constant else None,
-        ),
-    ]
+    needed, found = f"at least {SAMPLING:g} Hz", f"{motion.rate:.3g} Hz"
+    result = [Condition("sampling rate", needed, found, motion.rate >= 0.99 * SAMPLING)]
+    needed = f"within {3.6 * SPEED:g} km/h of its mean" if constant else "not in this test"
+    found = f"{3.6 * motion.speed.mean():.1f} km/h, within {3.6 * deviation:.1f} km/h"
+    result.append(Condition("steady speed", needed, found, deviation <= SPEED if constant else None))
     for values in list(motion.outputs("yaw_rate").values())[:1]:
         largest = float(np.abs(motion.speed * smoothed(values, motion.rate)).max())
         found = f"up to {approximate(largest, 'm/s^2')}, speed × yaw rate of the first unit"
-        result.append(Condition(name="lateral acceleration", required="to be reported", found=found, met=None))
+        result.append(Condition("lateral acceleration", "to be reported", found, None))
     return (*result, *_entry(motion, findings.start))
 
 
@@ -50,21 +41,16 @@ def _entry(motion: MeasuredMotion, start: float | None) -> list[Condition]:
     needed = f"{ENTRY:g} s, yaw rate of {approximate(STRAIGHT, 'rad/s')} at most"
     offset = f"steer angle and yaw rate of {approximate(STRAIGHT, 'rad')} and {approximate(STRAIGHT, 'rad/s')} at most"
     if start is None or not rates:
-        return [Condition(name="straight entry", required="not in this test", found="–", met=None)]
+        return [Condition("straight entry", "not in this test", "–", None)]
     before = (motion.time >= start - ENTRY) & (motion.time < start)
     duration = start - motion.time[0]
     if before.sum() < 3:
-        return [Condition(name="straight entry", required=needed, found="no samples before the steering", met=False)]
+        return [Condition("straight entry", needed, "no samples before the steering", False)]
     rate = smoothed(next(iter(rates.values())), motion.rate)[before]
     mean, spread, steer = float(rate.mean()), float(rate.std()), round(float(motion.steer[before].mean()), 6)
     found = f"{min(duration, ENTRY):.1f} s, {approximate(spread, 'rad/s')} rms about its mean"
-    is_long = bool(duration >= 0.95 * ENTRY)
+    offsets = f"{approximate(steer, 'rad')} and {approximate(mean, 'rad/s')}"
     return [
-        Condition(name="straight entry", required=needed, found=found, met=is_long and spread <= STRAIGHT),
-        Condition(
-            name="offsets before the test",
-            required=offset,
-            found=f"{approximate(steer, 'rad')} and {approximate(mean, 'rad/s')}",
-            met=max(abs(mean), abs(steer)) <= STRAIGHT,
-        ),
+        Condition("straight entry", needed, found, bool(duration >= 0.95 * ENTRY) and spread <= STRAIGHT),
+        Condition("offsets before the test", offset, offsets, max(abs(mean), abs(steer)) <= STRAIGHT),
     ]

@@ -30,8 +30,7 @@ def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 
 def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Each quantity over the lateral acceleration."""
-    x = arrays["lateral_acceleration"]
-    axis = AXES["lateral_acceleration"]
+    x, axis = arrays["lateral_acceleration"], AXES["lateral_acceleration"]
     return {
         TITLES.get(name) or spoken(name): Plot(
             panels=[Panel(items=[Points(x, np.degrees(values))], x=axis, y=Axis(unit="deg"))]
@@ -43,16 +42,13 @@ def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 
 def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     """Gain with sigma, phase and coherence of each output by the steer angle."""
-    f = arrays["frequency"]
-    axis = AXES["frequency"]
-    plots = {}
+    f, axis, plots = arrays["frequency"], AXES["frequency"], dict[str, Plot]()
     for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
         gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]
         gains: list[Item] = [Band(f, gain - sigma, gain + sigma), Line(f, gain)]
-        unit = gain_unit(name)
         plots[spoken(name)] = Plot(
             panels=[
-                Panel(items=gains, x=axis, y=Axis(label="gain", unit=shown(unit).name), height=1.5),
+                Panel(items=gains, x=axis, y=Axis(label="gain", unit=shown(gain_unit(name)).name), height=1.5),
                 Panel(items=[Line(f, np.degrees(arrays[f"phase.{name}"]))], x=axis, y=Axis(label="phase", unit="deg")),
                 Panel(items=[Line(f, arrays[f"coherence.{name}"])], x=axis, y=Axis(label="coherence", range=(0, 1.02))),
             ]
@@ -68,10 +64,9 @@ def _histories(arrays: Mapping[str, Array]) -> dict[str, Plot]:
             quantity = name.partition(".")[0]
             unit = shown(CHANNELS[quantity].unit)
             quantities.setdefault(quantity, []).append(Line(arrays["time"], unit.factor * values, name=spoken(name)))
-    axis = AXES["time"]
     return {
         quantity.replace("_", " ").capitalize(): Plot(
-            panels=[Panel(items=items, x=axis, y=Axis(unit=shown(CHANNELS[quantity].unit).name))]
+            panels=[Panel(items=items, x=AXES["time"], y=Axis(unit=shown(CHANNELS[quantity].unit).name))]
         )
         for quantity, items in quantities.items()
     }

@@ -97,6 +97,4 @@ def gradient_measure(
     name: str, title: str, value: float, sigma: float, signal: str, reason: str = ""
 ) -> EvaluatedMeasure:
     """A gradient over the lateral acceleration, rad s^2/m."""
-    return EvaluatedMeasure(
-        name=name, title=title, unit=GRADIENT, value=value, sigma=sigma, signals=(signal,), reason=reason
-    )
+    return EvaluatedMeasure(name, title, GRADIENT, value, sigma, (signal,), reason)

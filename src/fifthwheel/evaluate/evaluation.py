@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class EvaluatedMeasure:
     """One measure of a test."""
 
@@ -40,7 +40,7 @@ class EvaluatedMeasure:
         return with_sigma(self.value, self.sigma, self.unit)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Condition:
     """A condition of ISO 15037-2 that a log shows."""
 

@@ -195,34 +195,18 @@ def _of_output(responses: Responses, name: str) -> list[EvaluatedMeasure]:
         return []
     gain, sigma, f = np.abs(responses.fits[name].gain), responses.relative_sigma(name), responses.frequency
     lowest = used[0]
-    of = named(name).removeprefix("the ")
-    measures = [
-        EvaluatedMeasure(
-            name=f"gain.{name}",
-            title=f"gain at {f[lowest]:.2f} Hz, {of}",
-            unit=gain_unit(name),
-            value=float(gain[lowest]),
-            sigma=float(gain[lowest] * sigma[lowest]),
-            signals=(name,),
-        )
-    ]
+    of, unit, value = named(name).removeprefix("the "), gain_unit(name), float(gain[lowest])
+    title = f"gain at {f[lowest]:.2f} Hz, {of}"
+    measures = [EvaluatedMeasure(f"gain.{name}", title, unit, value, float(value * sigma[lowest]), (name,))]
     response = responses.fits[name].gain[used]
     lag = -np.unwrap(np.angle(response * np.sign(response[0].real)))  # an articulation angle has a negative gain
     behind = np.flatnonzero(lag >= np.pi / 4)
     if behind.size and 0 < behind[0] == used[behind[0]] - lowest:  # no frequency is left out before it
         k = behind[0]
         slope = (lag[k] - lag[k - 1]) / (f[used[k]] - f[used[k - 1]])
-        at = f[used[k]] - (lag[k] - np.pi / 4) / slope
-        measures.append(
-            EvaluatedMeasure(
-                name=f"bandwidth.{name}",
-                title=f"frequency of a lag of 45 deg, {of}",
-                unit="Hz",
-                value=float(at),
-                sigma=float(sigma[used[k]] / abs(slope)),
-                signals=(name,),
-            )
-        )
+        at, error = float(f[used[k]] - (lag[k] - np.pi / 4) / slope), float(sigma[used[k]] / abs(slope))
+        title = f"frequency of a lag of 45 deg, {of}"
+        measures.append(EvaluatedMeasure(f"bandwidth.{name}", title, "Hz", at, error, (name,)))
     return measures
 
 
@@ -248,17 +232,9 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
             together = max(1.0, INDEPENDENT * responses.band / distance)  # neighbours have common errors
             error = float(np.sqrt(together * row @ covariance @ row))
     quantity = first.partition(".")[0]
-    words = quantity.replace("_", " ")
+    title = f"rearward amplification, {quantity.replace('_', ' ')}, at {at:.2f} Hz"
     edge = "largest at the end of the evaluated frequencies" if top in (0, ratio.size - 1) else ""
-    return EvaluatedMeasure(
-        name=f"rearward_amplification_{quantity}",
-        title=f"rearward amplification, {words}, at {at:.2f} Hz",
-        unit="1",
-        value=value,
-        sigma=error,
-        signals=(first, last),
-        reason=edge,
-    )
+    return EvaluatedMeasure(f"rearward_amplification_{quantity}", title, "1", value, error, (first, last), edge)
 
 
 def _arrays(responses: Responses) -> dict[str, Array]:

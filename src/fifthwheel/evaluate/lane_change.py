@@ -23,10 +23,8 @@ FLAT = 0.5
 FREE = 1.5
 """Least time without steering after a lane change, s."""
 WORDS = {
-    "rearward_amplification_yaw_rate": Words(title="rearward amplification, yaw rate", unit="1"),
-    "rearward_amplification_lateral_acceleration": Words(
-        title="rearward amplification, lateral acceleration", unit="1"
-    ),
+    "rearward_amplification_yaw_rate": Words("rearward amplification, yaw rate", "1"),
+    "rearward_amplification_lateral_acceleration": Words("rearward amplification, lateral acceleration", "1"),
 }
 
 

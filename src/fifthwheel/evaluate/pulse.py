@@ -25,7 +25,7 @@ FREE = 3.0
 """Least time without steering after the pulse, s."""
 NOISE = 5.0
 """Standard deviations of the noise above which a peak is used."""
-WORDS = {"yaw_damping": Words(title="yaw damping, pulse", unit="1")}
+WORDS = {"yaw_damping": Words("yaw damping, pulse", "1")}
 
 
 def evaluate(motion: MeasuredMotion) -> MethodResult:

@@ -74,7 +74,7 @@ def crossing(time: Array, values: Array, level: float) -> float:
     return float(time[k] + (level - values[k]) / (values[k + 1] - values[k]) * (time[k + 1] - time[k]))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Words:
     """Title and unit of a measure; the unit None is that of a gain."""
 
@@ -125,7 +125,7 @@ def findings(
         arrays={"time": motion.time, **{name: smoothed(values, motion.rate) for name, values in steered.items()}},
         start=float(motion.time[times[good[0]][0]]),
         noise={motion.steer_name: remaining.pop("steer"), **remaining},
-        notes=(*_notes(kept, [text for text in faults if text], missing), *_sides(kept, values, draws, words)),
+        notes=(*_notes(kept, [text for text in faults if text], missing), *_sides(kept, measures, values, draws)),
     )
 
 
@@ -172,7 +172,10 @@ def _notes(responses: Sequence[Response], faults: Sequence[str], missing: Iterab
 
 
 def _sides(
-    responses: Sequence[Response], values: Mapping[str, Array], draws: Mapping[str, Array], words: Mapping[str, Words]
+    responses: Sequence[Response],
+    measures: Sequence[EvaluatedMeasure],
+    values: Mapping[str, Array],
+    draws: Mapping[str, Array],
 ) -> Iterator[str]:
     """The measures whose means to the left and to the right differ significantly, by Student's t of their scatter and
     by the noise, and by `LEAST` of their mean; by chance in `CHANCE` of the logs. Each side needs two or more."""
@@ -182,17 +185,17 @@ def _sides(
     sides, n = (left, ~left), len(left)
     if min(side.sum() for side in sides) < 2:
         return
-    certain = 1 - CHANCE / 2 / max(len(values), 1)
+    certain = 1 - CHANCE / 2 / max(len(measures), 1)
     found = []
-    for name, value in values.items():
+    for measure in measures:
+        value = values[measure.name]
         difference = value[left].mean() - value[~left].mean()
         squares = sum(float(np.var(value[side])) * side.sum() for side in sides) / (n - 2)
         scatter = np.sqrt(squares * sum(1 / side.sum() for side in sides))
-        noise = np.sqrt(sum(np.mean(np.nanvar(draws[name][side], axis=1)) / side.sum() for side in sides))
+        noise = np.sqrt(sum(np.mean(np.nanvar(draws[measure.name][side], axis=1)) / side.sum() for side in sides))
         least = LEAST * abs(value.mean())
         if abs(difference) > max(stdtrit(n - 2, certain) * scatter, ndtri(certain) * noise, least):
-            unit = words[name.partition(".")[0]].unit or gain_unit(name.partition(".")[2])
-            found.append(f"{_title(name, words)} {with_sigma(difference, max(scatter, noise), unit)}")
+            found.append(f"{measure.title} {with_sigma(difference, max(scatter, noise), measure.unit)}")
     if found:
         yield f"Left less right, significant: {enumerated(found)}: uneven steering, load to one side, bank or wind."
 
@@ -213,14 +216,7 @@ def _measure(
     scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
     sigma = float(np.hypot(max(by_noise, scatter), bias))
     used = [signal] if signal else [o for o in outputs if kind.endswith(o.partition(".")[0])] or outputs
-    return EvaluatedMeasure(
-        name=name,
-        title=_title(name, words),
-        unit=unit,
-        value=float(values.mean()) - bias,
-        sigma=sigma,
-        signals=tuple(used),
-    )
+    return EvaluatedMeasure(name, _title(name, words), unit, float(values.mean()) - bias, sigma, tuple(used))
 
 
 def _manoeuvres(motion: MeasuredMotion) -> list[tuple[int, int]]:

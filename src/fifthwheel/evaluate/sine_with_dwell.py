@@ -21,8 +21,7 @@ INSTANTS = (1.0, 1.75)
 DWELL = 0.3
 """Least time at the second peak, s."""
 WORDS = {
-    f"yaw_rate_ratio_{1000 * t:.0f}ms": Words(title=f"yaw rate ratio, {t:g} s after the steering", unit="1")
-    for t in INSTANTS
+    f"yaw_rate_ratio_{1000 * t:.0f}ms": Words(f"yaw rate ratio, {t:g} s after the steering", "1") for t in INSTANTS
 }
 
 

@@ -30,10 +30,10 @@ BEFORE_END = 0.9
 CLEAR = 4.5
 """Least overshoot for a peak response time, in standard deviations of the noise."""
 WORDS = {
-    "steady_gain": Words(title="steady gain", unit=None),
-    "response_time": Words(title="response time, 90 %", unit="s"),
-    "peak_response_time": Words(title="peak response time", unit="s"),
-    "overshoot": Words(title="overshoot", unit="1"),
+    "steady_gain": Words("steady gain", None),
+    "response_time": Words("response time, 90 %", "s"),
+    "peak_response_time": Words("peak response time", "s"),
+    "overshoot": Words("overshoot", "1"),
 }
 
 

@@ -123,11 +123,7 @@ def _draw_item(item: Item, colour: str, axes: "Axes") -> None:
 
 
 def _draw_guide(item: Guide, axes: "Axes") -> None:
-    style: dict[str, Any] = {
-        "color": item.colour,
-        "linewidth": POINTS * item.width,
-        "linestyle": DASHES[item.dash],
-    }
+    style: dict[str, Any] = {"color": item.colour, "linewidth": POINTS * item.width, "linestyle": DASHES[item.dash]}
     text: dict[str, Any] = {"fontsize": 8, "color": item.colour, "ha": "right"}
     if item.x is not None:
         axes.axvline(item.x, **style)

@@ -1,4 +1,4 @@
-"""The page of an assessment, its section in the report of an identification, and its result on a terminal."""
+"""The page of an assessment, its section in the report of an identification, and its document."""
 
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -8,7 +8,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel._types import Array
-from fifthwheel.assess import Assessment, MeasureResult, Threshold
+from fifthwheel.assess import Assessment, MeasureResult
 from fifthwheel.assess.lane_change import LaneChangeRun
 from fifthwheel.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.assess.measures import DYNAMIC, ROLLOVER, SCHEME
@@ -16,7 +16,7 @@ from fifthwheel.assess.rollover import Rollover, rollover
 from fifthwheel.assess.truck import Truck
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.formatting import approximate, enumerated, with_sigma
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import CYCLE, DARK, GREY
@@ -37,15 +37,7 @@ OUTLINES = 7
 def write_assessment_report(
     path: Path, assessment: Assessment, *, provenance: Provenance | None = None, figures: str | None = None
 ) -> list[Path]:
-    """Write the page of an assessment as one HTML file; returns the figures that were written.
-
-    Args:
-        provenance: command, files and versions, to reproduce the result.
-        figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
-
-    Raises:
-        FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
-    """
+    """Write the page of an assessment as one HTML file; arguments, result and errors as of `write_report`."""
     truck = Truck(vehicle=assessment.vehicle, body=assessment.body, speed=assessment.speed)
     blocks: list[pages.Block] = [
         pages.Headline(headline(assessment), is_good(assessment)),
@@ -82,11 +74,6 @@ def section(assessment: Assessment) -> Iterator[pages.Block]:
     yield from map(pages.Hint, assessment.notes)
 
 
-def show_assessment(assessment: Assessment, console: "terminal.Console | None" = None) -> None:
-    """Print an assessment: measures with sigma, thresholds and notes."""
-    terminal.show(assessment_document(assessment), console)
-
-
 def assessment_document(assessment: Assessment) -> pages.Document:
     """Each measure with sigma, the nonlinear truck, the threshold and the probability that it is met."""
     blocks = (
@@ -97,43 +84,41 @@ def assessment_document(assessment: Assessment) -> pages.Document:
     return pages.Document(assessment.title, blocks)
 
 
-def failed(assessment: Assessment) -> list[MeasureResult]:
-    """Measures that meet no level of their thresholds in `SCHEME`."""
-    return [m for m, t in _thresholds(assessment) if not m.meets(t)]
+def verdict(measure: MeasureResult) -> str:
+    """Whether a measure meets its threshold, and surely: with a probability of `LIKELY` or more."""
+    threshold = measure.best_threshold()
+    if threshold is None:
+        return ""
+    if not measure.meets(threshold):
+        return "missed"
+    return "met" if threshold.probability is None or threshold.probability >= LIKELY else "met, not surely"
 
 
-def doubtful(assessment: Assessment) -> list[MeasureResult]:
-    """Measures that meet a threshold of `SCHEME` with a probability below `LIKELY`."""
-    return [
-        m for m, t in _thresholds(assessment) if m.meets(t) and t.probability is not None and t.probability < LIKELY
-    ]
-
-
-def _thresholds(assessment: Assessment) -> Iterator[tuple[MeasureResult, Threshold]]:
-    for measure in assessment:
-        threshold = measure.best_threshold()
-        if threshold is not None and threshold.scheme == SCHEME:
-            yield measure, threshold
+def with_verdict(assessment: Assessment, words: str) -> list[MeasureResult]:
+    """Measures with a threshold of `SCHEME` and this verdict."""
+    found = [(measure, measure.best_threshold()) for measure in assessment if verdict(measure) == words]
+    return [measure for measure, threshold in found if threshold is not None and threshold.scheme == SCHEME]
 
 
 def is_good(assessment: Assessment) -> bool:
     """Whether every threshold is met, and the truck is stable, without doubt."""
-    return not failed(assessment) and not doubtful(assessment) and assessment.unstable <= 1 - LIKELY
+    unsure = with_verdict(assessment, "missed") or with_verdict(assessment, "met, not surely")
+    return not unsure and assessment.unstable <= 1 - LIKELY
 
 
 def headline(assessment: Assessment) -> str:
     """Whether the truck meets its thresholds, and surely; of an unstable truck that it is unstable."""
-    missed = failed(assessment)
+    missed = with_verdict(assessment, "missed")
     if assessment.unstable == 1:
         also = f" It misses {enumerated([m.title for m in missed])}." if missed else ""
         return f"{assessment.title}: {assessment.instability}{also}"
     if missed:
-        verdict = f"misses {enumerated([m.title for m in missed])}"
+        result = f"misses {enumerated([m.title for m in missed])}"
     else:
-        verdict = f"meets all thresholds of the {SCHEME} that are assessed"
-        if uncertain := doubtful(assessment):
-            verdict += f", but with its uncertainty not surely those of {enumerated([m.title for m in uncertain])}"
-    return f"{assessment.title}: {verdict}. {assessment.instability}".rstrip()
+        result = f"meets all thresholds of the {SCHEME} that are assessed"
+        if uncertain := with_verdict(assessment, "met, not surely"):
+            result += f", but with its uncertainty not surely those of {enumerated([m.title for m in uncertain])}"
+    return f"{assessment.title}: {result}. {assessment.instability}".rstrip()
 
 
 def explanations(assessment: Assessment) -> list[str]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 
@@ -34,11 +34,6 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
     ]
     subtitle = f"{', '.join(comparison.runs)}; fifthwheel {fifthwheel.__version__}"
     page.write(path, pages.Document("Comparison", blocks, subtitle))
-
-
-def show_comparison(comparison: Comparison, console: "terminal.Console | None" = None) -> None:
-    """Print the estimates of each run with their differences from the first."""
-    terminal.show(comparison_document(comparison), console)
 
 
 def comparison_document(comparison: Comparison) -> pages.Document:

@@ -247,10 +247,8 @@ def _identified(identification: Identification, e: Estimate) -> str:
     given = identification.initial_vehicle.parameters().get(e.name)
     if given:
         change = e.value / given - 1
-        difference = (
-            f"{percent(abs(change))} {'above' if change > 0 else 'below'}" if abs(change) >= 5e-4 else "equal to"
-        )
-        text += f", {difference} the vehicle file"
+        above = f"{percent(abs(change))} {'above' if change > 0 else 'below'}"
+        text += f", {above if abs(change) >= 5e-4 else 'equal to'} the vehicle file"
     return sentence(text)
 
 
@@ -389,7 +387,7 @@ def _states_result(summary: StateSummary, doubtful: bool) -> list[str]:
     doubt = ", but they do not fit the vehicle file" if doubtful else ""
     samples = f"{_of_samples(summary.valid)}{f' ({rest})' if rest else ''}"
     lines = [f"{summary.name}: inputs and measurements are present and consistent in {samples}{doubt}."]
-    if summary.lift_warning is not None:
+    if summary.lift_warning:
         lines.append(f"{summary.name}: {summary.lift_warning}.")
     differences = [f"{n} {approximate(rms, si_unit(n))}" for n, rms in summary.reference_rms.items() if rms is not None]
     if differences:

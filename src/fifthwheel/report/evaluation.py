@@ -26,15 +26,8 @@ OF_A_VALIDATION = (
 def write_evaluation_report(
     path: Path, evaluation: Evaluation | Validation, *, provenance: Provenance | None = None, figures: str | None = None
 ) -> list[Path]:
-    """Write the page of an evaluation or a validation as one HTML file; returns the figures that were written.
-
-    Args:
-        provenance: command, files and versions, to reproduce the result.
-        figures: "svg", "png" or "pdf" to write every figure into the folder "figures" beside the page too.
-
-    Raises:
-        FifthwheelError: the format of the figures is unknown, or matplotlib is not installed.
-    """
+    """Write the page of an evaluation or a validation as one HTML file; arguments, result and errors as of
+    `write_report`."""
     if isinstance(evaluation, Validation):
         document, of_log = validation_document(evaluation), evaluation.log
     else:

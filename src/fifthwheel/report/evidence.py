@@ -8,13 +8,13 @@ from typing import Any, NamedTuple
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel._atomic import file_digest
-from fifthwheel.assess import Assessment, MeasureResult
+from fifthwheel.assess import Assessment
 from fifthwheel.assess.measures import EDITIONS
 from fifthwheel.assess.truck import HALF_TRACK
 from fifthwheel.formatting import fixed, with_sigma
 from fifthwheel.identify import Identification
 from fifthwheel.pages import page
-from fifthwheel.report.assessment import LIKELY, explanations, headline, is_good
+from fifthwheel.report.assessment import explanations, headline, is_good, verdict
 from fifthwheel.report.provenance import FILES, FileUsed, Provenance
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import unit_of
@@ -118,19 +118,8 @@ def write_evidence(path: Path, evidence: TruckEvidence, contents: Path) -> None:
 
 def _measures(assessment: Assessment) -> pages.Table:
     table = assessment.table()
-    rows = [(row[0], m.source, *row[1:], _verdict(m)) for m, row in zip(assessment, table.rows, strict=True)]
+    rows = [(row[0], m.source, *row[1:], verdict(m)) for m, row in zip(assessment, table.rows, strict=True)]
     return pages.Table((table.heads[0], "Source", *table.heads[1:], "Verdict|w"), rows)
-
-
-def _verdict(measure: MeasureResult) -> str:
-    """Whether a measure meets its threshold, and surely."""
-    threshold = measure.best_threshold()
-    if threshold is None:
-        return ""
-    if not measure.meets(threshold):
-        return "missed"
-    sure = threshold.probability is None or threshold.probability >= LIKELY
-    return "met" if sure else "met, not surely"
 
 
 def _parameters(parameters: Sequence[AssessedParameter]) -> pages.Block:

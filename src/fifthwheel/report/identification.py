@@ -1,4 +1,4 @@
-"""The report of an identification, and its result on a terminal."""
+"""The report of an identification, and its document for a terminal."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -22,7 +22,7 @@ from fifthwheel.identify.result import display
 from fifthwheel.identify.unknowns.parameters import TIME_BASE, softening_priors
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.pages.html import cell, prose, text
 from fifthwheel.plots import Axis, Panel, Plot
 from fifthwheel.record import Record
@@ -131,13 +131,6 @@ def _first_logs(identification: Identification) -> set[str]:
     others = [log for log in fits if log not in own]
     channels = max(map(len, fits.values()), default=1)
     return set([*others[:1], *own, *others[1:]][: min(DRAWN, max(DRAWN_CHANNELS // channels, 1))])
-
-
-def show_identification(
-    identification: Identification, console: "terminal.Console | None" = None, conclusion: Conclusion | None = None
-) -> None:
-    """Print an identification; the conclusion as of `identification_document`."""
-    terminal.show(identification_document(identification, conclusion), console)
 
 
 def identification_document(identification: Identification, conclusion: Conclusion | None = None) -> pages.Document:

@@ -6,13 +6,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.formatting import approximate, shown, with_sigma
-from fifthwheel.identify.knowledge.history import (
-    EstimateHistory,
-    LogEntry,
-    SharedEstimate,
-    estimate_histories,
-    history,
-)
+from fifthwheel.identify.knowledge.history import EstimateHistory, LogEntry, SharedEstimate, estimate_histories, history
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE

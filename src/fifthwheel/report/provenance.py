@@ -106,11 +106,7 @@ def gather_provenance(
 
 
 def provenance_of_run(
-    logs: Sequence[Path],
-    vehicle: str,
-    signals: Path | None = None,
-    *others: Path | None,
-    command: Sequence[str] = (),
+    logs: Sequence[Path], vehicle: str, signals: Path | None = None, *others: Path | None, command: Sequence[str] = ()
 ) -> Provenance:
     """The provenance of a command.
 
@@ -135,10 +131,8 @@ def versions() -> dict[str, str]:
     """Versions of fifthwheel, Python and the packages that the numbers depend on, and the platform."""
     installed = {"fifthwheel": fifthwheel.__version__, "Python": platform.python_version()}
     for name in PACKAGES:
-        try:
+        with suppress(metadata.PackageNotFoundError):
             installed[name] = metadata.version(name)
-        except metadata.PackageNotFoundError:
-            continue
     return installed | {"platform": platform.platform(), "byte order": sys.byteorder}
 
 

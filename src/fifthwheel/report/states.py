@@ -1,4 +1,4 @@
-"""The report of states, their section in the report of an identification, and their result on a terminal."""
+"""The report of states, their section in the report of an identification, and their document for a terminal."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,7 +15,7 @@ from fifthwheel.formatting import approximate, percent
 from fifthwheel.names import split_log
 from fifthwheel.observe import States, Status
 from fifthwheel.observe.states import SHADES
-from fifthwheel.pages import page, terminal
+from fifthwheel.pages import page
 from fifthwheel.pages.html import text
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.plots.palette import DARK, rgba
@@ -81,16 +81,6 @@ def write_states_report(
     return page.write(Path(path), document, images=figures)
 
 
-def show_states(
-    states: Sequence[States],
-    records: Sequence[Record],
-    console: "terminal.Console | None" = None,
-    conclusion: Conclusion | None = None,
-) -> None:
-    """Print how reliable states are, with their uncertainty, cautions and next steps."""
-    terminal.show(states_document(states, records, conclusion), console)
-
-
 def states_document(
     states: Sequence[States], records: Sequence[Record], conclusion: Conclusion | None = None
 ) -> pages.Document:
@@ -114,8 +104,8 @@ def _tables(summary: StateSummary) -> Iterator[pages.Block]:
     yield pages.Table((pages.TableColumn(summary.name), *columns), rows)
     statuses = [f"{percent(fraction)} {STATUSES[status]}" for status, fraction in summary.status.items()]
     yield pages.Paragraph(f"Samples: {'; '.join(statuses)}")
-    if summary.lift_warning is not None:
-        yield pages.Paragraph(sentence(str(summary.lift_warning)))
+    if summary.lift_warning:
+        yield pages.Paragraph(sentence(summary.lift_warning))
     sizes = [
         (name, f"{size.rms:.2f}" if np.isfinite(size.rms) else "–", percent(size.rejected))
         for name, size in summary.innovations.items()

@@ -97,14 +97,10 @@ def _placed(words: Sequence[_Words]) -> Iterator[tuple[_Words, float]]:
         half = CHARACTER * max(len(line) for line, *_ in each.lines) / 2
         x, height = min(max(each.x, half), max(WIDTH - half, half)), LINE_HEIGHT * (len(each.lines) + 0.4)
         beside = [(near, far) for start, stop, near, far in placed if start < x + half and stop > x - half]
-        free = (y for y in sorted([0.0, *(far for _, far in beside)]) if _is_free(y, y + height, beside))
-        y = next(free)
+        places = sorted([0.0, *(far for _, far in beside)])
+        y = next(y for y in places if not any(y < far and y + height > near for near, far in beside))
         placed.append((x - half, x + half, y, y + height))
         yield each._replace(x=x), y
-
-
-def _is_free(near: float, far: float, taken: Sequence[tuple[float, float]]) -> bool:
-    return not any(near < stop and far > start for start, stop in taken)
 
 
 def _text(words: _Words, y: float) -> str:

@@ -79,11 +79,7 @@ def mass_document(
     deviation, difference = result.deviation(*before), result.mass - before[0]
     agrees, measured = deviation <= CONTRADICTION, enumerated([SOURCES[key] for key in result.sources])
     side = f"{abs(difference) / 1e3:.1f} t too {'light' if difference > 0 else 'heavy'}"
-    verdict = (
-        f"The vehicle file agrees with the {measured.removeprefix('ordinary ')}"
-        if agrees
-        else f"The vehicle file is {side}"
-    )
+    verdict = f"agrees with the {measured.removeprefix('ordinary ')}" if agrees else f"is {side}"
     found, file = (with_sigma(m / 1e3, s / 1e3, "t") for m, s in ((result.mass, result.sigma), before))
     remarks = {"driving": f"{result.used:.0f} s with known force"}
     rows = [(SOURCES[key], with_sigma(*mass, "kg"), remarks.get(key, "")) for key, mass in result.sources.items()]
@@ -93,7 +89,7 @@ def mass_document(
     return pages.Document(
         "Gross mass",
         [
-            pages.Headline(f"{verdict}: the gross mass is {found}, in the file {file}.", agrees),
+            pages.Headline(f"The vehicle file {verdict}: the gross mass is {found}, in the file {file}.", agrees),
             pages.Table(("Gross mass by", "Mass>", ""), rows),
             changed_table(changed, "Numbers that follow the load"),
             pages.Table(("Sigma comes from", "Part>"), parts, label="Parts of sigma"),
@@ -119,11 +115,8 @@ def changed_table(changed: Mapping[str, Mapping[str, float | None]], label: str 
     for path, number in changed.items():
         unit, new, old = unit_of(path), number["value"], number["before"]
         if new is not None and old is not None and new != old:
-            change = (
-                f"{new - old:+.3f} m"
-                if path.endswith(("cog", "position")) or not old
-                else f"{100 * (new / old - 1):+.1f} %"
-            )
+            is_position = path.endswith(("cog", "position"))
+            change = f"{new - old:+.3f} m" if is_position or not old else f"{100 * (new / old - 1):+.1f} %"
             rows.append((path, with_sigma(new, number["sigma"], unit), with_sigma(old, None, unit), change))
     return pages.Table(("Parameter", "New>", "File>", "Change>"), rows, label=label)
 
