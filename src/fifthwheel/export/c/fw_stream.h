@@ -62,9 +62,7 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
 static void fw_stream_start(fw_stream *stream)
 {
     stream->running = 1;
-    for (int i = 0; i < FW_HELD_COUNT; i++) {
-        stream->last[i] = stream->held[i];
-    }
+    fw_copy(stream->last, stream->held, FW_HELD_COUNT);
 }
 
 /* Whether the state must start with this sample, the last of which was at `previous`. */
@@ -123,9 +121,7 @@ static int fw_write_measurements(fw_real *row, const fw_sample *sample)
 /* Ends a sample of which a measurement was accepted, or none. */
 static fw_status fw_stream_finish(fw_stream *stream, int accepted)
 {
-    for (int i = 0; i < FW_HELD_COUNT; i++) {
-        stream->last[i] = stream->held[i];
-    }
+    fw_copy(stream->last, stream->held, FW_HELD_COUNT);
     if (accepted != 0) {
         stream->accepted = stream->time;
     }

@@ -79,14 +79,10 @@ static void fw_watch_health(fw_learner *learner, fw_real gap, const fw_real *row
     fw_real sample[1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT)];
     fw_real *const innovations = &sample[1 + (2 * FW_INPUT_COUNT)];
     sample[0] = gap;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        sample[1 + i] = learner->stream.last[i];
-        sample[1 + FW_INPUT_COUNT + i] = learner->stream.held[i];
-    }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        innovations[i] = update->innovation[i];
-        innovations[FW_MEASURED_COUNT + i] = row[FW_ROW_WEIGHTS + i];
-    }
+    fw_copy(&sample[1], learner->stream.last, FW_INPUT_COUNT);
+    fw_copy(&sample[1 + FW_INPUT_COUNT], learner->stream.held, FW_INPUT_COUNT);
+    fw_copy(innovations, update->innovation, FW_MEASURED_COUNT);
+    fw_copy(&innovations[FW_MEASURED_COUNT], &row[FW_ROW_WEIGHTS], FW_MEASURED_COUNT);
     fw_health(learner->health, sample, learner->health, found);
 }
 
@@ -96,10 +92,8 @@ static int fw_is_worse_than_a_start(const fw_learner *learner)
 {
     fw_states states;
     fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        row[FW_ROW_INPUTS + i] = learner->stream.held[i];
-        row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT + i] = learner->stream.held[i];
-    }
+    fw_copy(&row[FW_ROW_INPUTS], learner->stream.held, FW_INPUT_COUNT);
+    fw_copy(&row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT], learner->stream.held, FW_INPUT_COUNT);
     fw_view(learner->first, row, &states);
     return ((FW_BANKS > 0) && (states.sigma[FW_BANK_STATE] > FW_BANK_SIGMA)) ? 1 : 0;
 }
