@@ -36,4 +36,11 @@ static inline void fw_copy(fw_real *to, const fw_real *from, int count)
     }
 }
 
+static inline void fw_fill(fw_real *numbers, fw_real value, int count)
+{
+    for (int i = 0; i < count; i++) {
+        numbers[i] = value;
+    }
+}
+
 #endif

@@ -33,9 +33,7 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
     fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
         fw_real *row = &x[i * (1 + FW_U)];
-        for (int j = 0; j <= FW_U; j++) {
-            row[j] = FW_REAL(0.0);
-        }
+        fw_fill(row, FW_REAL(0.0), 1 + FW_U);
         if (stable != 0) {
             row[0] = -effect[i] * fw_unknown_mean[0];
             row[1] = -effect[i] * fw_unknown_sigma[0];
@@ -124,10 +122,8 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     states->status = fw_stream_take(&observer->stream, sample);
     if (states->status != FW_OK) {
         states->nis = (fw_real)NAN;
-        for (int i = 0; i < FW_STATE_COUNT; i++) {
-            states->value[i] = (fw_real)NAN;
-            states->sigma[i] = (fw_real)NAN;
-        }
+        fw_fill(states->value, (fw_real)NAN, FW_STATE_COUNT);
+        fw_fill(states->sigma, (fw_real)NAN, FW_STATE_COUNT);
         return FW_SUCCESS;
     }
     if (fw_stream_starts(&observer->stream, previous) != 0) {

@@ -100,9 +100,7 @@ static void fw_write_step(fw_real *row, const fw_real *ends, double previous, do
         row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT + i] =
             (step < count) ? (before + ((after - before) * (fw_real)last)) : after;
     }
-    for (int i = 0; i < (2 * FW_MEASURED_COUNT); i++) {
-        row[FW_ROW_MEASURED + i] = FW_REAL(0.0);
-    }
+    fw_fill(&row[FW_ROW_MEASURED], FW_REAL(0.0), 2 * FW_MEASURED_COUNT);
 }
 
 /* Writes the measurements of a sample to a row; returns whether there is one. */

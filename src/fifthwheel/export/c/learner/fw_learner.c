@@ -164,28 +164,20 @@ void fw_learner_reset(fw_learner *learner)
     fw_stream_init(&learner->stream);
     learner->start_time = -INFINITY;
     learner->dropout = -INFINITY;
-    for (int i = 0; i < FW_STEER_COUNT; i++) {
-        learner->contact[i] = FW_REAL(0.0);
-    }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        learner->average[i] = FW_REAL(0.0);
-    }
+    fw_fill(learner->contact, FW_REAL(0.0), FW_STEER_COUNT);
+    fw_fill(learner->average, FW_REAL(0.0), FW_MEASURED_COUNT);
     fw_restart_excitation(learner);
     learner->learning = 0;
 }
 
 void fw_learner_init(fw_learner *learner)
 {
-    for (int i = 0; i < FW_CARRY_COUNT; i++) {
-        learner->first[i] = FW_REAL(0.0);
-    }
+    fw_fill(learner->first, FW_REAL(0.0), FW_CARRY_COUNT);
     for (int i = 0; i < FW_Z_COUNT; i++) {
         learner->first[FW_AT_PZ + fw_diagonal(FW_Z_COUNT, i)] = FW_REAL(1.0);
     }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        learner->mean_square[i] = FW_REAL(1.0);
-        learner->autocorrelation[i] = FW_REAL(1.0);
-    }
+    fw_fill(learner->mean_square, FW_REAL(1.0), FW_MEASURED_COUNT);
+    fw_fill(learner->autocorrelation, FW_REAL(1.0), FW_MEASURED_COUNT);
     fw_begin_segments(learner);
     fw_learner_reset(learner);
 }
@@ -202,10 +194,8 @@ fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_state
     status = fw_stream_take(&learner->stream, sample);
     if (status != FW_OK) {
         learner->learning = 0;
-        for (int i = 0; i < FW_STATE_COUNT; i++) {
-            states->value[i] = (fw_real)NAN;
-            states->sigma[i] = (fw_real)NAN;
-        }
+        fw_fill(states->value, (fw_real)NAN, FW_STATE_COUNT);
+        fw_fill(states->sigma, (fw_real)NAN, FW_STATE_COUNT);
     } else if (fw_process_sample(learner, sample, previous, row, &status, found) != FW_SUCCESS) {
         return FW_ERROR_GAP;
     } else {

@@ -68,9 +68,7 @@ static double longest_step(double speed, const double *parameters)
 
 void fmu_start(fmu_state *state)
 {
-    for (int i = 0; i < FW_STATES; i++) {
-        state->model.x[i] = 0.0;
-    }
+    fw_fill(state->model.x, 0.0, FW_STATES);
 }
 
 void fmu_outputs(fmu_state *state)
