@@ -214,8 +214,11 @@ FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte 
     { \
         return refuse(instance); \
     }
-#define NO_GET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, type values[], size_t m)
-#define NO_SET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, const type values[], size_t m)
+#define NO_SET(type) \
+    UNUSED(fmi3Set##type, const fmi3ValueReference r[], size_t n, const fmi3##type values[], size_t m)
+#define NO_VARIABLES(type) \
+    UNUSED(fmi3Get##type, const fmi3ValueReference r[], size_t n, fmi3##type values[], size_t m) \
+    NO_SET(type)
 
 FMI3(fmi3Instance, fmi3InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken,
                                                  fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
@@ -238,29 +241,19 @@ FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(
     return NULL;
 }
 
-NO_GET(fmi3GetFloat32, fmi3Float32)
-NO_GET(fmi3GetInt8, fmi3Int8)
-NO_GET(fmi3GetUInt8, fmi3UInt8)
-NO_GET(fmi3GetInt16, fmi3Int16)
-NO_GET(fmi3GetUInt16, fmi3UInt16)
-NO_GET(fmi3GetUInt32, fmi3UInt32)
-NO_GET(fmi3GetInt64, fmi3Int64)
-NO_GET(fmi3GetUInt64, fmi3UInt64)
-NO_GET(fmi3GetBoolean, fmi3Boolean)
-NO_GET(fmi3GetString, fmi3String)
+NO_VARIABLES(Float32)
+NO_VARIABLES(Int8)
+NO_VARIABLES(UInt8)
+NO_VARIABLES(Int16)
+NO_VARIABLES(UInt16)
+NO_VARIABLES(UInt32)
+NO_VARIABLES(Int64)
+NO_VARIABLES(UInt64)
+NO_VARIABLES(Boolean)
+NO_VARIABLES(String)
 UNUSED(fmi3GetBinary, const fmi3ValueReference r[], size_t n, size_t sizes[], fmi3Binary values[], size_t m)
 UNUSED(fmi3GetClock, const fmi3ValueReference r[], size_t n, fmi3Clock values[])
-NO_SET(fmi3SetFloat32, fmi3Float32)
-NO_SET(fmi3SetInt8, fmi3Int8)
-NO_SET(fmi3SetUInt8, fmi3UInt8)
-NO_SET(fmi3SetInt16, fmi3Int16)
-NO_SET(fmi3SetUInt16, fmi3UInt16)
-NO_SET(fmi3SetInt32, fmi3Int32)
-NO_SET(fmi3SetUInt32, fmi3UInt32)
-NO_SET(fmi3SetInt64, fmi3Int64)
-NO_SET(fmi3SetUInt64, fmi3UInt64)
-NO_SET(fmi3SetBoolean, fmi3Boolean)
-NO_SET(fmi3SetString, fmi3String)
+NO_SET(Int32)
 UNUSED(fmi3SetBinary, const fmi3ValueReference r[], size_t n, const size_t sizes[], const fmi3Binary values[], size_t m)
 UNUSED(fmi3SetClock, const fmi3ValueReference r[], size_t n, const fmi3Clock values[])
 UNUSED(fmi3GetNumberOfVariableDependencies, fmi3ValueReference r, size_t *count)
