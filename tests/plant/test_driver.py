@@ -9,7 +9,6 @@ from scipy.linalg import expm
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.errors import SignalError
 from fifthwheel.manoeuvres import (
     Course,
     Path,
@@ -20,7 +19,7 @@ from fifthwheel.manoeuvres import (
     step_input,
     straight,
 )
-from fifthwheel.plant.driver import Command, Driver, DriverSettings, Pose
+from fifthwheel.plant.driver import Command, Driver, Pose
 from fifthwheel.vehicle import Vehicle, get
 
 G = 9.80665
@@ -178,13 +177,3 @@ def test_an_open_loop_is_replayed():
     assert driver(1.05, pose).steer == pytest.approx(course.steer[-1] / 2)
     assert driver(1.055, pose).steer == pytest.approx(course.steer[-1] * 0.55)
     assert driver(99.0, pose).steer == course.steer[-1]
-
-
-def test_invalid_settings_are_refused():
-    DriverSettings(preview=0.0)
-    with pytest.raises(SignalError, match="bandwidth: expected a finite number above 0, got 0"):
-        DriverSettings(bandwidth=0)
-    with pytest.raises(SignalError, match="preview: expected a finite number of 0 or more, got -1"):
-        DriverSettings(preview=-1)
-    with pytest.raises(SignalError, match="damping"):
-        DriverSettings(damping=math.nan)

@@ -16,13 +16,13 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.workflow import (
-    IdentificationRun,
     read_records,
     read_vehicle,
     run_identification,
     run_states,
     write_results,
 )
+from fifthwheel.workflow.identification import IdentificationRun
 
 TRUCK = get("cheng_cebon_2011")
 RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")

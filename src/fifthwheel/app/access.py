@@ -26,13 +26,14 @@ POLICY = "; ".join(
     )
 )
 """What a page may load: nothing from elsewhere."""
-HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Referrer-Policy": "no-referrer",
-    "X-Content-Type-Options": "nosniff",
-}
+HEADERS = (
+    (b"content-security-policy", POLICY.encode()),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"x-content-type-options", b"nosniff"),
+)
+"""Of every answer."""
 MAX_BODY = 1_000_000
 """Bytes of a request that is not a dropped file."""
 MAX_FILE = 8_000_000_000
@@ -115,12 +116,13 @@ class Guard:
             await _refuse(scope, send, *refusal)
             return
         new = scope["type"] == "http" and not access.known(_headers(scope))
-        headers = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
+        headers = [*HEADERS]
         if new:
             value = f"{access.cookie}={access.secret}; Path=/; HttpOnly; SameSite=Strict"
             headers.append((b"set-cookie", value.encode()))
         if new and access.token is not None:  # the token leaves the address bar
-            location = [(b"location", _plain_path(scope["path"])), (b"content-length", b"0")]
+            place = f"/{quote(scope['path'].lstrip('/'))}".encode()  # //x would be another host
+            location = [(b"location", place), (b"content-length", b"0")]
             await send({"type": "http.response.start", "status": 303, "headers": [*headers, *location]})
             await send({"type": "http.response.body"})
             return
@@ -155,18 +157,12 @@ async def _refuse(scope: Mapping[str, Any], send: Any, status: int, reason: str)
         return
     body = f"{reason}\n".encode()
     headers = [(b"content-type", b"text/plain; charset=utf-8"), (b"content-length", b"%d" % len(body))]
-    headers += [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.start", "status": status, "headers": [*headers, *HEADERS]})
     await send({"type": "http.response.body", "body": body})
 
 
 def _headers(scope: Mapping[str, Any]) -> dict[str, str]:
     return {name.decode("latin-1").lower(): value.decode("latin-1") for name, value in scope["headers"]}
-
-
-def _plain_path(path: str) -> bytes:
-    """A path as an address on this host: //x would be another host."""
-    return f"/{quote(path.lstrip('/'))}".encode()
 
 
 def _same(given: str, expected: str) -> bool:

@@ -42,9 +42,9 @@ def _silent(title: str, done: int, total: int) -> None:
 
 def stored_folder(workspace: Workspace, name: str) -> Path:
     """Where the samples of a log are stored; another folder when the log, a database or its time column changes."""
-    described = [_described(path) for path in (workspace.log(name), *workspace.databases())]
+    files = [described(path) for path in (workspace.log(name), *workspace.databases())]
     time = workspace.choices().of(name).time
-    key = hashlib.sha256(json.dumps({"files": described, "time": time}).encode()).hexdigest()[:16]
+    key = hashlib.sha256(json.dumps({"files": files, "time": time}).encode()).hexdigest()[:16]
     return workspace.folder / HIDDEN / "logs" / f"{name}-{key}"
 
 
@@ -140,7 +140,7 @@ def propose(folder: Path, name: str) -> str:
     contents = survey(workspace, name)
     units = {column: content.column.unit for column, content in contents.contents.items() if content.alive}
     steers = [hint.column for hint in classify_columns(units).values() if hint.channel is STEER]
-    named = [channel.columns[0] for signal, channel in SignalMap.of_columns(units)[0].items() if _is_steer(signal)]
+    named = [channel.columns[0] for signal, channel in SignalMap.of_columns(units)[0].items() if is_of(signal, STEER)]
     log = opened(workspace, name, _steered_span(opened(workspace, name), named + steers))
     return propose_signals(log, contents, workspace.vehicle(), databases=databases).signals_toml
 
@@ -150,13 +150,9 @@ def evidence(folder: Path, name: str) -> SignalEvidence:
     workspace = Workspace(folder)
     store(folder, name)
     signal_map = workspace.signal_map() or SignalMap()
-    steers = [channel.columns[0] for signal, channel in signal_map.signals.items() if _is_steer(signal)]
+    steers = [channel.columns[0] for signal, channel in signal_map.signals.items() if is_of(signal, STEER)]
     span = _steered_span(opened(workspace, name), steers)
     return signal_evidence(record(folder, name, span=span), workspace.vehicle())
-
-
-def _is_steer(signal: str) -> bool:
-    return is_of(signal, STEER)
 
 
 def _steered_span(log: StoredLog, columns: Sequence[str]) -> tuple[float, float] | None:
@@ -182,6 +178,7 @@ def records(folder: Path, names: Sequence[str] | None = None, progress: Progress
     return [record(folder, name, progress) for name in chosen]
 
 
-def _described(path: Path) -> tuple[str, int, int]:
+def described(path: Path) -> tuple[str, int, int]:
+    """What identifies the content of a file: name, bytes and time of the last change."""
     content = path.stat()
     return path.name, content.st_size, content.st_mtime_ns

@@ -161,15 +161,12 @@ async def fill(place: ui.column, doing: str, computed: Awaitable[T], build: Call
     with place:
         ui.spinner(size="2em").props(f'role=status aria-label="{doing}"')
     try:
-        found = await computed
+        show: Callable[[], object] = partial(build, await computed)
     except FifthwheelError as error:
-        place.clear()
-        with place:
-            failure(str(error))
-        return
+        show = partial(failure, str(error))
     place.clear()
     with place:
-        build(found)
+        show()
 
 
 def next_step(message: str, page: str) -> None:

@@ -117,8 +117,7 @@ def stamp(workspace: Workspace) -> str:
     choices = workspace.choices()
     digest.update(repr([workspace.read(SIGNALS), workspace.read(VEHICLE), choices.logs, choices.identify]).encode())
     for path in (*workspace.logs(), *workspace.databases()):
-        content = path.stat()
-        digest.update(repr((path.name, content.st_size, content.st_mtime_ns)).encode())
+        digest.update(repr(inputs.described(path)).encode())
     return digest.hexdigest()
 
 

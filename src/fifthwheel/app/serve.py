@@ -42,7 +42,8 @@ def serve(
         FifthwheelError: another address than of this computer without a token, an address that cannot be used, or
             nicegui is not installed.
     """
-    local = is_loopback(f"[{host}]" if ":" in host else host)
+    named = f"[{host}]" if ":" in host else host
+    local = is_loopback(named)
     if not local and token is None:
         raise FifthwheelError(f"--host {host}: other computers could change the files; set --token too")
     if token is not None and len(token) < 8:
@@ -53,7 +54,6 @@ def serve(
     _keep_inside(workspace)
     require("nicegui", "app")
     access = Access(local=local, token=token, port=port, max_file=max_file)
-    named = f"[{host}]" if ":" in host else host
     address = f"http://{named}:{port}/"
     opened = address if token is None else f"{address}?token={quote(token)}"
 

@@ -58,12 +58,12 @@ def find_attention(
 
 
 def _change(row: Row) -> Attention:
-    kind, subject, day = row["kind"], row["subject"], _day(row["date"])
+    kind, subject, day = row["kind"], row["subject"], f"{row['date']:%Y-%m-%d}"
     if kind == OUTLIER:
         text = f"The trip of {day} ({row['log']}) differs from those before and after it; look at its log."
         return Attention(row["truck"], "outlier", row["date"], text)
     moved = f"{spoken(row['parameter'])} {percent(row['value'] / row['before'] - 1)}" if row["before"] else subject
-    when = f"between {_day(row['after'])} and {day}"
+    when = f"between {row['after']:%Y-%m-%d} and {day}"
     path, of, trailer = subject.partition(" of ")
     whose = f"{of}{trailer}"
     axle = f"{named_axle(path)}{whose}"
@@ -143,7 +143,3 @@ def _kinds(messages: Iterable[tuple[Row, str]]) -> Iterator[tuple[Row, str, int]
         found.setdefault((trip["truck"], _VARIABLE.sub("", message)), []).append((trip, message))
     for same in found.values():
         yield same[0][0], same[0][1][:MAX_MESSAGE], len({trip["log"] for trip, _ in same})
-
-
-def _day(date: datetime.datetime) -> str:
-    return f"{date:%Y-%m-%d}"

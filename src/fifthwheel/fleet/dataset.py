@@ -190,13 +190,8 @@ def batches(trips: pa.Table) -> Iterator[TruckTrips]:
 
 def _groups(file: pq.ParquetFile, found: Any) -> list[int]:
     """The row groups with at least one of the found rows."""
-    flags, groups, row = found.to_numpy(), [], 0
-    for k in range(file.metadata.num_row_groups):
-        count = file.metadata.row_group(k).num_rows
-        if flags[row : row + count].any():
-            groups.append(k)
-        row += count
-    return groups
+    ends = np.cumsum([file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)])
+    return [k for k, flags in enumerate(np.split(found.to_numpy(), ends[:-1])) if flags.any()]
 
 
 @contextmanager

@@ -1,7 +1,6 @@
 """The page of a fleet: what needs attention, the fleet's tables, the history of every truck."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +126,7 @@ def _histories(history: Sequence[Row], changes: Sequence[Row], attention: Sequen
     )
     for truck in order[:MAX_HISTORIES]:
         yield pages.Heading(truck, badge="needs attention" if truck in first else "")
-        own = [_ms(c["date"]) for c in changes if c["truck"] == truck and c["kind"] != OUTLIER]
+        own = [1000 * c["date"].timestamp() for c in changes if c["truck"] == truck and c["kind"] != OUTLIER]
         series: dict[tuple[str, str, str], list[Row]] = {}
         for row in sorted(trucks[truck], key=lambda row: row["date"]):
             series.setdefault((row["parameter"], row["trailer"] or "", row["load"] or ""), []).append(row)
@@ -141,7 +140,7 @@ def _history(
 ) -> pages.CaptionedPlot:
     parameter, trailer, load = key
     unit = shown(rows[0]["unit"])
-    dates = np.array([_ms(row["date"]) for row in rows])
+    dates = np.array([1000 * row["date"].timestamp() for row in rows])
     value, sigma = (np.array([row[name] for row in rows]) * unit.factor for name in ("value", "sigma"))
     items: list[Item] = [
         Band(dates, value - 2 * sigma, value + 2 * sigma, name="± 2 sigma", colour=BLUE),
@@ -159,10 +158,6 @@ def _history(
     note = ", ".join(text for text in (trailer and f"trailer {trailer}", load and f"load {load}") if text)
     path = (truck, "history", "-".join(filter(None, key)))
     return pages.CaptionedPlot(spoken(parameter), plot, f"truck {truck}", path, note=note)
-
-
-def _ms(date: datetime) -> float:
-    return 1000 * date.timestamp()
 
 
 def _failed(trips: Sequence[Row]) -> Iterator[pages.Block]:

@@ -124,7 +124,8 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
             vehicle_text = catalogue.text(trip.vehicle) if trip.vehicle in catalogue.names() else _text(trip.vehicle)
             map_text = _text(trip.signals) if trip.signals else ""
             digest = _digest(trip, job, log_digest, vehicle_text, map_text)
-            if _contains(job.done, digest):
+            place = int(np.searchsorted(job.done, digest.encode()))
+            if place < len(job.done) and job.done[place] == digest.encode():
                 return TripOutcome("unchanged", digest)
             if (failure := _hash(digest, environment())) in job.failures:
                 return TripOutcome("failed", failure, job.failures[failure])
@@ -188,11 +189,6 @@ def environment() -> list[Any]:
 @cache
 def _packages() -> list[tuple[str, str]]:
     return sorted((package.name, package.version) for package in importlib.metadata.distributions())
-
-
-def _contains(digests: Any, digest: str) -> bool:
-    place = int(np.searchsorted(digests, digest.encode()))
-    return place < len(digests) and bool(digests[place] == digest.encode())
 
 
 def _digest(trip: Trip, job: TripJob, log_digest: str, vehicle_text: str, map_text: str) -> str:

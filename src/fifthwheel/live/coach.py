@@ -2,7 +2,7 @@
 
 import copy
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import suppress
 from dataclasses import dataclass
@@ -124,7 +124,11 @@ class Coach:
         self._learning, self._pool, live = learning, pool, learning.learner.live
         learned = [estimate.name for estimate in learning.parameters]
         self.targets = dict(targets or default_targets(live.setup.vehicle, live.setup.settings))
-        _require_learned(self.targets, learned)
+        for name, target in self.targets.items():
+            if name not in learned:
+                raise FifthwheelError(f"--target {name}: not a parameter that is learned; {suggestion(name, learned)}")
+            if not target > 0:
+                raise FifthwheelError(f"--target {name}: expected a sigma above 0, got {target:g}; give one such as 5%")
         self._settings = DRIVEN.up_to(max_speed)
         self._point = live.filter.estimate(finished=False).z  # at which the manoeuvres were computed
         self._candidates = manoeuvre_information(learning.learner, self._settings)
@@ -231,11 +235,3 @@ class Coach:
         if output.status.name in _PREVENTS:
             return STATUSES[output.status.name]
         return ""
-
-
-def _require_learned(targets: Mapping[str, float], learned: Collection[str]) -> None:
-    for name, target in targets.items():
-        if name not in learned:
-            raise FifthwheelError(f"--target {name}: not a parameter that is learned; {suggestion(name, learned)}")
-        if not target > 0:
-            raise FifthwheelError(f"--target {name}: expected a sigma above 0, got {target:g}; give one such as 5%")

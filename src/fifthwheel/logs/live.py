@@ -55,8 +55,7 @@ class LiveMap:
         expect("signal_map", signal_map, SignalMap)
         expect_names("columns", columns)
         self._keys = {split_header(key)[0]: key for key in columns}
-        found = {name: Column(name=name, unit=split_header(key)[1]) for name, key in self._keys.items()}
-        self._units = {name: column.unit for name, column in found.items()}
+        found = self._columns = {n: Column(name=n, unit=split_header(key)[1]) for n, key in self._keys.items()}
         self._channels: dict[str, tuple[SignalSource, list[str]]] = {}
         for signal, channel in signal_map.completed(self._keys).signals.items():
             if channel.time is not None:
@@ -68,7 +67,7 @@ class LiveMap:
         if time is None:
             raise SignalError(f"{_SOURCE}: no column named 'time' or 't'; name it as [time] column in the signal map")
         self._time = time
-        self._seconds = factor((signal_map.time and signal_map.time.unit) or self._units[time] or "s", "s")
+        self._seconds = factor((signal_map.time and signal_map.time.unit) or found[time].unit or "s", "s")
         self._delays = {signal: quantity(channel.delay, "s") for signal, (channel, _) in self._channels.items()}
         self.latency = max(0.0, *self._delays.values()) if self._delays else 0.0
         """Time after which a sample is returned, s: the largest delay."""
@@ -84,7 +83,7 @@ class LiveMap:
             if any(cell is None or math.isnan(cell) for cell in cells):
                 signals[signal] = math.nan
                 continue
-            columns = [(np.array([cell]), self._units[name]) for cell, name in zip(cells, names, strict=True)]
+            columns = [(np.array([cell]), self._columns[name].unit) for cell, name in zip(cells, names, strict=True)]
             signals[signal] = float(channel.converted(columns, si_unit(signal) or "1")[0])
         return signals
 

@@ -29,11 +29,6 @@ def noise_spectrum(size: int, frequency: Array, low: float, high: float, seed: i
     return np.asarray(band * np.fft.rfft(np.random.default_rng(seed).normal(size=size)))
 
 
-def straight(time: Array) -> Array:
-    """Straight ahead: zero (N,)."""
-    return np.zeros_like(time)
-
-
 def sweep(time: Array) -> Array:
     """Swept sine of 1.2 m/s^2 from 0.1 to 1.5 Hz over the whole time (N,), with soft ends."""
     window: Array = np.sqrt(np.maximum(np.sin(np.pi * time / time[-1]), 0.0))

@@ -65,7 +65,7 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         acceleration=accelerations.random,
         open_loop=open_loops.random,
     ),
-    "straight": Manoeuvre(description="straight ahead", acceleration=accelerations.straight, path=paths.straight),
+    "straight": Manoeuvre(description="straight ahead", acceleration=np.zeros_like, path=paths.straight),
     "bend": Manoeuvre(
         description="a bend of 8 s with 1 m/s^2, straight before and after it", acceleration=accelerations.bend
     ),

@@ -18,9 +18,9 @@ def straight(*, speed: float = STANDARD_SPEED, duration: float = 60.0) -> Path:
 
 
 def constant_radius(
-    *, radius: float = 150.0, speed: float = 14.0, acceleration: float = 0.0, duration: float = 60.0, lead: float = 2.0
+    *, radius: float = 150.0, speed: float = 14.0, acceleration: float = 0.0, duration: float = 60.0
 ) -> Path:
-    """A circle to the left, entered by a clothoid: ISO 14792, constant radius.
+    """A circle to the left, entered by a clothoid after 2 s straight ahead: ISO 14792, constant radius.
 
     The lateral jerk on the clothoid is 1 m/s^3.
 
@@ -29,7 +29,6 @@ def constant_radius(
         speed: up to the circle, m/s.
         acceleration: rate at which the speed rises on the circle, m/s^2; small for a quasi-steady state.
         duration: of the run, s.
-        lead: time straight ahead before the clothoid, s.
     """
     require_positive("speed", speed)
     require_positive("radius", radius)
@@ -38,7 +37,7 @@ def constant_radius(
             f"acceleration: expected 0 m/s^2 or more, got {acceleration:g}; the speed rises or is constant"
         )
     arc = arc_length_grid(speed * duration + acceleration * duration**2 / 2)
-    entry, clothoid = lead * speed, speed**3 / radius
+    entry, clothoid = 2.0 * speed, speed**3 / radius
     curvature = trapezoid(arc, entry, math.inf, clothoid) / radius
     speeds = np.sqrt(speed**2 + 2 * acceleration * np.clip(arc - entry - clothoid, 0, None))
     return Path.from_curvature("constant_radius", curvature, speeds, duration)

@@ -1,6 +1,5 @@
 """The nonlinear truck: a multibody model on MuJoCo, independent of `dynamics`, with its driver and sensors."""
 
-from fifthwheel.plant.driver import Driver, DriverSettings
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.plant.powertrain import DrivenTruck
 from fifthwheel.plant.properties import Properties
@@ -9,8 +8,6 @@ from fifthwheel.plant.truck import Plant, PlantRun
 
 __all__ = [
     "DrivenTruck",
-    "Driver",
-    "DriverSettings",
     "MagicFormula",
     "Plant",
     "PlantRun",

@@ -160,7 +160,5 @@ def _axle_yaw_inertia(axle: BeamAxle, properties: Properties) -> float:
     """Yaw inertia of an axle with its wheels about its middle, kg m^2."""
     beam = (axle.mass - 2 * axle.wheel_mass) * (2 * properties.half_track) ** 2 / 12
     wheel = axle.wheel_mass * properties.wheel_gyration**2
-    wheels = (
-        2 * axle.wheel_mass * properties.half_track**2 + wheel
-    )  # about a diameter, a disc has half its spin inertia
-    return beam + wheels
+    # about a diameter, a disc has half its spin inertia
+    return beam + (2 * axle.wheel_mass * properties.half_track**2 + wheel)

@@ -19,13 +19,22 @@ front axle.
 """
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from fifthwheel.manoeuvres import Course, Path
-from fifthwheel.settings import FiniteNonNegative, FinitePositive, Settings
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
+
+BANDWIDTH = 1.0
+"""w, natural frequency of the path error, rad/s; about 1 for a human driver."""
+DAMPING = 0.8
+"""zeta, damping ratio of the path error."""
+PREVIEW = 0.05
+"""t_p, preview time of the curvature, s: the time in which tyres and steering build up a force."""
+STEER_RATE = 0.3
+"""Highest rate of the road wheels, rad/s; at the steering wheel about 20 times as much."""
+SLOWEST = 2.0
+"""Lower limit of the speed in the law, m/s, so that the steer angle stays finite when the truck stops."""
 
 
 class Pose(NamedTuple):
@@ -52,34 +61,13 @@ class Command(NamedTuple):
     """Desired speed, m/s."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class DriverSettings(Settings):
-    """Settings of the path-following law; an open loop does not use them.
-
-    Raises:
-        SignalError: a value outside its range.
-    """
-
-    bandwidth: FinitePositive = 1.0
-    """w, natural frequency of the path error, rad/s; about 1 for a human driver."""
-    damping: FinitePositive = 0.8
-    """zeta, damping ratio of the path error."""
-    preview: FiniteNonNegative = 0.05
-    """t_p, preview time of the curvature, s: the time in which tyres and steering build up a force."""
-    steer_rate: FinitePositive = 0.3
-    """Highest rate of the road wheels, rad/s; at the steering wheel about 20 times as much."""
-    slowest: FinitePositive = 2.0
-    """Lower limit of the speed in the law, m/s, so that the steer angle stays finite when the truck stops."""
-
-
 class Driver:
     """Gives a command every 10 ms of a run; it has a state, so each run needs its own driver.
 
     The path starts at the CoG of the truck at the first command, along the x axis of the world.
     """
 
-    def __init__(self, course: Course, vehicle: Vehicle, settings: DriverSettings | None = None) -> None:
-        self.settings = settings or DriverSettings()
+    def __init__(self, course: Course, vehicle: Vehicle) -> None:
         unit = vehicle.units[0]
         front = unit.axle_groups[0]
         self._front_distance = front.position - unit.cog  # of the front axle ahead of the CoG, m
@@ -107,7 +95,6 @@ class Driver:
         """The command from a time on, s."""
         if not self._follows_path:
             return Command(self._at(self._open_loop_steer, time), self._at(self._speed, time))
-        settings = self.settings
         x = pose.x + self._front_distance * math.cos(pose.heading)
         y = pose.y + self._front_distance * math.sin(pose.heading)
         if self.origin is None:
@@ -127,11 +114,11 @@ class Driver:
         self.error = c * y - s * x
         self.arc += (c * x + s * y) / max(1 - self._at(self._curvature, self.arc) * self.error, 0.1)  # Newton's step
 
-        w, speed = settings.bandwidth, max(pose.speed, settings.slowest) / max(math.cos(slip), 0.5)
+        speed = max(pose.speed, SLOWEST) / max(math.cos(slip), 0.5)
         direction_error = math.remainder(pose.heading + slip - heading, math.tau)
-        acceleration = speed**2 * self._at(self._curvature, self.arc + speed * settings.preview)
-        acceleration -= w * (w * self.error + 2 * settings.damping * speed * direction_error)
-        change = settings.steer_rate * elapsed
+        acceleration = speed**2 * self._at(self._curvature, self.arc + speed * PREVIEW)
+        acceleration -= BANDWIDTH * (BANDWIDTH * self.error + 2 * DAMPING * speed * direction_error)
+        change = STEER_RATE * elapsed
         steer = slip + self._slip_gain * acceleration
         self._steer = min(max(steer, self._steer - change), self._steer + change)
         return Command(self._steer, self._at(self._speed, self.arc))

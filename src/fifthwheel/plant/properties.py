@@ -97,35 +97,23 @@ class Properties:
         for name, value in vars(self).items():
             if isinstance(value, str):
                 raise VehicleError(f"{name}: expected a number in SI, got {value!r}; only --with takes a text")
-        for name in ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness"):
-            if not 0 < getattr(self, name) < 100:
-                raise VehicleError(f"{name}: expected above 0 and below 100, got {getattr(self, name)}; correct it")
-        if not 0 < self.wheel_mass < 0.5:
-            raise VehicleError(
-                "wheel_mass: expected a fraction of the mass of the axle, above 0 and below 0.5, got"
-                f" {self.wheel_mass}; correct it"
-            )
-        for name in ("bounce_damping", "tyre_damping", "rolling_resistance", "drag_area", "aligning", "steering_lag"):
-            if not 0 <= getattr(self, name) < 1e6:
-                raise VehicleError(f"{name}: expected 0 or more, got {getattr(self, name)}; correct it")
-        if not 1e-3 <= self.relaxation < 100:
-            raise VehicleError(
-                f"relaxation: expected 0.001 or more and below 100, got {self.relaxation}; give 1 for the relaxation"
-                " lengths of the tyre model"
-            )
-        if not abs(self.bank) < 0.3:
-            raise VehicleError(
-                f"bank: expected a magnitude below 0.3 rad, got {self.bank}; give the unit if it is in degrees, '2 deg'"
-            )
-        if not 0 <= self.roughness < 1:
-            raise VehicleError(
-                f"roughness: expected 0 or more and below 1 m^3, got {self.roughness}; class B of ISO 8608 has 64e-6"
-            )
+        below_100 = ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness")
+        from_0 = ("bounce_damping", "tyre_damping", "rolling_resistance", "drag_area", "aligning", "steering_lag")
+        of_axle, torsion = "a fraction of the mass of the axle, above 0 and below 0.5", self.frame_torsion
+        of_tyre = "give 1 for the relaxation lengths of the tyre model"
+        ranges = {
+            **{name: (0 < getattr(self, name) < 100, "above 0 and below 100", "correct it") for name in below_100},
+            "wheel_mass": (0 < self.wheel_mass < 0.5, of_axle, "correct it"),
+            **{name: (0 <= getattr(self, name) < 1e6, "0 or more", "correct it") for name in from_0},
+            "relaxation": (1e-3 <= self.relaxation < 100, "0.001 or more and below 100", of_tyre),
+            "bank": (abs(self.bank) < 0.3, "a magnitude below 0.3 rad", "give the unit if it is in degrees, '2 deg'"),
+            "roughness": (0 <= self.roughness < 1, "0 or more and below 1 m^3", "class B of ISO 8608 has 64e-6"),
+            "frame_torsion": (torsion is None or torsion > 0, "above 0 N m/rad", "leave it out for a rigid frame"),
+        }
+        for name, (valid, expected, cure) in ranges.items():
+            if not valid:
+                raise VehicleError(f"{name}: expected {expected}, got {getattr(self, name)}; {cure}")
         require_shares(self.brakes)
-        if self.frame_torsion is not None and not self.frame_torsion > 0:
-            raise VehicleError(
-                f"frame_torsion: expected above 0 N m/rad, got {self.frame_torsion}; leave it out for a rigid frame"
-            )
 
 
 def with_changes(properties: Properties, changes: Mapping[str, Any]) -> Properties:

@@ -205,12 +205,8 @@ def _compiled(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
 def mujoco() -> Any:
     """The module mujoco, which may not be installed. A run that diverges ends with an error of our own."""
     module = require("mujoco", "plant")
-    module.set_mju_user_warning(_ignore)  # by default it writes MUJOCO_LOG.TXT into the folder of the user
+    module.set_mju_user_warning(lambda _: None)  # by default it writes MUJOCO_LOG.TXT into the folder of the user
     return module
-
-
-def _ignore(_: str) -> None:
-    """No warning."""
 
 
 def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:

@@ -5,7 +5,7 @@ from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_signals
 from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
 from fifthwheel.workflow.exported import exported_learner, exported_observer
-from fifthwheel.workflow.identification import IdentificationRun, design_run, run_identification, run_loads
+from fifthwheel.workflow.identification import design_run, run_identification, run_loads
 from fifthwheel.workflow.inputs import (
     identification_file,
     read_knowledge,
@@ -15,10 +15,8 @@ from fifthwheel.workflow.inputs import (
     vehicle_file,
     vehicle_text,
 )
-from fifthwheel.workflow.log_contents import LogContents, propose_signals, survey_file
+from fifthwheel.workflow.log_contents import propose_signals, survey_file
 from fifthwheel.workflow.measured_vehicle import (
-    AxleLoadDifference,
-    WeighedVehicle,
     axle_load_differences,
     changed_numbers,
     drive_vehicle,
@@ -41,12 +39,12 @@ from fifthwheel.workflow.results import (
     write_results,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
-from fifthwheel.workflow.start import Start, starts_of
+from fifthwheel.workflow.start import starts_of
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statement import parse as parse_statement
 from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
 from fifthwheel.workflow.statements import apply as apply_statements
-from fifthwheel.workflow.states import StatesRun, run_states
+from fifthwheel.workflow.states import run_states
 
 __all__ = [
     "ASSESSMENT_FILES",
@@ -55,16 +53,10 @@ __all__ = [
     "SENSOR_PRIORS",
     "STATES_FILES",
     "VALIDATION_FILES",
-    "AxleLoadDifference",
     "ChannelEvidence",
-    "IdentificationRun",
     "IdentifyOptions",
-    "LogContents",
     "SignalEvidence",
-    "Start",
     "Statement",
-    "StatesRun",
-    "WeighedVehicle",
     "apply_statements",
     "axle_load_differences",
     "changed_numbers",

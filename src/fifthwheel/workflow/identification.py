@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -90,6 +91,9 @@ def run_identification(
         states.append(_estimate_states(identification, record))
         progress("states", i + 1, len(everything))
     validated = [_validation(identification, record, occasion or Occasion()) for record in validate]
+    performance = None
+    with suppress(FifthwheelError):
+        performance = assess(identification, cheap=True)
     return IdentificationRun(
         records=everything,
         identification=identification,
@@ -98,7 +102,7 @@ def run_identification(
         conclusion=conclude_identification(
             identification, everything, assessment, states, [result for result in validated if result]
         ),
-        performance=_performance(identification),
+        performance=performance,
     )
 
 
@@ -145,14 +149,6 @@ def _validation(identification: Identification, record: Record, occasion: Occasi
             knowledge=identification.knowledge,
             occasion=occasion,
         )
-    except FifthwheelError:
-        return None
-
-
-def _performance(identification: Identification) -> Assessment | None:
-    """The cheap measures of the identified truck."""
-    try:
-        return assess(identification, cheap=True)
     except FifthwheelError:
         return None
 

@@ -88,10 +88,7 @@ _WIDE = -1.0
 
 def resolved(name: str, si: str, value: float, statements: Sequence[Statement]) -> Stated:
     """The statements on one number as one; a FifthwheelError where they disagree or a unit does not fit."""
-    found: list[tuple[float, Statement]] = []
-    for statement in statements:
-        if statement.value:
-            found.append((_quantity(statement, si), statement))
+    found = [(_quantity(s, si), s) for s in statements if s.value]
     _require_same(name, found)
     value = found[0][0] if found else value
     sigmas = [(_sigma(s, si, value), s) for s in statements if s.kind != "value"]

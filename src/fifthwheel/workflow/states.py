@@ -93,13 +93,17 @@ def run_states(
         observer = Observer(vehicle, record.signals, used)
         states.append((observer.smooth if smooth else observer.batch)(record, own))
     progress("states", len(records), len(records))
+    conclusion = conclude_states(states, records, identification)
+    if friction is not None:
+        note = f"Tyres saturate at a friction of the road of {friction}."
+        conclusion = replace(conclusion, notes=(*conclusion.notes, note))
     return StatesRun(
         vehicle=vehicle,
         records=tuple(records),
         states=tuple(states),
         smoothed=smooth,
         uncertain=() if uncertainty is None else uncertainty.names,
-        conclusion=_with_tyres(conclude_states(states, records, identification), friction),
+        conclusion=conclusion,
         notes=tuple(notes),
     )
 
@@ -112,14 +116,6 @@ def _friction(settings: ObserverSettings, uncertainty: Uncertainty | None) -> st
         return f"{settings.friction:.3g}"
     sigma = float(np.sqrt(uncertainty.among([FRICTION]).covariance[0, 0]))
     return with_sigma(settings.friction, sigma, "1")
-
-
-def _with_tyres(conclusion: Conclusion, friction: str | None) -> Conclusion:
-    """The conclusion, with a note on tyres that are not linear."""
-    if friction is None:
-        return conclusion
-    note = f"Tyres saturate at a friction of the road of {friction}."
-    return replace(conclusion, notes=(*conclusion.notes, note))
 
 
 def _summary(states: States) -> dict[str, Any]:

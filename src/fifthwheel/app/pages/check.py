@@ -4,7 +4,6 @@ from nicegui import ui
 
 from fifthwheel.app import documents, jobs, layout, runs
 from fifthwheel.app.workspace import Workspace
-from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.report.information import information_document
 
 
@@ -25,7 +24,8 @@ def _result(workspace: Workspace) -> None:
     job = jobs.get(key) or jobs.start(key, runs.check, workspace.folder)
     layout.show_progress(key, lambda _: _result.refresh())
     if job.state == "done":
-        _show(job.result)
+        documents.show(*information_document(job.result).blocks)
+        ui.link("Identify these logs", layout.address("identify"))
     elif not job.running:
         layout.failure(job.error or "The check was cancelled.")
         ui.button("Check again", on_click=lambda: _again(workspace, key)).props("outline no-caps")
@@ -34,8 +34,3 @@ def _result(workspace: Workspace) -> None:
 def _again(workspace: Workspace, key: str) -> None:
     jobs.start(key, runs.check, workspace.folder)
     _result.refresh()
-
-
-def _show(outlook: InformationAssessment) -> None:
-    documents.show(*information_document(outlook).blocks)
-    ui.link("Identify these logs", layout.address("identify"))

@@ -41,9 +41,7 @@ REST = 0.4
 
 
 def build(workspace: Workspace) -> None:
-    truck = runs.vehicle(workspace)
-    used = inputs.used_logs(workspace)
-    _Page(workspace, truck, used).build()
+    _Page(workspace, runs.vehicle(workspace), inputs.used_logs(workspace)).build()
 
 
 class _Page:

@@ -72,8 +72,8 @@ class _View:
             for field in (self._from, self._to):
                 field.props("dense").classes("w-28")
             for text, action in (
-                ("Show", self._show_window),
-                ("Whole log", self._show_all),
+                ("Show", lambda: self._show(self._chosen())),
+                ("Whole log", lambda: self._show(self._whole)),
                 ("Exclude", self._exclude),
                 ("Keep only this", self._keep_only),
             ):
@@ -149,12 +149,6 @@ class _View:
         self._choose(self._range)
         documents.keep_zoom(self._name, None if self._range == self._whole else self._relative(self._range))
         await self.draw()
-
-    async def _show_window(self) -> None:
-        await self._show(self._chosen())
-
-    async def _show_all(self) -> None:
-        await self._show(self._whole)
 
     async def _set_mode(self, event: events.ValueChangeEventArguments[Any]) -> None:
         self._selecting = bool(event.value)

@@ -36,13 +36,9 @@ def build(workspace: Workspace) -> None:
     used = [name for name in inputs.used_logs(workspace) if name in known]
     name = asked if asked in known else (used or known)[0]
     if len(known) > 1:
-        choose = ui.select(known, value=name, label="Log", on_change=lambda event: _open(str(event.value)))
-        choose.classes("w-full").style("max-width: 30rem")
+        choose = ui.select(known, value=name, label="Log").classes("w-full").style("max-width: 30rem")
+        choose.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(log=str(event.value))}"))
     _Page(workspace, name).build()
-
-
-def _open(name: str) -> None:
-    ui.navigate.to(f"{layout.address('signals')}?{layout.query(log=name)}")
 
 
 class _Page:

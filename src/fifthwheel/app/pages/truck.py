@@ -151,7 +151,7 @@ def _questions(workspace: Workspace) -> None:
 def _open_questions(given: Mapping[str, str]) -> tuple[list[str], list[str]]:
     """The questions whose answers are refused, and those that still need an answer."""
     shown = [question for question in QUESTIONS if _applies(question, given) and question.key in given]
-    refused = [question.text for question in shown if not _known(question.key, given[question.key])]
+    refused = [question.text for question in shown if _error(question, given[question.key]) is not None]
     return refused, [question.text for question in QUESTIONS if question.required and question.key not in given]
 
 
@@ -199,9 +199,8 @@ def preview(workspace: Workspace) -> None:
         layout.reload()
 
     _draw(described)
-    same = text == workspace.read(VEHICLE)
     button = ui.button("Use this truck", icon="check", on_click=take).props("no-caps")
-    if same:
+    if text == workspace.read(VEHICLE):
         button.disable()
         ui.label("The vehicle file has these numbers.")
 
@@ -211,10 +210,6 @@ _BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTI
 
 def _valid(answers: Mapping[str, str]) -> dict[str, str]:
     return {key: text for key, text in answers.items() if key in _BY_KEY}
-
-
-def _known(key: str, text: str) -> bool:
-    return _error(_BY_KEY[key], text) is None
 
 
 def _applies(question: Question, answers: Mapping[str, str]) -> bool:

@@ -54,6 +54,16 @@ static int fw_solve(int size, fw_real *a, int columns, fw_real *b)
     return 1;
 }
 
+/* Scalar product of a row (FW_L) and of numbers that are `stride` apart. */
+static fw_real fw_dot(const fw_real *row, const fw_real *other, int stride)
+{
+    fw_real sum = FW_REAL(0.0);
+    for (int k = 0; k < FW_L; k++) {
+        sum += row[k] * other[k * stride];
+    }
+    return sum;
+}
+
 /* Stationary covariance p (FW_L x FW_L) of low-pass and vehicle for a steer angle of variance 1: A p + p A' + Q = 0.
    Smith's method: with C = (A - s I)^-1 (A + s I) it is the sum of C^k D C'^k, doubled in each round. The first of
    `columns` columns of b is that of the steer angle. Returns 0 if the vehicle is unstable: then p is not valid. */
@@ -91,31 +101,15 @@ static int fw_random_steer(const fw_real *a, const fw_real *b, int columns, fw_r
     }
     for (int round = 0; round < FW_SMITH_DOUBLINGS; round++) {
         fw_real largest = FW_REAL(0.0);
-        for (int i = 0; i < FW_L; i++) { /* left = c p */
+        for (int i = 0; i < FW_L; i++) { /* left = c p, work = c c */
             for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += c[(i * FW_L) + k] * p[(k * FW_L) + j];
-                }
-                left[(i * FW_L) + j] = sum;
+                left[(i * FW_L) + j] = fw_dot(&c[i * FW_L], &p[j], FW_L);
+                work[(i * FW_L) + j] = fw_dot(&c[i * FW_L], &c[j], FW_L);
             }
         }
         for (int i = 0; i < FW_L; i++) { /* p += left c' */
             for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += left[(i * FW_L) + k] * c[(j * FW_L) + k];
-                }
-                p[(i * FW_L) + j] += sum;
-            }
-        }
-        for (int i = 0; i < FW_L; i++) { /* c = c c */
-            for (int j = 0; j < FW_L; j++) {
-                fw_real sum = FW_REAL(0.0);
-                for (int k = 0; k < FW_L; k++) {
-                    sum += c[(i * FW_L) + k] * c[(k * FW_L) + j];
-                }
-                work[(i * FW_L) + j] = sum;
+                p[(i * FW_L) + j] += fw_dot(&left[i * FW_L], &c[j * FW_L], 1);
             }
         }
         for (int i = 0; i < (FW_L * FW_L); i++) {

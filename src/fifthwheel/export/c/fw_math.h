@@ -1,4 +1,4 @@
-/* Literals and functions of the C library in the precision of fw_real. */
+/* Literals and functions of the C library in the precision of fw_real, and copies of numbers. */
 
 #ifndef FW_MATH_H
 #define FW_MATH_H
@@ -28,5 +28,19 @@
 #define FW_ATAN(value) atan(value)
 #define FW_TANH(value) tanh(value)
 #endif
+
+static inline void fw_copy(fw_real *to, const fw_real *from, int count)
+{
+    for (int i = 0; i < count; i++) {
+        to[i] = from[i];
+    }
+}
+
+static inline void fw_fill(fw_real *numbers, fw_real value, int count)
+{
+    for (int i = 0; i < count; i++) {
+        numbers[i] = value;
+    }
+}
 
 #endif

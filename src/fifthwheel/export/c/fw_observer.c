@@ -33,9 +33,7 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
     fw_matrices(&inputs[0], a, b, effect);
     for (int i = 0; i < FW_N; i++) {
         fw_real *row = &x[i * (1 + FW_U)];
-        for (int j = 0; j <= FW_U; j++) {
-            row[j] = FW_REAL(0.0);
-        }
+        fw_fill(row, FW_REAL(0.0), 1 + FW_U);
         if (stable != 0) {
             row[0] = -effect[i] * fw_unknown_mean[0];
             row[1] = -effect[i] * fw_unknown_sigma[0];
@@ -45,10 +43,8 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
             row[0] -= gain * (inputs[1 + j] - fw_unknown_mean[1 + j]);
             row[2 + j] = gain * fw_unknown_sigma[1 + j];
         }
-        for (int j = 0; j < FW_N; j++) {
-            work[(i * FW_N) + j] = a[(i * FW_N) + j];
-        }
     }
+    fw_copy(work, a, FW_N * FW_N);
     if (stable != 0) {
         (void)fw_solve(FW_N, work, 1 + FW_U, x);
         (void)fw_random_steer(a, b, FW_STEER_COUNT, p);
@@ -95,10 +91,8 @@ static int fw_advance(fw_observer *observer, const fw_sample *sample, double pre
     fw_real row[FW_ROW_WEIGHTS + FW_MEASURED_COUNT];
     fw_real ends[2 * FW_MODEL_INPUT_COUNT];
     int count;
-    for (int i = 0; i < FW_MODEL_INPUT_COUNT; i++) {
-        ends[i] = observer->stream.last[i];
-        ends[FW_MODEL_INPUT_COUNT + i] = observer->stream.held[i];
-    }
+    fw_copy(ends, observer->stream.last, FW_MODEL_INPUT_COUNT);
+    fw_copy(&ends[FW_MODEL_INPUT_COUNT], observer->stream.held, FW_MODEL_INPUT_COUNT);
     count = fw_step_count(sample->time - previous, ends);
     for (int step = 1; step <= count; step++) {
         fw_write_step(row, ends, previous, sample->time, step, count);
@@ -128,10 +122,8 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     states->status = fw_stream_take(&observer->stream, sample);
     if (states->status != FW_OK) {
         states->nis = (fw_real)NAN;
-        for (int i = 0; i < FW_STATE_COUNT; i++) {
-            states->value[i] = (fw_real)NAN;
-            states->sigma[i] = (fw_real)NAN;
-        }
+        fw_fill(states->value, (fw_real)NAN, FW_STATE_COUNT);
+        fw_fill(states->sigma, (fw_real)NAN, FW_STATE_COUNT);
         return FW_SUCCESS;
     }
     if (fw_stream_starts(&observer->stream, previous) != 0) {
@@ -152,9 +144,7 @@ fw_result fw_observer_push(fw_observer *observer, const fw_sample *sample, fw_st
     }
     states->status = fw_judged(fw_stream_finish(&observer->stream, accepted), out[FW_NIS], out[FW_SETTLES]);
     states->nis = out[FW_NIS];
-    for (int i = 0; i < FW_STATE_COUNT; i++) {
-        states->value[i] = out[i];
-        states->sigma[i] = out[FW_STATE_COUNT + i];
-    }
+    fw_copy(states->value, out, FW_STATE_COUNT);
+    fw_copy(states->sigma, &out[FW_STATE_COUNT], FW_STATE_COUNT);
     return FW_SUCCESS;
 }

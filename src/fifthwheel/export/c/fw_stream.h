@@ -62,9 +62,7 @@ static fw_status fw_stream_take(fw_stream *stream, const fw_sample *sample)
 static void fw_stream_start(fw_stream *stream)
 {
     stream->running = 1;
-    for (int i = 0; i < FW_HELD_COUNT; i++) {
-        stream->last[i] = stream->held[i];
-    }
+    fw_copy(stream->last, stream->held, FW_HELD_COUNT);
 }
 
 /* Whether the state must start with this sample, the last of which was at `previous`. */
@@ -102,9 +100,7 @@ static void fw_write_step(fw_real *row, const fw_real *ends, double previous, do
         row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT + i] =
             (step < count) ? (before + ((after - before) * (fw_real)last)) : after;
     }
-    for (int i = 0; i < (2 * FW_MEASURED_COUNT); i++) {
-        row[FW_ROW_MEASURED + i] = FW_REAL(0.0);
-    }
+    fw_fill(&row[FW_ROW_MEASURED], FW_REAL(0.0), 2 * FW_MEASURED_COUNT);
 }
 
 /* Writes the measurements of a sample to a row; returns whether there is one. */
@@ -123,9 +119,7 @@ static int fw_write_measurements(fw_real *row, const fw_sample *sample)
 /* Ends a sample of which a measurement was accepted, or none. */
 static fw_status fw_stream_finish(fw_stream *stream, int accepted)
 {
-    for (int i = 0; i < FW_HELD_COUNT; i++) {
-        stream->last[i] = stream->held[i];
-    }
+    fw_copy(stream->last, stream->held, FW_HELD_COUNT);
     if (accepted != 0) {
         stream->accepted = stream->time;
     }

@@ -90,7 +90,8 @@ def export_fmu(
     if platforms:
         for name, library in libraries(sources, model.identifier, platforms).items():
             platform = PLATFORMS[name]
-            content[f"{platform.folder(name, fmi)}/{model.identifier}{platform.suffix}"] = library
+            folder = name if fmi == 3 else platform.fmi2
+            content[f"binaries/{folder}/{model.identifier}{platform.suffix}"] = library
     path = Path(path)
     with atomic_write(path) as temporary, zipfile.ZipFile(temporary, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in content.items():

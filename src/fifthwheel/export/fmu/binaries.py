@@ -28,10 +28,6 @@ class Platform(NamedTuple):
     suffix: str
     extra: tuple[str, ...]  # more arguments of the compiler
 
-    def folder(self, name: str, fmi: int) -> str:
-        """Folder of the library in an FMU; `name` is that of the platform in `PLATFORMS`."""
-        return f"binaries/{name if fmi == 3 else self.fmi2}"
-
 
 PLATFORMS = {
     "x86_64-linux": Platform("x86_64-linux-gnu", "linux64", ".so", ()),

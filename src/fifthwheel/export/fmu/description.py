@@ -108,7 +108,8 @@ def _numeric(variable: Variable) -> dict[str, str]:
             attributes["displayUnit"] = display
     if variable.limits:
         attributes |= {"min": repr(variable.limits[0]), "max": repr(variable.limits[1])}
-    return attributes | ({"start": repr(variable.start)} if variable.has_start else {})
+    is_set = variable.role in (Role.INPUT, Role.FIXED, Role.TUNABLE)
+    return attributes | ({"start": repr(variable.start)} if is_set else {})
 
 
 def _variable(variable: Variable, reference: int, fmi: int) -> ET.Element:

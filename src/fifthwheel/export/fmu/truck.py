@@ -100,7 +100,8 @@ def truck_model(
                 "} fmu_model;",
             ]
         ),
-        sources={"fw_truck.h": _equations(model, vehicle), "fw_step_length.h": project.source("fw_step_length.h")},
+        sources={"fw_truck.h": _equations(model, vehicle)}
+        | {name: project.source(name) for name in ("fw_math.h", "fw_step_length.h")},
         notes=(
             "All states are 0 at the start: the truck drives straight ahead.",
             "Inputs are constant during a step, or, with FMI 2.0, change linearly by their derivatives. The model "

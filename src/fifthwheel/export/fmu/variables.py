@@ -1,6 +1,5 @@
 """Variables of an FMU: their roles, units and limits, and their table in C."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -30,11 +29,6 @@ class Variable:
     description: str
     start: float = 0.0  # of inputs and parameters
     limits: tuple[float, float] | None = None  # of inputs and parameters; None if every value is accepted
-
-    @property
-    def has_start(self) -> bool:
-        """Whether the importer can set it."""
-        return self.role in (Role.INPUT, Role.FIXED, Role.TUNABLE)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,12 +75,6 @@ def table(variables: Sequence[Variable]) -> str:
 
 def _row(variable: Variable) -> str:
     least, most = variable.limits or (0.0, 0.0)
-    expected = "NULL" if variable.limits is None else f'"{expectation(variable)}"'
-    return f"{variable.role}, {variable.start!r}, {least!r}, {most!r}, {expected}"
-
-
-def expectation(variable: Variable) -> str:
-    """Message for a value beyond the limits."""
-    least, most = variable.limits or (-math.inf, math.inf)
     cure = "connect it, in SI units" if variable.role is Role.INPUT else "set it in SI units"
-    return f"{variable.name}: expected {least:.6g} to {most:.6g} {variable.unit}; {cure}"
+    expected = f'"{variable.name}: expected {least:.6g} to {most:.6g} {variable.unit}; {cure}"'
+    return f"{variable.role}, {variable.start!r}, {least!r}, {most!r}, {expected if variable.limits else 'NULL'}"

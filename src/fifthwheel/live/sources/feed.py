@@ -45,14 +45,13 @@ def replay(
     *,
     speed: float = 1.0,
     sleep: Callable[[float], object] = time.sleep,
-    now: Callable[[], float] = time.monotonic,
 ) -> Iterator[Output]:
     """The outputs of a node for recorded frames; `speed` in recorded seconds per second, 0 for as fast as possible."""
-    started, first = now(), math.nan
+    started, first = time.monotonic(), math.nan
     for frame in frames:
         if speed:
             first = frame.time if math.isnan(first) else first
-            wait = (frame.time - first) / speed - (now() - started)
+            wait = (frame.time - first) / speed - (time.monotonic() - started)
             if 0 < wait < math.inf:
                 sleep(wait)
         yield from node.receive(frame)

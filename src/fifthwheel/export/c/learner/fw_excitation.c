@@ -19,11 +19,9 @@ int fw_has_settled(fw_learner *learner)
 
 void fw_restart_excitation(fw_learner *learner)
 {
-    for (int i = 0; i < FW_STEER_COUNT; i++) {
-        learner->mean[i] = (fw_real)NAN;
-        learner->power[i] = FW_REAL(0.0);
-        learner->level[i] = FW_REAL(0.0);
-    }
+    fw_fill(learner->mean, (fw_real)NAN, FW_STEER_COUNT);
+    fw_fill(learner->power, FW_REAL(0.0), FW_STEER_COUNT);
+    fw_fill(learner->level, FW_REAL(0.0), FW_STEER_COUNT);
     learner->excited = 0;
 }
 

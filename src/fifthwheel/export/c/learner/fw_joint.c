@@ -111,9 +111,7 @@ static void fw_predict_sensitivity(fw_real *v, const fw_linear *model, fw_real d
     }
     for (int j = 0; j < FW_P_COUNT; j++) {
         fw_transform(model->f, &v[j * FW_X_COUNT], column);
-        for (int i = 0; i < FW_X_COUNT; i++) {
-            v[(j * FW_X_COUNT) + i] = column[i];
-        }
+        fw_copy(&v[j * FW_X_COUNT], column, FW_X_COUNT);
     }
     for (int k = 0; k < FW_SLOPES; k++) {
         v[fw_slope_place[k]] += half * model->last[k];
@@ -128,12 +126,8 @@ static void fw_correct_all(fw_real *carry, const fw_real *row, const fw_linear *
     fw_real *const h = &channel[5];
     fw_real *const direct = &h[FW_X_COUNT];
     fw_real *const before = &direct[FW_P_COUNT];
-    for (int i = 0; i < FW_X_COUNT; i++) {
-        before[i] = model->before[i];
-    }
-    for (int i = 0; i < FW_Z_COUNT; i++) {
-        before[FW_X_COUNT + i] = base[i];
-    }
+    fw_copy(before, model->before, FW_X_COUNT);
+    fw_copy(&before[FW_X_COUNT], base, FW_Z_COUNT);
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         fw_real out[2];
         channel[0] = row[FW_ROW_MEASURED + i];
@@ -141,12 +135,8 @@ static void fw_correct_all(fw_real *carry, const fw_real *row, const fw_linear *
         channel[2] = fw_noise[i];
         channel[3] = model->predicted[i];
         channel[4] = row[FW_ROW_LEARN];
-        for (int j = 0; j < FW_X_COUNT; j++) {
-            h[j] = model->h[(i * FW_X_COUNT) + j];
-        }
-        for (int j = 0; j < FW_P_COUNT; j++) {
-            direct[j] = model->direct[(i * FW_P_COUNT) + j];
-        }
+        fw_copy(h, &model->h[i * FW_X_COUNT], FW_X_COUNT);
+        fw_copy(direct, &model->direct[i * FW_P_COUNT], FW_P_COUNT);
         fw_correct(carry, channel, carry, out);
         update->accepted = ((update->accepted != 0) || (out[0] != FW_REAL(0.0))) ? 1 : 0;
         update->innovation[i] = out[1];
@@ -178,9 +168,7 @@ void fw_joint_step(fw_real *carry, const fw_real *row, const fw_real *base, fw_u
     for (int i = 0; (i < FW_AT_Z) && (update->diverged != 0); i++) {
         carry[i] = FW_REAL(0.0); /* avoids 0 times infinity below */
     }
-    for (int i = 0; i < FW_EVIDENCE_COUNT; i++) {
-        previous[i] = carry[FW_AT_Z + i];
-    }
+    fw_copy(previous, &carry[FW_AT_Z], FW_EVIDENCE_COUNT);
     for (int i = 0; i < FW_Z_COUNT; i++) {
         point[i] = (base != NULL) ? (previous[i] + (base[i] - previous[i])) : previous[i];
     }
@@ -189,9 +177,7 @@ void fw_joint_step(fw_real *carry, const fw_real *row, const fw_real *base, fw_u
                  model.direct);
     fw_predict_covariance(&carry[FW_AT_P], model.f, row[FW_ROW_DT]);
     fw_predict_sensitivity(&carry[FW_AT_V], &model, row[FW_ROW_DT]);
-    for (int i = 0; i < FW_X_COUNT; i++) {
-        carry[i] = model.before[i];
-    }
+    fw_copy(carry, model.before, FW_X_COUNT);
     for (int i = 0; i < FW_Z_COUNT; i++) {
         fw_real *const variance = &carry[FW_AT_PZ + fw_diagonal(FW_Z_COUNT, i)];
         const fw_real room = FW_REAL(1.0) - *variance;
@@ -201,9 +187,7 @@ void fw_joint_step(fw_real *carry, const fw_real *row, const fw_real *base, fw_u
     fw_move_state(carry, point, &carry[FW_AT_Z]);
     if (fw_is_valid(carry) == 0) {
         update->diverged = 1;
-        for (int i = 0; i < FW_EVIDENCE_COUNT; i++) {
-            carry[FW_AT_Z + i] = previous[i];
-        }
+        fw_copy(&carry[FW_AT_Z], previous, FW_EVIDENCE_COUNT);
     }
 }
 
@@ -231,9 +215,7 @@ void fw_view(const fw_real *carry, const fw_real *row, fw_states *states)
         fw_real by_x[FW_X_COUNT] = {FW_REAL(0.0)};
         fw_real by_p[FW_P_COUNT];
         fw_real variance;
-        for (int i = 0; i < VEHICLE; i++) {
-            by_x[i] = slope[(k * ALL) + i];
-        }
+        fw_copy(by_x, &slope[k * ALL], VEHICLE);
         for (int j = 0; j < FW_P_COUNT; j++) {
             by_p[j] = slope[(k * ALL) + VEHICLE + j];
             for (int i = 0; i < VEHICLE; i++) {

@@ -79,14 +79,10 @@ static void fw_watch_health(fw_learner *learner, fw_real gap, const fw_real *row
     fw_real sample[1 + (2 * FW_INPUT_COUNT) + (2 * FW_MEASURED_COUNT)];
     fw_real *const innovations = &sample[1 + (2 * FW_INPUT_COUNT)];
     sample[0] = gap;
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        sample[1 + i] = learner->stream.last[i];
-        sample[1 + FW_INPUT_COUNT + i] = learner->stream.held[i];
-    }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        innovations[i] = update->innovation[i];
-        innovations[FW_MEASURED_COUNT + i] = row[FW_ROW_WEIGHTS + i];
-    }
+    fw_copy(&sample[1], learner->stream.last, FW_INPUT_COUNT);
+    fw_copy(&sample[1 + FW_INPUT_COUNT], learner->stream.held, FW_INPUT_COUNT);
+    fw_copy(innovations, update->innovation, FW_MEASURED_COUNT);
+    fw_copy(&innovations[FW_MEASURED_COUNT], &row[FW_ROW_WEIGHTS], FW_MEASURED_COUNT);
     fw_health(learner->health, sample, learner->health, found);
 }
 
@@ -96,10 +92,8 @@ static int fw_is_worse_than_a_start(const fw_learner *learner)
 {
     fw_states states;
     fw_real row[FW_ROW_COUNT] = {FW_REAL(0.0)};
-    for (int i = 0; i < FW_INPUT_COUNT; i++) {
-        row[FW_ROW_INPUTS + i] = learner->stream.held[i];
-        row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT + i] = learner->stream.held[i];
-    }
+    fw_copy(&row[FW_ROW_INPUTS], learner->stream.held, FW_INPUT_COUNT);
+    fw_copy(&row[FW_ROW_INPUTS + FW_MODEL_INPUT_COUNT], learner->stream.held, FW_INPUT_COUNT);
     fw_view(learner->first, row, &states);
     return ((FW_BANKS > 0) && (states.sigma[FW_BANK_STATE] > FW_BANK_SIGMA)) ? 1 : 0;
 }
@@ -170,28 +164,20 @@ void fw_learner_reset(fw_learner *learner)
     fw_stream_init(&learner->stream);
     learner->start_time = -INFINITY;
     learner->dropout = -INFINITY;
-    for (int i = 0; i < FW_STEER_COUNT; i++) {
-        learner->contact[i] = FW_REAL(0.0);
-    }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        learner->average[i] = FW_REAL(0.0);
-    }
+    fw_fill(learner->contact, FW_REAL(0.0), FW_STEER_COUNT);
+    fw_fill(learner->average, FW_REAL(0.0), FW_MEASURED_COUNT);
     fw_restart_excitation(learner);
     learner->learning = 0;
 }
 
 void fw_learner_init(fw_learner *learner)
 {
-    for (int i = 0; i < FW_CARRY_COUNT; i++) {
-        learner->first[i] = FW_REAL(0.0);
-    }
+    fw_fill(learner->first, FW_REAL(0.0), FW_CARRY_COUNT);
     for (int i = 0; i < FW_Z_COUNT; i++) {
         learner->first[FW_AT_PZ + fw_diagonal(FW_Z_COUNT, i)] = FW_REAL(1.0);
     }
-    for (int i = 0; i < FW_MEASURED_COUNT; i++) {
-        learner->mean_square[i] = FW_REAL(1.0);
-        learner->autocorrelation[i] = FW_REAL(1.0);
-    }
+    fw_fill(learner->mean_square, FW_REAL(1.0), FW_MEASURED_COUNT);
+    fw_fill(learner->autocorrelation, FW_REAL(1.0), FW_MEASURED_COUNT);
     fw_begin_segments(learner);
     fw_learner_reset(learner);
 }
@@ -208,10 +194,8 @@ fw_result fw_learner_push(fw_learner *learner, const fw_sample *sample, fw_state
     status = fw_stream_take(&learner->stream, sample);
     if (status != FW_OK) {
         learner->learning = 0;
-        for (int i = 0; i < FW_STATE_COUNT; i++) {
-            states->value[i] = (fw_real)NAN;
-            states->sigma[i] = (fw_real)NAN;
-        }
+        fw_fill(states->value, (fw_real)NAN, FW_STATE_COUNT);
+        fw_fill(states->sigma, (fw_real)NAN, FW_STATE_COUNT);
     } else if (fw_process_sample(learner, sample, previous, row, &status, found) != FW_SUCCESS) {
         return FW_ERROR_GAP;
     } else {

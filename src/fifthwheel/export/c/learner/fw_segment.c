@@ -16,13 +16,6 @@ typedef struct {
     int has_base; /* 0: at the estimate of the first filter */
 } fw_result_of_passes;
 
-static void fw_copy(fw_real *to, const fw_real *from, int count)
-{
-    for (int i = 0; i < count; i++) {
-        to[i] = from[i];
-    }
-}
-
 static void fw_clear_segment(fw_learner *learner)
 {
     learner->count = 0;

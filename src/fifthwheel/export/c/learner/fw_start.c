@@ -18,17 +18,11 @@ static void fw_steady_state(const fw_real *inputs, const fw_real *values, fw_ste
     fw_real steer[FW_N];
     fw_real bank[FW_N];
     fw_real x[FW_N];
-    for (int i = 0; i < (2 * FW_N); i++) {
-        steady->x[i] = FW_REAL(0.0);
-    }
-    for (int i = 0; i < (FW_N * FW_P_COUNT); i++) {
-        steady->slope[i] = FW_REAL(0.0);
-    }
+    fw_fill(steady->x, FW_REAL(0.0), 2 * FW_N);
+    fw_fill(steady->slope, FW_REAL(0.0), FW_N * FW_P_COUNT);
     fw_start_matrices(inputs, values, a, b, steer, bank);
     if (fw_random_steer(a, b, 1, steady->p) == 0) {
-        for (int i = 0; i < (FW_L * FW_L); i++) {
-            steady->p[i] = FW_REAL(0.0);
-        }
+        fw_fill(steady->p, FW_REAL(0.0), FW_L * FW_L);
         return;
     }
     for (int i = 0; i < FW_N; i++) {

@@ -34,9 +34,7 @@ void fw_learner_save(fw_learner *learner, fw_saved *saved)
     saved->version = FW_SAVED_VERSION;
     saved->size = (uint32_t)sizeof *saved;
     saved->model = FW_MODEL_IDENTITY;
-    for (int i = 0; i < FW_EVIDENCE_COUNT; i++) {
-        saved->number[i] = evidence[i];
-    }
+    fw_copy(saved->number, evidence, FW_EVIDENCE_COUNT);
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         saved->number[FW_EVIDENCE_COUNT + (2 * i)] = learner->mean_square[i];
         saved->number[FW_EVIDENCE_COUNT + (2 * i) + 1] = learner->autocorrelation[i];
@@ -54,9 +52,7 @@ fw_result fw_learner_restore(fw_learner *learner, const fw_saved *saved)
         return FW_ERROR_DAMAGED;
     }
     fw_learner_init(learner);
-    for (int i = 0; i < FW_EVIDENCE_COUNT; i++) {
-        learner->first[FW_AT_Z + i] = saved->number[i];
-    }
+    fw_copy(&learner->first[FW_AT_Z], saved->number, FW_EVIDENCE_COUNT);
     for (int i = 0; i < FW_MEASURED_COUNT; i++) {
         learner->mean_square[i] = saved->number[FW_EVIDENCE_COUNT + (2 * i)];
         learner->autocorrelation[i] = saved->number[FW_EVIDENCE_COUNT + (2 * i) + 1];

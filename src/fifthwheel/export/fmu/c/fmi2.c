@@ -6,7 +6,10 @@
 #include "fmu_export.h"
 
 #include <stdlib.h>
-#include <string.h>
+
+#if defined(__GNUC__) /* the standard passes more than this FMU uses */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
 
 #if defined(FMI2_FUNCTION_PREFIX) && !defined(FMI2_OVERRIDE_FUNCTION_PREFIX)
 #define FMI2(type, name) FMU_EXPORT type FMU_JOIN(FMI2_FUNCTION_PREFIX, name)
@@ -49,11 +52,7 @@ FMI2(const char *, fmi2GetVersion)(void)
 FMI2(fmi2Status, fmi2SetDebugLogging)(fmi2Component c, fmi2Boolean loggingOn, size_t nCategories,
                                       const fmi2String categories[])
 {
-    (void)c; /* errors are always reported, and there is nothing else to report */
-    (void)loggingOn;
-    (void)nCategories;
-    (void)categories;
-    return fmi2OK;
+    return fmi2OK; /* errors are always reported, and there is nothing else to report */
 }
 
 FMI2(fmi2Component, fmi2Instantiate)(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID,
@@ -62,9 +61,6 @@ FMI2(fmi2Component, fmi2Instantiate)(fmi2String instanceName, fmi2Type fmuType, 
 {
     component caller = {.functions = functions};
     component *c;
-    (void)fmuResourceLocation;
-    (void)visible;
-    (void)loggingOn;
     for (size_t i = 0; (instanceName != NULL) && (instanceName[i] != '\0') && (i < (sizeof(caller.name) - 1U)); i++) {
         caller.name[i] = instanceName[i];
     }
@@ -95,10 +91,6 @@ FMI2(fmi2Status, fmi2SetupExperiment)(fmi2Component instance, fmi2Boolean tolera
                                       fmi2Real startTime, fmi2Boolean stopTimeDefined, fmi2Real stopTime)
 {
     component *c = instance;
-    (void)toleranceDefined;
-    (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
     c->fmu.state.value[0] = startTime;
     return fmi2OK;
 }
@@ -178,7 +170,6 @@ FMI2(fmi2Status, fmi2DoStep)(fmi2Component instance, fmi2Real currentCommunicati
                              fmi2Real communicationStepSize, fmi2Boolean noSetFMUStatePriorToCurrentPoint)
 {
     component *c = instance;
-    (void)noSetFMUStatePriorToCurrentPoint;
     return report(c, fmu_do_step(&c->fmu, currentCommunicationPoint, communicationStepSize));
 }
 
@@ -204,68 +195,42 @@ FMI2(fmi2Status, fmi2GetBooleanStatus)(fmi2Component instance, const fmi2StatusK
 FMI2(fmi2Status, fmi2GetFMUstate)(fmi2Component instance, fmi2FMUstate *FMUstate)
 {
     component *c = instance;
-    if (*FMUstate == NULL) {
-        *FMUstate = calloc(1, sizeof(fmu_instance));
-    }
-    if (*FMUstate == NULL) {
-        return report(c, "memory: none left for a state");
-    }
-    (void)memcpy(*FMUstate, &c->fmu, sizeof(fmu_instance));
-    return fmi2OK;
+    return report(c, fmu_save(&c->fmu, FMUstate));
 }
 
 FMI2(fmi2Status, fmi2SetFMUstate)(fmi2Component instance, fmi2FMUstate FMUstate)
 {
     component *c = instance;
-    if (FMUstate == NULL) {
+    const fmu_instance *saved = FMUstate;
+    if (saved == NULL) {
         return report(c, "FMUstate: expected one of this FMU, got none");
     }
-    (void)memcpy(&c->fmu, FMUstate, sizeof(fmu_instance));
+    c->fmu = *saved;
     return fmi2OK;
 }
 
-FMI2(fmi2Status, fmi2FreeFMUstate)(fmi2Component c, fmi2FMUstate *FMUstate)
+FMI2(fmi2Status, fmi2FreeFMUstate)(fmi2Component instance, fmi2FMUstate *FMUstate)
 {
-    (void)c;
-    if (FMUstate != NULL) {
-        free(*FMUstate);
-        *FMUstate = NULL;
-    }
+    fmu_discard(FMUstate);
     return fmi2OK;
 }
 
-FMI2(fmi2Status, fmi2SerializedFMUstateSize)(fmi2Component c, fmi2FMUstate FMUstate, size_t *size)
+FMI2(fmi2Status, fmi2SerializedFMUstateSize)(fmi2Component instance, fmi2FMUstate FMUstate, size_t *size)
 {
-    (void)c;
-    (void)FMUstate;
     *size = sizeof(fmu_instance);
     return fmi2OK;
 }
 
-FMI2(fmi2Status, fmi2SerializeFMUstate)(fmi2Component c, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
+FMI2(fmi2Status, fmi2SerializeFMUstate)(fmi2Component instance, fmi2FMUstate FMUstate, fmi2Byte serializedState[],
                                         size_t size)
 {
-    if ((FMUstate == NULL) || (size < sizeof(fmu_instance))) {
-        return report(c, "serializedState: too small; ask for the size first");
-    }
-    (void)memcpy(serializedState, FMUstate, sizeof(fmu_instance));
-    return fmi2OK;
+    return report(instance, fmu_serialize(FMUstate, serializedState, size));
 }
 
-FMI2(fmi2Status, fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte serializedState[], size_t size,
+FMI2(fmi2Status, fmi2DeSerializeFMUstate)(fmi2Component instance, const fmi2Byte serializedState[], size_t size,
                                           fmi2FMUstate *FMUstate)
 {
-    if (size != sizeof(fmu_instance)) {
-        return report(c, "serializedState: of another size; expected one of this FMU and platform");
-    }
-    if (*FMUstate == NULL) {
-        *FMUstate = calloc(1, sizeof(fmu_instance));
-    }
-    if (*FMUstate == NULL) {
-        return report(c, "memory: none left for a state");
-    }
-    (void)memcpy(*FMUstate, serializedState, sizeof(fmu_instance));
-    return fmi2OK;
+    return report(instance, fmu_deserialize(serializedState, size, FMUstate));
 }
 
 /* What the standard requires in every library for co-simulation, and this FMU does not have. */
@@ -275,10 +240,6 @@ FMI2(fmi2Status, fmi2DeSerializeFMUstate)(fmi2Component c, const fmi2Byte serial
     { \
         return refuse(c); \
     }
-
-#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
 
 UNUSED(fmi2GetBoolean, const fmi2ValueReference vr[], size_t nvr, fmi2Boolean value[])
 UNUSED(fmi2GetString, const fmi2ValueReference vr[], size_t nvr, fmi2String value[])

@@ -6,7 +6,10 @@
 #include "fmu_export.h"
 
 #include <stdlib.h>
-#include <string.h>
+
+#if defined(__GNUC__) /* the standard passes more than this FMU uses */
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
 
 #if defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
 #define FMI3(type, name) FMU_EXPORT type FMU_JOIN(FMI3_FUNCTION_PREFIX, name)
@@ -44,11 +47,7 @@ FMI3(const char *, fmi3GetVersion)(void)
 FMI3(fmi3Status, fmi3SetDebugLogging)(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
                                       const fmi3String categories[])
 {
-    (void)instance; /* errors are always reported, and there is nothing else to report */
-    (void)loggingOn;
-    (void)nCategories;
-    (void)categories;
-    return fmi3OK;
+    return fmi3OK; /* errors are always reported, and there is nothing else to report */
 }
 
 FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(
@@ -60,14 +59,6 @@ FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(
 {
     component *c;
     const component caller = {.environment = instanceEnvironment, .log = logMessage};
-    (void)instanceName;
-    (void)resourcePath;
-    (void)visible;
-    (void)loggingOn;
-    (void)eventModeUsed;
-    (void)earlyReturnAllowed;
-    (void)requiredIntermediateVariables;
-    (void)intermediateUpdate;
     if (fmu_accepts(instantiationToken) == 0) {
         (void)report(&caller, "instantiationToken: not that of this binary; import the whole FMU again");
         return NULL;
@@ -97,10 +88,6 @@ FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean
                                               fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
     component *c = instance;
-    (void)toleranceDefined;
-    (void)tolerance;
-    (void)stopTimeDefined;
-    (void)stopTime;
     c->fmu.state.value[0] = startTime;
     return report(c, fmu_initialize(&c->fmu));
 }
@@ -167,7 +154,6 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunica
 {
     component *c = instance;
     const char *message = fmu_do_step(&c->fmu, currentCommunicationPoint, communicationStepSize);
-    (void)noSetFMUStatePriorToCurrentPoint;
     *eventHandlingNeeded = false;
     *terminateSimulation = false;
     *earlyReturn = false;
@@ -178,40 +164,28 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunica
 FMI3(fmi3Status, fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
 {
     component *c = instance;
-    if (*FMUState == NULL) {
-        *FMUState = calloc(1, sizeof(fmu_instance));
-    }
-    if (*FMUState == NULL) {
-        return report(c, "memory: none left for a state");
-    }
-    (void)memcpy(*FMUState, &c->fmu, sizeof(fmu_instance));
-    return fmi3OK;
+    return report(c, fmu_save(&c->fmu, FMUState));
 }
 
 FMI3(fmi3Status, fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState FMUState)
 {
     component *c = instance;
-    if (FMUState == NULL) {
+    const fmu_instance *saved = FMUState;
+    if (saved == NULL) {
         return report(c, "FMUState: expected one of this FMU, got none");
     }
-    (void)memcpy(&c->fmu, FMUState, sizeof(fmu_instance));
+    c->fmu = *saved;
     return fmi3OK;
 }
 
 FMI3(fmi3Status, fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
 {
-    (void)instance;
-    if (FMUState != NULL) {
-        free(*FMUState);
-        *FMUState = NULL;
-    }
+    fmu_discard(FMUState);
     return fmi3OK;
 }
 
 FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
 {
-    (void)instance;
-    (void)FMUState;
     *size = sizeof(fmu_instance);
     return fmi3OK;
 }
@@ -219,27 +193,13 @@ FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState
 FMI3(fmi3Status, fmi3SerializeFMUState)(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[],
                                         size_t size)
 {
-    if ((FMUState == NULL) || (size < sizeof(fmu_instance))) {
-        return report(instance, "serializedState: too small; ask for the size first");
-    }
-    (void)memcpy(serializedState, FMUState, sizeof(fmu_instance));
-    return fmi3OK;
+    return report(instance, fmu_serialize(FMUState, serializedState, size));
 }
 
 FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
                                           fmi3FMUState *FMUState)
 {
-    if (size != sizeof(fmu_instance)) {
-        return report(instance, "serializedState: of another size; expected one of this FMU and platform");
-    }
-    if (*FMUState == NULL) {
-        *FMUState = calloc(1, sizeof(fmu_instance));
-    }
-    if (*FMUState == NULL) {
-        return report(instance, "memory: none left for a state");
-    }
-    (void)memcpy(*FMUState, serializedState, sizeof(fmu_instance));
-    return fmi3OK;
+    return report(instance, fmu_deserialize(serializedState, size, FMUState));
 }
 
 /* What the standard requires in every library, and this FMU does not have. */
@@ -254,12 +214,11 @@ FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte 
     { \
         return refuse(instance); \
     }
-#define NO_GET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, type values[], size_t m)
-#define NO_SET(name, type) UNUSED(name, const fmi3ValueReference r[], size_t n, const type values[], size_t m)
-
-#if defined(__GNUC__)
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
+#define NO_SET(type) \
+    UNUSED(fmi3Set##type, const fmi3ValueReference r[], size_t n, const fmi3##type values[], size_t m)
+#define NO_VARIABLES(type) \
+    UNUSED(fmi3Get##type, const fmi3ValueReference r[], size_t n, fmi3##type values[], size_t m) \
+    NO_SET(type)
 
 FMI3(fmi3Instance, fmi3InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken,
                                                  fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
@@ -282,29 +241,19 @@ FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(
     return NULL;
 }
 
-NO_GET(fmi3GetFloat32, fmi3Float32)
-NO_GET(fmi3GetInt8, fmi3Int8)
-NO_GET(fmi3GetUInt8, fmi3UInt8)
-NO_GET(fmi3GetInt16, fmi3Int16)
-NO_GET(fmi3GetUInt16, fmi3UInt16)
-NO_GET(fmi3GetUInt32, fmi3UInt32)
-NO_GET(fmi3GetInt64, fmi3Int64)
-NO_GET(fmi3GetUInt64, fmi3UInt64)
-NO_GET(fmi3GetBoolean, fmi3Boolean)
-NO_GET(fmi3GetString, fmi3String)
+NO_VARIABLES(Float32)
+NO_VARIABLES(Int8)
+NO_VARIABLES(UInt8)
+NO_VARIABLES(Int16)
+NO_VARIABLES(UInt16)
+NO_VARIABLES(UInt32)
+NO_VARIABLES(Int64)
+NO_VARIABLES(UInt64)
+NO_VARIABLES(Boolean)
+NO_VARIABLES(String)
 UNUSED(fmi3GetBinary, const fmi3ValueReference r[], size_t n, size_t sizes[], fmi3Binary values[], size_t m)
 UNUSED(fmi3GetClock, const fmi3ValueReference r[], size_t n, fmi3Clock values[])
-NO_SET(fmi3SetFloat32, fmi3Float32)
-NO_SET(fmi3SetInt8, fmi3Int8)
-NO_SET(fmi3SetUInt8, fmi3UInt8)
-NO_SET(fmi3SetInt16, fmi3Int16)
-NO_SET(fmi3SetUInt16, fmi3UInt16)
-NO_SET(fmi3SetInt32, fmi3Int32)
-NO_SET(fmi3SetUInt32, fmi3UInt32)
-NO_SET(fmi3SetInt64, fmi3Int64)
-NO_SET(fmi3SetUInt64, fmi3UInt64)
-NO_SET(fmi3SetBoolean, fmi3Boolean)
-NO_SET(fmi3SetString, fmi3String)
+NO_SET(Int32)
 UNUSED(fmi3SetBinary, const fmi3ValueReference r[], size_t n, const size_t sizes[], const fmi3Binary values[], size_t m)
 UNUSED(fmi3SetClock, const fmi3ValueReference r[], size_t n, const fmi3Clock values[])
 UNUSED(fmi3GetNumberOfVariableDependencies, fmi3ValueReference r, size_t *count)

@@ -1,8 +1,10 @@
-/* What is the same for all versions of the standard: modes, values and steps. See fmu.h. */
+/* What is the same for all versions of the standard: modes, values, steps and states. See fmu.h. */
 
 #include "fmu.h"
 
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
 #define TOLERANCE 1e-9 /* of the time, relative or in s */
 
@@ -127,4 +129,41 @@ const char *fmu_do_step(fmu_instance *instance, double time, double step)
     state->value[0] = time + step;
     instance->evaluated = 1;
     return NULL;
+}
+
+const char *fmu_save(const void *instance, void **saved)
+{
+    if (*saved == NULL) {
+        *saved = calloc(1, sizeof(fmu_instance));
+    }
+    if (*saved == NULL) {
+        return "memory: none left for a state";
+    }
+    (void)memcpy(*saved, instance, sizeof(fmu_instance));
+    return NULL;
+}
+
+void fmu_discard(void **saved)
+{
+    if (saved != NULL) {
+        free(*saved);
+        *saved = NULL;
+    }
+}
+
+const char *fmu_serialize(const void *saved, void *bytes, size_t size)
+{
+    if ((saved == NULL) || (size < sizeof(fmu_instance))) {
+        return "serializedState: too small; ask for the size first";
+    }
+    (void)memcpy(bytes, saved, sizeof(fmu_instance));
+    return NULL;
+}
+
+const char *fmu_deserialize(const void *bytes, size_t size, void **saved)
+{
+    if (size != sizeof(fmu_instance)) {
+        return "serializedState: of another size; expected one of this FMU and platform";
+    }
+    return fmu_save(bytes, saved);
 }

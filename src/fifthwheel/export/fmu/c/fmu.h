@@ -60,4 +60,10 @@ const char *fmu_set(fmu_instance *instance, size_t reference, double value);
 const char *fmu_set_slope(fmu_instance *instance, size_t reference, int order, double value);
 const char *fmu_do_step(fmu_instance *instance, double time, double step);
 
+/* A saved state, or its bytes, is a copy of an instance; `*saved` is allocated if it is NULL. */
+const char *fmu_save(const void *instance, void **saved);
+void fmu_discard(void **saved);
+const char *fmu_serialize(const void *saved, void *bytes, size_t size);
+const char *fmu_deserialize(const void *bytes, size_t size, void **saved);
+
 #endif

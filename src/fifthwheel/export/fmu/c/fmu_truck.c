@@ -3,13 +3,9 @@
 
 #include "fmu.h"
 
-#include <math.h>
-
 typedef double fw_real;
-#define FW_REAL(value) value
-#define FW_SQRT(value) sqrt(value)
-#define FW_ABS(value) fabs(value)
 
+#include "fw_math.h"
 #include "fw_truck.h"
 #include "fw_step_length.h"
 
@@ -43,9 +39,7 @@ static double fastest_eigenvalue(const double *speed, const double *parameters)
                 square[(i * FW_STATES) + j] = element;
             }
         }
-        for (int i = 0; i < (FW_STATES * FW_STATES); i++) {
-            a[i] = square[i];
-        }
+        fw_copy(a, square, FW_STATES * FW_STATES);
     }
     for (int k = FW_SQUARINGS; k > 0; k--) {
         bound = sqrt(norms[k] * bound);
@@ -74,9 +68,7 @@ static double longest_step(double speed, const double *parameters)
 
 void fmu_start(fmu_state *state)
 {
-    for (int i = 0; i < FW_STATES; i++) {
-        state->model.x[i] = 0.0;
-    }
+    fw_fill(state->model.x, 0.0, FW_STATES);
 }
 
 void fmu_outputs(fmu_state *state)
@@ -110,9 +102,7 @@ const char *fmu_step(fmu_state *state, double step)
         return "communicationStepSize: the model needs too many steps at this speed; use a shorter one, or check the "
                "unit of the speed, m/s";
     }
-    for (int i = 0; i < FW_STATES; i++) {
-        x[i] = state->model.x[i];
-    }
+    fw_copy(x, state->model.x, FW_STATES);
     for (int k = 1; (double)k <= count; k++) {
         const double now = step * ((double)k / count);
         row[0] = now - last;
@@ -128,9 +118,7 @@ const char *fmu_step(fmu_state *state, double step)
             return "states: not finite; the vehicle is unstable at this speed, or a parameter is wrong";
         }
     }
-    for (int i = 0; i < FW_STATES; i++) {
-        state->model.x[i] = x[i];
-    }
+    fw_copy(state->model.x, x, FW_STATES);
     for (int i = 0; i < FW_INPUTS; i++) {
         inputs[i] += change[i];
     }
