@@ -43,7 +43,7 @@ def test_repetitions_alternate_and_superpose(truck):
 
 def test_no_acceleration_needs_no_steer_angle(truck):
     time = np.arange(500) / RATE
-    assert (inverse_steer(truck, SPEED, time, accelerations.straight(time)) == 0.0).all()
+    assert (inverse_steer(truck, SPEED, time, np.zeros_like(time)) == 0.0).all()
 
 
 @pytest.mark.parametrize(("rate", "duration"), [(20.0, 10.5), (20.0, 23.5), (50.0, 23.0), (100.0, 60.0), (137.0, 31.0)])
