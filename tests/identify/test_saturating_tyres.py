@@ -10,6 +10,7 @@ from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.free_run import _of_log
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.sensor_errors import log_sensors
@@ -19,6 +20,8 @@ from fifthwheel.manoeuvres.open_loops import single_sine
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.record import Record
+from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.vehicle.parameters import COMBINED_SLIP, FRICTION
 from fifthwheel.workflow import IdentifyOptions, identification_settings, run_states
@@ -54,6 +57,14 @@ def guess() -> Vehicle:
 def snow(guess: Vehicle) -> Identification:
     """Of a sine that uses two thirds of the friction of snow, with all that a user does not know."""
     return identify([response(1.5, 0.3, offset=0.005)], guess, OneStage(tyres="saturating", check=False))
+
+
+def test_a_grip_that_was_measured_is_a_bound(guess: Vehicle) -> None:
+    """The friction is at least 0.8 times that which the lateral acceleration needs, and starts at twice that."""
+    record = response(3.0, 0.75)
+    used = largest_lateral_acceleration(record, "tractor") / STANDARD_GRAVITY
+    objective = solve_one_stage([record], guess, replace(EXACT, friction=0.1)).minimum.objective
+    assert objective.unknowns_by_name[FRICTION].lower == pytest.approx(0.8 * used)
 
 
 def test_parameters_and_friction(guess: Vehicle) -> None:

@@ -59,6 +59,9 @@ LEAST_DECAY = 0.1
 """Of the slowest mode, 1/s. A free-running model of a vehicle that is closer to instability follows no log."""
 GRIP_MARGIN = 2.0
 """Friction at the start of the search over that which the lateral acceleration needs."""
+LEAST_GRIP = 0.8
+"""The least friction over it: a grip that was measured is a bound. The law of the tyres tends to at most 1.2 times the
+friction, and a bank adds to it."""
 
 
 def solve_one_stage(
@@ -103,7 +106,11 @@ def _estimator(
         )
     time_bases = {name: base for record in dataset.records for name, base in record.time_bases.items()}
     setup = setup.with_time_bases(time_bases)
-    return _Estimator(dataset=dataset, setup=setup, earlier=earlier(setup) if earlier else None)
+    largest = max(filter(math.isfinite, dataset.lateral_accelerations(settings.min_speed)), default=0.0)
+    grip = largest / STANDARD_GRAVITY
+    for u in (u for u in setup.unknowns if u.name == FRICTION):
+        setup = setup.with_unknown(replace(u, lower=min(max(u.lower, LEAST_GRIP * grip), u.upper / 2)))
+    return _Estimator(dataset=dataset, setup=setup, grip=grip, earlier=earlier(setup) if earlier else None)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -112,6 +119,8 @@ class _Estimator:
 
     dataset: Dataset
     setup: Setup
+    grip: float
+    """Largest lateral acceleration of the logs over that of gravity."""
     earlier: JointPrior | None
 
     def minimise(self, progress: Progress) -> Minimum[Problem]:
@@ -149,11 +158,10 @@ class _Estimator:
         """The start, usually the prior means; a friction for `GRIP_MARGIN` of the lateral acceleration of the logs, and
         stiffer tyres behind the first group if that vehicle is unstable."""
         start, settings = problem.prior.mean.copy(), self.setup.settings
-        if FRICTION in problem.names:
-            largest = max(filter(math.isfinite, self.dataset.lateral_accelerations(settings.min_speed)), default=0.0)
-            needed = GRIP_MARGIN * largest / STANDARD_GRAVITY
+        if FRICTION in problem.names and self.grip:
             place = problem.names.index(FRICTION)
-            start[place] = max(start[place], np.log(needed / settings.friction) / settings.friction_prior)
+            needed = np.log(GRIP_MARGIN * self.grip / settings.friction) / settings.friction_prior
+            start[place] = max(start[place], needed)
         return problem.stiffened(np.clip(start, *problem.bounds))
 
     def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
