@@ -151,6 +151,12 @@ def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
             assert linear - softened == pytest.approx(linear - fiala, rel=0.02)
 
 
+def test_a_small_sigma_of_the_softening_keeps_its_mean(truck: Vehicle) -> None:
+    u = by_name(truck, OneStage(tyres="linear", consider={"softening": 0.01}))["tractor.front.softening"]
+    assert u.centre == softening_priors(truck)["tractor.front"][0]
+    assert u.lower < u.centre < u.upper
+
+
 def test_softening_without_static_loads(truck: Vehicle) -> None:
     """Two groups on one unit behind a coupling leave the loads open."""
     group = truck.units[1].axle_groups[0]

@@ -308,7 +308,8 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     unknowns = []
     factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
     for path, (mean, sigma) in (softening_priors(vehicle) if factor else {}).items():
-        unknowns.append(replace(change_unknown(f"{path}.softening", sigma * factor), centre=mean))
+        change = change_unknown(f"{path}.softening", sigma * factor)
+        unknowns.append(replace(change, centre=mean, lower=mean + change.lower, upper=mean + change.upper))
     variation = settings.consider.get("stiffness_variation", 0.0)
     exact = expand_names(vehicle, settings.fixed, settings)
     names = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)] if variation else []
