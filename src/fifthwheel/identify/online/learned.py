@@ -130,7 +130,7 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
         z=estimate.z,
         covariance=estimate.covariance()[: len(unknowns), : len(unknowns)],
         unknowns={u.name: u for u in setup.unknowns},
-        parameters=tuple(u.name for u in unknowns if u.kind is not UnknownKind.SENSOR),
+        parameters=tuple(u.name for u in unknowns if u.kind is not UnknownKind.SENSOR and not u.per_log),
     )
     doubts = [
         *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate))),

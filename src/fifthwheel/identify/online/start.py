@@ -68,6 +68,8 @@ def start_state(
     p = scaling.to_p(with_prior_means(z, len(unknowns)))
     values = setup.given_to_model(setup.outputs)
     values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
+    for u, value in zip(unknowns, p.tolist(), strict=True):
+        values |= {name: values[name] + slope * value for name, slope in u.moves.items() if name in values}
     bank = setup.settings.bank_prior if model.chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
     _, m = steady_initial_state(vehicle, first, values, roll=True)
