@@ -93,20 +93,21 @@ def assert_equal(learner: Learner, program: Path, record: Record) -> tuple[np.nd
     return expected, {verdict for _, _, verdict in estimates.values()}
 
 
-def assert_equal_with_faults(learner: Learner, program: Path, lane: Record) -> None:
+def assert_equal_with_faults(learner: Learner, program: Path, lane: Record) -> set[float]:
+    """Equal results for all faults; returns the statuses that were seen."""
     seen, judged, learned = set(), set(), 0.0
     for fault in FAULTS:
         expected, verdicts = assert_equal(learner, program, with_fault(lane, fault))
         judged |= verdicts
         seen |= set(expected[:, 1].tolist())
         learned += expected[:, 2].sum()
-    assert seen | {Status.INCONSISTENT} == set(Status)  # discrepancies explain some faults
     assert judged >= {"converged", "doubtful"}
     assert learned > 1000
+    return seen
 
 
 def test_every_fault_gives_what_push_gives(passing: tuple[Learner, Path], lane: Record) -> None:
-    assert_equal_with_faults(*passing, lane)
+    assert assert_equal_with_faults(*passing, lane) == set(Status)
 
 
 @pytest.mark.slow
@@ -114,7 +115,8 @@ def test_every_fault_gives_what_push_gives(passing: tuple[Learner, Path], lane: 
 def test_other_settings(name: str, guess: Vehicle, lane: Record, tmp_path: Path) -> None:
     settings, limits = SETTINGS[name]
     learner = Learner(guess, lane.signals, settings, learner=limits)
-    assert_equal_with_faults(learner, compiled(learner, tmp_path), lane)
+    seen = assert_equal_with_faults(learner, compiled(learner, tmp_path), lane)
+    assert seen >= set(Status) - {Status.INCONSISTENT}  # discrepancies explain some faults
 
 
 @pytest.mark.slow

@@ -60,7 +60,7 @@ def snow(guess: Vehicle) -> Identification:
 
 
 def test_a_grip_that_was_measured_is_a_bound(guess: Vehicle) -> None:
-    """The friction is at least 0.8 times that which the lateral acceleration needs, and starts at twice that."""
+    """The friction is at least 0.8 times that which the lateral acceleration needs."""
     record = response(3.0, 0.75)
     used = largest_lateral_acceleration(record, "tractor") / STANDARD_GRAVITY
     objective = solve_one_stage([record], guess, replace(EXACT, friction=0.1)).minimum.objective

@@ -32,7 +32,7 @@ NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 def reported(learner: Learner) -> list[Unknown]:
     """The unknowns whose estimates C code can read: the estimated ones, then parameters that are not identifiable."""
     setup = learner.live.setup
-    estimated = (u for u in setup.estimated_unknowns if u.is_sensor_error or not u.per_log)
+    estimated = (u for u in setup.estimated_unknowns if u.is_sensor_error or u.is_of_truck)
     return [*estimated, *(u for u in setup.considered_unknowns if u.name in setup.estimated)]
 
 

@@ -172,7 +172,11 @@ class Setup:
 
     def model_values(self, z: Array) -> dict[str, float]:
         """Every parameter of the model by name, SI; z in the order of the unknowns."""
-        values, parameters = self.values(z), dict(self._parameters)
+        return self.changed_model(self.values(z))
+
+    def changed_model(self, values: Mapping[str, float]) -> dict[str, float]:
+        """The same with values of all unknowns by name, SI."""
+        parameters = dict(self._parameters)
         parameters |= {u.name: values[u.name] for u in self.unknowns if not u.moves}
         for u in self.unknowns:
             for name, factor in u.moves.items():

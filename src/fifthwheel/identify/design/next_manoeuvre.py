@@ -163,9 +163,9 @@ def plan_manoeuvres(
     largest = [considered[i].name for i in others.argmax(axis=-1)] if considered else names
     limits = {n: c for n, c, mine, rest in zip(names, largest, own, others, strict=True) if rest.sum() > mine}
     P = np.linalg.inv(information)
-    for name in names:
-        i, k = places[name], places.get(f"{name}{VARIATION}")
-        if name not in limits and k is not None and 2 * P[i, k] ** 2 > P[k, k] * sigma[names.index(name)] ** 2:
+    for name, i, s in zip(names, rows, sigma, strict=True):
+        k = places.get(f"{name}{VARIATION}")
+        if name not in limits and k is not None and P[i, k] ** 2 / P[k, k] > s**2 / 2:
             limits[name] = unknowns[k].name
     uninformed = tuple(n for n in targets if n not in places or not sigma[names.index(n)] < limit.excited)
     return DrivingPlan(

@@ -60,8 +60,8 @@ LEAST_DECAY = 0.1
 GRIP_MARGIN = 2.0
 """Friction at the start of the search over that which the lateral acceleration needs."""
 LEAST_GRIP = 0.8
-"""The least friction over it: a grip that was measured is a bound. The law of the tyres tends to at most 1.2 times the
-friction, and a bank adds to it."""
+"""Least friction over that which the lateral acceleration needs. The law of the tyres tends to at most 1.2 times the
+friction, and a bank adds to the side force."""
 
 
 def solve_one_stage(

@@ -51,7 +51,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
     shared, sigma = problem.values(minimum.z, 0), dict(zip(posterior.names, posterior.sigma.tolist(), strict=True))
     logs = [replace(log, errors=_own_errors(problem, minimum.z, i)) for i, log in enumerate(problem.logs)]
-    of_all_logs = [u for u in problem.unknowns if not u.per_log and not u.is_sensor_error]
+    of_all_logs = [u for u in problem.unknowns if u.is_of_truck]
     model_unknowns = [u for u in of_all_logs if not u.moves and u.name in given]
     values = problem.model_values(problem.without_variation(minimum.z), 0)
     changed = {name for u in problem.unknowns if not u.is_sensor_error for name in u.slopes}

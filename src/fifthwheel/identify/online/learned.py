@@ -26,7 +26,6 @@ from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
 from fifthwheel.identify.unknowns.gross_errors import is_possible
-from fifthwheel.identify.unknowns.unknown import UnknownKind
 
 GAINED = 1e-3
 """Smallest information of a direction of z that counts, in units of the prior's."""
@@ -130,7 +129,7 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
         z=estimate.z,
         covariance=estimate.covariance()[: len(unknowns), : len(unknowns)],
         unknowns={u.name: u for u in setup.unknowns},
-        parameters=tuple(u.name for u in unknowns if u.kind is not UnknownKind.SENSOR and not u.per_log),
+        parameters=tuple(u.name for u in unknowns if u.is_of_truck),
     )
     doubts = [
         *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate))),

@@ -219,8 +219,8 @@ class Learner:
 
     def _parameters(self, *, finished: bool) -> tuple[LearnedValue, ...]:
         requested = self._live.setup.estimated
-        lasting = ((u, v) for u, v in self._estimates(finished=finished) if not (u.is_sensor_error or u.per_log))
-        return tuple(v for u, v in lasting if u.is_estimated or u.name in requested)
+        of_truck = ((u, v) for u, v in self._estimates(finished=finished) if u.is_of_truck)
+        return tuple(v for u, v in of_truck if u.is_estimated or u.name in requested)
 
     @property
     def sensors(self) -> tuple[LearnedValue, ...]:

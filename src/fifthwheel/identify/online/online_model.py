@@ -14,15 +14,16 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.symbolic import Matrix, transition_matrix
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.settings import DEFAULT_CONSIDERED, OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import VARIATION, longest_matching_key
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
 
+VARIES = "stiffness_variation"
 LINEAR_TYRES = 0.06
-"""Error of the cornering stiffness of a linear tyre, as a fraction: what slip, load and longitudinal force change of
-it differs from drive to drive, and does not average out."""
+"""Default variation of the cornering stiffness of a linear tyre from drive to drive, as a fraction: slip, load and
+longitudinal force change it, and differ in each drive."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,8 +72,8 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
     consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
     settings = with_tyre_law(vehicle, settings)[0]
-    if settings.tyre_law == "linear" and "stiffness_variation" in consider:
-        consider["stiffness_variation"] = max(consider["stiffness_variation"], LINEAR_TYRES)
+    if settings.tyre_law == "linear" and consider.get(VARIES) == DEFAULT_CONSIDERED[VARIES]:  # not stated
+        consider[VARIES] = LINEAR_TYRES
     settings = replace(settings, consider=consider)
     if not settings.roll:
         raise SignalError("roll: expected True, because a learner models roll, got False; leave it out")

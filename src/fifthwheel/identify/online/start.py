@@ -66,10 +66,7 @@ def start_state(
     """Steady state (n_x,) of the first inputs, its covariance (n_x, n_x) and derivative dx/dz (n_x, n_p)."""
     vehicle, unknowns = setup.vehicle, setup.unknowns
     p = scaling.to_p(with_prior_means(z, len(unknowns)))
-    values = setup.given_to_model(setup.outputs)
-    values |= {u.name: float(value) for u, value in zip(unknowns, p, strict=True) if not u.moves}
-    for u, value in zip(unknowns, p.tolist(), strict=True):
-        values |= {name: values[name] + slope * value for name, slope in u.moves.items() if name in values}
+    values = setup.changed_model(dict(zip([u.name for u in unknowns], p.tolist(), strict=True)))
     bank = setup.settings.bank_prior if model.chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
     _, m = steady_initial_state(vehicle, first, values, roll=True)

@@ -63,6 +63,11 @@ class Unknown:
         return is_sensor_error(self.name)
 
     @property
+    def is_of_truck(self) -> bool:
+        """Whether it is a number of truck or road that all logs share."""
+        return not (self.is_sensor_error or self.per_log)
+
+    @property
     def prior_sigma(self) -> float:
         """Prior standard deviation of p, SI."""
         return self.scale * (self.centre if self.logarithmic else 1.0)
