@@ -88,7 +88,10 @@ WRONG: dict[str, Callable[[], object]] = {
     "observer record": lambda: fw.Observer(TRUCK, RECORD),
     "observer settings friction": lambda: fw.ObserverSettings(friction="dry"),
     "observer settings half_track": lambda: fw.ObserverSettings(half_track=2040),
-    "observer settings drive_axle_braking": lambda: fw.ObserverSettings(drive_axle_braking="50 %"),
+    "observer settings surroundings": lambda: fw.ObserverSettings(surroundings={"brakes.drive_axle": "50 %"}),
+    "observer surroundings typo": lambda: fw.Observer(
+        TRUCK, RECORD.signals, fw.ObserverSettings(surroundings={"tyre.shap": 1.0})
+    ),
     "observer push": lambda: fw.Observer(TRUCK, RECORD.signals).push({"time": "now"}),
     "observer push dict": lambda: fw.Observer(TRUCK, RECORD.signals).push({"spee": 1}),
     "observer push list": lambda: fw.Observer(TRUCK, RECORD.signals).push([1, 2, 3]),

@@ -12,7 +12,7 @@ from fifthwheel import vehicle
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification
-from fifthwheel.identify.unknowns.parameters import group_paths, stage_1_names, stage_2_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names, stage_2_names
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
@@ -137,9 +137,12 @@ def test_at_bound(truck: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("factors", [(1.0, 1.0, 0.04, 1.0), (9.0, 1.0, 1.0, 1.0)])
-def test_not_converged_from_an_implausible_start(truck: Vehicle, factors: tuple[float, ...]) -> None:
+def test_an_implausible_start(truck: Vehicle, factors: tuple[float, ...]) -> None:
+    """It may fail, but what has converged is right."""
     result = identify([simulate(truck, count=3, seed=6)], guesses(truck, factors))
-    assert Verdict.CONVERGED not in {e.verdict for e in result.parameters}
+    true = truck.parameters()
+    for e in result.parameters:
+        assert e.verdict is not Verdict.CONVERGED or abs(e.value - true[e.name]) < 3 * e.sigma
     assert all(e.sigma is not None and math.isfinite(e.sigma) and math.isfinite(e.value) for e in result.parameters)
     worst = min(fit.explained for fit in result.fits if fit.signal.startswith("yaw_rate"))
     assert any("Check the signal, the vehicle file and" in note for note in result.notes) == (worst < 0.5)
@@ -187,7 +190,7 @@ def test_slow_segments_and_gaps_are_not_used(truck: Vehicle, guess: Vehicle) -> 
 
 
 def test_the_settings_of_the_article_keep_the_bias_of_its_stage_1(truck: Vehicle, guess: Vehicle) -> None:
-    truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(truck)})  # as in the article
+    truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.group_paths()})  # as in the article
     record = simulate(truck, count=15, seed=3)
     result = identify([record], guess, article())
     for name, error in errors(result, truck).items():

@@ -259,7 +259,9 @@ def observer() -> Any:
 
 @case()
 def observer_saturating() -> Any:
-    settings = fw.ObserverSettings(friction=0.5, drive_axle_braking=1.0, positions={"sideslip.tractor": 1.0})
+    settings = fw.ObserverSettings(
+        friction=0.5, surroundings={"brakes.drive_axle": 1.0}, positions={"sideslip.tractor": 1.0}
+    )
     return dict(observed(sine(), settings))
 
 

@@ -11,7 +11,6 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import prepare_dataset
-from fifthwheel.identify.unknowns.parameters import group_paths
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record
@@ -67,7 +66,7 @@ def test_dataset(truck: Vehicle) -> None:
     assert dataset.roll == ("roll_rate.tractor", "roll_rate.semitrailer")
     assert dataset.vehicle.steer_signals() == (FRONT,)
     assert dataset.initial_vehicle.steer_signals() == truck.steer_signals()
-    assert all(dataset.vehicle.parameters()[f"{path}.relaxation_length"] == 0 for path in group_paths(truck))
+    assert all(dataset.vehicle.parameters()[f"{path}.relaxation_length"] == 0 for path in truck.group_paths())
     assert any(REAR in note and "assumed to be 0" in note for note in dataset.notes)
     assert "tractor.mass is fixed: no sigma includes its uncertainty." in dataset.notes
     source = dataset.identified_vehicle({"semitrailer.yaw_inertia": 4.0e5}).source

@@ -1,5 +1,6 @@
 """Identification with tyres that saturate: friction, choice of the law, logs that were not identified on."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -34,13 +35,24 @@ EXACT = OneStage(tyres="saturating", consider={}, nuisances=False, check=False)
 """Everything but the estimated parameters and the noise is known."""
 
 
-def response(acceleration: float, friction: float, *, name: str = "sine", offset: float = 0.0, seed: int = 1) -> Record:
+def response(
+    acceleration: float,
+    friction: float,
+    *,
+    name: str = "sine",
+    offset: float = 0.0,
+    seed: int = 1,
+    surroundings: Mapping[str, float] | None = None,
+) -> Record:
     """A single sine of the own model with tyres that saturate, with the noise of good gyros; offset of the steering."""
     course = single_sine(TRUCK, acceleration=acceleration)
     vehicle, outputs = TRUCK.with_logged_steering([STEER], name), (*GYROS, *SIDESLIP)
     model = dynamics.model(vehicle, outputs, roll=True, tyres="saturating")
     inputs = {"speed": np.full_like(course.time, 24.0), STEER: course.steer}
-    values = dynamics.all_parameters(vehicle, outputs, tyres="saturating") | {FRICTION: friction}
+    values = dynamics.all_parameters(vehicle, outputs, tyres="saturating") | {
+        FRICTION: friction,
+        **(surroundings or {}),
+    }
     _, y = free_response(model, values, course.time, inputs)
     noise = np.random.default_rng(seed).normal(0, 1e-3, (len(y), len(GYROS)))
     signals = {**inputs, STEER: course.steer + offset, **dict(zip(GYROS, (y[:, :4] + noise).T, strict=True))}
@@ -57,6 +69,22 @@ def guess() -> Vehicle:
 def snow(guess: Vehicle) -> Identification:
     """Of a sine that uses two thirds of the friction of snow, with all that a user does not know."""
     return identify([response(1.5, 0.3, offset=0.005)], guess, OneStage(tyres="saturating", check=False))
+
+
+def test_an_observer_has_all_that_was_estimated(guess: Vehicle) -> None:
+    """Tyres of the drive axles with less grip: the states follow from the estimate, also in another log."""
+    around = {"tractor.drive.relative_friction": 0.8, "tractor.front.relative_friction": 1.15}
+    record, other = (response(a, 0.5, name=f"{a}", surroundings=around) for a in (3.0, 2.5))
+    result = identify([record], guess, OneStage(tyres="saturating", check=False))
+    assert result.surroundings["tractor.drive.relative_friction"] < 0.95
+    for log in (record, other):
+        settings, uncertainty, _ = log_sensors(result, log, result.vehicle)
+        assert settings["surroundings"]["tractor.drive.relative_friction"] < 0.95
+        states = Observer(result.vehicle, log.signals, ObserverSettings(**settings)).batch(log, uncertainty)
+        for name in GYROS:
+            assert np.std(states.innovation[name]) < 1.7e-3
+        for name in SIDESLIP:
+            assert np.sqrt(np.mean((states.values[name] - log.reference[name]) ** 2)) < np.radians(0.03)
 
 
 def test_a_grip_that_was_measured_is_a_bound(guess: Vehicle) -> None:
@@ -155,7 +183,7 @@ def test_another_log_has_a_friction_of_its_own(snow: Identification) -> None:
     wet, gentle = (log_sensors(snow, response(a, 0.6, name="other"), snow.vehicle) for a in (2.5, 0.2))
     assert wet.settings["friction"] == pytest.approx(0.6, rel=0.15)
     assert gentle.settings["friction"] == pytest.approx(snow.friction, rel=0.2)
-    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.6, 0.75)):
+    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.5, 0.75)):
         place = sensors.uncertainty.names.index(FRICTION)
         sigma = np.sqrt(sensors.uncertainty.covariance[place, place]) / sensors.settings["friction"]
         assert least < sigma < largest

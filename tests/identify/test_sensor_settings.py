@@ -38,6 +38,7 @@ IDENTIFICATION: Any = Fields(
         SimpleNamespace(name="second", noise={YAW: 2e-6}, bank=None, drive_axle_braking=None),
     ],
     settings=OneStage(nuisances=False),
+    surroundings={"tyre.shape": 1.2, "body.half_track": 0.9},
     covariance=None,
 )
 
@@ -53,7 +54,8 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     log informs who brakes, of another log nothing is known of it."""
     settings = IDENTIFICATION.sensor_settings(log)
     own = {} if offset is None else {f"{YAW}.offset": offset}
-    road = {"friction": None} | ({} if log == "second" else {"drive_axle_braking": 0.7 if log == "first" else 0.5})
+    brakes = {} if log == "second" else {"brakes.drive_axle": 0.7 if log == "first" else 0.5}
+    road = {"friction": None, "half_track": 0.9, "surroundings": {"tyre.shape": 1.2} | brakes}
     exact = dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | road | exact
 

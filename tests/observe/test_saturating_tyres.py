@@ -98,7 +98,7 @@ def test_sideslip_while_braking(acceleration: float, friction: float, braking: f
 def test_sideslip_with_a_retarder() -> None:
     """Of 1 m/s^2 at 0.36 g: rms of tractor and trailer 0.02 and 0.07 deg; 0.26 and 0.10 if all groups braked."""
     record = driven(1.5, 1.0, 1.0, brakes={"tractor.drive": 1.0})
-    assert max(errors(record, friction=0.74, drive_axle_braking=1.0)) < 0.1
+    assert max(errors(record, friction=0.74, surroundings={"brakes.drive_axle": 1.0})) < 0.1
     assert max(errors(record, friction=0.74)) > 0.2
 
 
@@ -141,8 +141,8 @@ def test_a_copy_and_a_resumed_state_continue_while_braking() -> None:
 
 @pytest.mark.parametrize("fraction", [-0.01, 1.01, float("nan")])
 def test_braking_of_the_drive_axle_out_of_range(fraction: float) -> None:
-    with pytest.raises(SignalError, match="drive_axle_braking: expected between 0 and 1"):
-        ObserverSettings(friction=0.8, drive_axle_braking=fraction)
+    with pytest.raises(SignalError, match="drive_axle: expected"):
+        ObserverSettings(friction=0.8, surroundings={"brakes.drive_axle": fraction})
 
 
 @pytest.mark.parametrize("smoothing", [0.0, -0.2, float("nan")])

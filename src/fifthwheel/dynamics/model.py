@@ -21,7 +21,7 @@ from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.steering import SteeringSlopes, Wheels
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyre_law import Tyres
-from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor
+from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor, softening_parameters
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
 
@@ -192,13 +192,11 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
 
     They describe what a plain model leaves out, so that an estimator can state its effect:
 
-        <axle group>.softening   1/rad; the cornering stiffness at a slip angle alpha is C / (1 + softening |alpha|)
         <steer angle>.play       rad; the wheels lag behind the steering by half of it, to the side of `contact`
         <sensor>.delay           s, latency of the speed, a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
     """
-    values = {f"{unit.group_path(group)}.softening": 0.0 for unit in vehicle.units for group in unit.axle_groups}
-    values |= {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
+    values = {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
     values |= {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate}
     return values | {TIME_SCALE: 1.0}
@@ -220,9 +218,8 @@ def all_parameters(
 ) -> dict[str, float]:
     """Every parameter of a model with these outputs, by name: those of the vehicle, who brakes, and the defaults of the
     sensors."""
-    values = vehicle.parameters() | steer_parameters(vehicle) | {DRIVE_AXLE_BRAKING: 0.0}
-    if tyres != "linear":
-        values |= saturation_parameters(vehicle, tyres)
+    of_tyres = softening_parameters(vehicle) if tyres == "linear" else saturation_parameters(vehicle, tyres)
+    values = vehicle.parameters() | steer_parameters(vehicle) | {DRIVE_AXLE_BRAKING: 0.0} | of_tyres
     for name in outputs:
         values |= sensors.sensor_parameters(vehicle, name)
     return values | extension_parameters(vehicle, outputs) if extended else values
@@ -382,9 +379,9 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
 def _softening(
     model: ChainModel, s: _Symbols, speed: ca.SX, steer: Expressions
 ) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
-    """Factors of the cornering stiffnesses by name, none in a plain model; all parameters with them."""
+    """Factors of the cornering stiffnesses by name; all parameters with them."""
     value = s.value
-    slips = chain.slip_angles(value, model.vehicle, s.x, speed, steer, roll=model.roll) if model.extended else {}
+    slips = chain.slip_angles(value, model.vehicle, s.x, speed, steer, roll=model.roll)
     factors = {
         f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
         for path, slip in slips.items()
@@ -445,11 +442,10 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         return steered.wheels(s.value, vehicle, _by_name(model, state), speed, steer)
 
     last = wheels(s.x, d[k], commands)
-    _, softened = _softening(model, s, d[k], last.angles)
 
     def motion(state: ca.SX, speed: ca.SX, angles: Expressions, speed_rate: ca.SX) -> LargeAngles:
         return large_angles(
-            softened, vehicle, state, speed, angles, roll=roll, bank=bank, speed_rate=speed_rate, law=law
+            s.value, vehicle, state, speed, angles, roll=roll, bank=bank, speed_rate=speed_rate, law=law
         )
 
     earlier, latest = (d[k - 1], d[2 * k - 1]) if model.braking else (NO_CHANGE, NO_CHANGE)
@@ -469,7 +465,7 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         A, B = SteeringSlopes(*[ca.substitute(part, symbol, steering.start) for part in by]).applied(A, B)
     now = motion(s.x, d[k], last.angles, latest)
     sensed = sensors.SensorInputs(
-        p=softened,
+        p=s.value,
         vehicle=vehicle,
         motion=now.motion,
         acceleration=now.acceleration,

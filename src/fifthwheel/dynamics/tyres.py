@@ -121,6 +121,12 @@ def saturation_parameters(vehicle: Vehicle, tyres: Tyres = "saturating") -> dict
     return values
 
 
+def softening_parameters(vehicle: Vehicle) -> dict[str, float]:
+    """Parameters of linear tyres by name, with their defaults: the softening of each group, 1/rad; see
+    `softening_factor`."""
+    return {f"{path}.softening": 0.0 for path in vehicle.group_paths()}
+
+
 def stiffness_at_load(vehicle: Vehicle) -> dict[str, float]:
     """Cornering stiffness of each axle group by path, as a fraction of that at the nominal load of its tyres.
 
@@ -186,7 +192,7 @@ def longitudinal_forces(
 ) -> Mapping[str, Longitudinal]:
     """The longitudinal forces of each axle group by its path, at a speed, m/s, its derivative and the lateral
     acceleration of each unit, m/s^2, by default 0."""
-    paths = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+    paths = vehicle.group_paths()
     first = vehicle.units[0]
     driven = first.group_path(first.axle_groups[-1])
     rolling = {path: -p[ROLLING_RESISTANCE] * p[f"{path}.static_load"] for path in paths}

@@ -281,7 +281,7 @@ def _drives(record: Record) -> bool:
 def _require_known(names: Iterable[str], vehicle: Vehicle) -> None:
     """Raise where a weight is that of a unit or axle group that the vehicle does not have."""
     places = {unit.name for unit in vehicle.units}
-    groups = places | {unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups}
+    groups = places.union(vehicle.group_paths())
     for name in names:
         known = groups if is_of(name, AXLE_LOAD) else places
         if (place := SignalName.of(name).place) and place not in known:

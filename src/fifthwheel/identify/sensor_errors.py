@@ -1,5 +1,6 @@
 """Sensor errors of a log of an identified vehicle."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -37,6 +38,7 @@ def estimate_sensor_errors(
     exact_friction: bool = False,
     tyres: Tyres = "saturating",
     bank_variation: float = MODEL_ERRORS["bank_variation"],
+    surroundings: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
 
@@ -53,6 +55,7 @@ def estimate_sensor_errors(
         exact_friction: whether the friction is known instead.
         tyres: their law with a friction.
         bank_variation: standard deviation of the bank within the log about its mean, rad.
+        surroundings: of the identification.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -61,7 +64,9 @@ def estimate_sensor_errors(
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
     consider = {"bank_variation": bank_variation} if bank_variation else {}
-    settings = OneStage(free=(), priors={}, consider=consider, tyres="linear", check=False)
+    settings = OneStage(
+        free=(), priors={}, consider=consider, tyres="linear", check=False, surroundings=surroundings or {}
+    )
     if friction is not None:
         exact = (FRICTION,) if exact_friction else ()
         settings = replace(settings, tyres=tyres, friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
@@ -120,7 +125,14 @@ def log_sensors(
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
             estimated = estimate_sensor_errors(
-                record, vehicle, uncertainty, friction, exact_friction=exact, tyres=tyres, bank_variation=variation
+                record,
+                vehicle,
+                uncertainty,
+                friction,
+                exact_friction=exact,
+                tyres=tyres,
+                bank_variation=variation,
+                surroundings=identification.surroundings,
             )
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:

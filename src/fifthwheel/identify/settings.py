@@ -210,6 +210,9 @@ class OneStage(CommonSettings):
     """Prior mean and standard deviation, SI, of single sensor errors, such as steer.tractor.front.gain, by name. A
     standard deviation of 0: the error is exactly its mean. Also of estimated parameters whose prior is not a fraction
     of the value, by path: payload heights and positions."""
+    surroundings: Mapping[str, Finite] = field(default_factory=dict)
+    """Prior means of parameters that have no place in a vehicle file, SI, by name, such as tyre.shape; see
+    `ObserverSettings`."""
     uniform_payload: bool = True
     """The payload fills its width and height uniformly, so that its height gives CoG height (8) and roll inertia (9).
     False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""

@@ -20,7 +20,6 @@ from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     expand_names,
     given_parameters,
-    group_paths,
     lacks_roll_rate,
     one_stage_unknowns,
     time_base_delays,
@@ -40,7 +39,7 @@ def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
     """
     require_units(vehicle, settings.noise)
     if not settings.relaxation:
-        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in group_paths(vehicle)})
+        vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in vehicle.group_paths()})
     return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
 
 
@@ -196,7 +195,7 @@ class Setup:
     def stiffened(self, z: Array, speeds: Sequence[float], least: float = 0.0) -> Array:
         """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,
         1/s, at all speeds, m/s."""
-        _, *behind_first = [f"{path}.cornering_stiffness" for path in group_paths(self.vehicle)]
+        _, *behind_first = [f"{path}.cornering_stiffness" for path in self.vehicle.group_paths()]
         places = [i for i, u in enumerate(self.unknowns) if u.name in behind_first and u.is_estimated]
         limits = self.scaling.to_z(self.scaling.upper)
         z = z.copy()

@@ -11,6 +11,7 @@ from typing import Any, Self
 
 import numpy as np
 
+from fifthwheel import dynamics
 from fifthwheel._arguments import expect, expect_names, expect_optional, expect_sample
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
@@ -22,8 +23,9 @@ from fifthwheel.channels import (
     measured_signals,
     names_of,
 )
+from fifthwheel.dynamics.tyres import saturation_names
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.variances import require_units
 from fifthwheel.native import Scan
 from fifthwheel.observe import monitor, offline
@@ -102,6 +104,9 @@ class Observer:
         for name in self.settings.positions:
             if name not in (allowed := signals_with_position(self.reported)):
                 raise SignalError(f"{name}: has no position; positions can be given for {', '.join(allowed)}")
+        known = {*dynamics.all_parameters(self.vehicle, ()), *saturation_names(vehicle.group_paths())}
+        for name in self.settings.surroundings.keys() - known:
+            raise SignalError(f"surroundings, {name}: no such parameter; {suggestion(name, known)}")
         require_units(vehicle, self.settings.noise)
         sigmas = [f"{name}.sigma" for name in self.reported]
         self._names = (*self.reported, *sigmas)  # in the order of the compiled step

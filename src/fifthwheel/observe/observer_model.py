@@ -39,7 +39,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK
+from fifthwheel.vehicle.parameters import FRICTION, HALF_TRACK
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""
@@ -120,8 +120,8 @@ class ObserverModel:
         """Parameters that neither the vehicle nor a sensor has, as the settings give them."""
         settings = self.settings
         values = {HALF_TRACK: settings.half_track, BANK: settings.bank_mean}
-        values[DRIVE_AXLE_BRAKING] = settings.drive_axle_braking
-        return values if settings.friction is None else values | {FRICTION: settings.friction}
+        values |= {} if settings.friction is None else {FRICTION: settings.friction}
+        return values | dict(settings.surroundings)
 
     def uncertain(self, uncertainty: Uncertainty) -> Uncertainty:
         """The uncertainty without what has no effect: errors of sensors that are not measured, and unknowns that the

@@ -1,5 +1,6 @@
 """Settings of an observer."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
@@ -21,6 +22,7 @@ from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.filters.variances import Variances
 from fifthwheel.options import ObserverOptions
 from fifthwheel.settings import Cure, Finite, Limits, NonNegative, Positive
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, TYRE_PARAMETERS
 
 
 def _checked_error(name: str) -> str:
@@ -87,9 +89,10 @@ class ObserverSettings(ObserverOptions):
     1 deg gives 0.17 m/s^2."""
     wheel_speed_offset: NonNegative = 0.005
     """The same for the offset of every wheel speed difference, 1: the relative difference of the rolling radii."""
-    drive_axle_braking: Annotated[float, Limits(ge=0, le=1), Cure("give a fraction of the braking force")] = 0.0
-    """Fraction of the braking force by engine and retarder, on the drive axle alone; the brakes of all groups give the
-    rest in proportion to the static loads."""
+    surroundings: Mapping[str, InSI] = field(default_factory=dict)
+    """Parameters that neither the vehicle file nor a sensor has, by name, such as "tyre.shape",
+    "tractor.front.relative_friction", "semitrailer.softening" or "brakes.drive_axle"; by default those of
+    `dynamics.all_parameters`."""
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
     friction, else linear."""
@@ -109,6 +112,11 @@ class ObserverSettings(ObserverOptions):
         super().__post_init__()
         if self.estimate_bank and not self.bank:
             raise SignalError("estimate_bank: expected a sigma of the bank above 0, got 0; give it as bank")
+        for name, value in self.surroundings.items():
+            positive = name in TYRE_PARAMETERS or name.endswith((".static_load", ".relative_friction"))
+            least, largest = (0.0 if positive else -math.inf), 1.0 if name == DRIVE_AXLE_BRAKING else math.inf
+            if not least <= value <= largest:
+                raise SignalError(f"surroundings, {name}: expected {least:g} to {largest:g}, got {value:g}; correct it")
         if self.friction is None and self.tyre_law != "linear":
             raise SignalError("tyres: expected the friction of the road, got none; give it, or linear tyres")
 

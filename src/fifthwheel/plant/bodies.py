@@ -52,7 +52,7 @@ def sprung_bodies(vehicle: Vehicle, properties: Properties) -> tuple[SprungBody,
     A VehicleError if a property names an unknown axle group, if the masses or inertias of the axles exceed those of
     their unit, or if the first unit has no steered axle.
     """
-    groups = [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
+    groups = vehicle.group_paths()
     by_group = properties.roll_centre, properties.roll_steer, properties.lash, properties.brakes
     for paths in (properties.twin_tyres or (), *by_group):
         for path in paths:

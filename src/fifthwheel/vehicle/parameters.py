@@ -70,6 +70,7 @@ GROUP_TYRE_UNITS: Mapping[str, str] = {
 }
 """Of the numbers of each axle group, which follow from the vehicle, by the last word of their names."""
 _TYRE_UNITS = {**{name.rpartition(".")[2]: p.unit for name, p in TYRE_PARAMETERS.items()}, **GROUP_TYRE_UNITS}
+_TYRE_UNITS["softening"] = "1/rad"  # of linear tyres
 
 _OWN_UNITS: dict[str, str] = {}
 """Of the own parameters of a steering, by the last word of their paths."""

@@ -193,6 +193,10 @@ class Vehicle(Component):
                 return unit
         raise VehicleError(f"{name}: no such unit in {self.name}; {suggestion(name, [u.name for u in self.units])}")
 
+    def group_paths(self) -> list[str]:
+        """Beginnings of the paths of all axle groups, front to rear; see `Unit.group_path`."""
+        return [unit.group_path(group) for unit in self.units for group in unit.axle_groups]
+
     def parameters(self) -> dict[str, float]:
         """Every scalar by its path, SI, in the order of the vehicle: 'tractor.front.cornering_stiffness': 4.75e5."""
         return dict(self._parameters)

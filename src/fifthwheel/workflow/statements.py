@@ -30,7 +30,6 @@ from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERROR_UNITS, 
 from fifthwheel.identify.setup import with_tyre_law
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
-    group_paths,
     guess_prior,
     longest_matching_key,
     prior_of_sensor_error,
@@ -349,7 +348,7 @@ def _targets(vehicle: Vehicle, settings: OneStage, statement: Statement) -> list
     if _is_sensor_error(name):
         _require_sensor(vehicle, statement)
         return [name]
-    of_law = any(ends_with(path, name) for path in saturation_names(group_paths(vehicle)))
+    of_law = any(ends_with(path, name) for path in saturation_names(vehicle.group_paths()))
     if of_law and _tyre_law(vehicle, settings) == "linear":
         noun = "friction" if ends_with(FRICTION, name) else "such parameter"
         raise VehicleError(

@@ -35,7 +35,7 @@ from fifthwheel.identify.verdict import (
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
@@ -56,6 +56,8 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     values = problem.model_values(problem.without_variation(minimum.z), 0)
     changed = {name for u in problem.unknowns if not u.is_sensor_error for name in u.slopes}
     vehicle_values = {name: values[name] for name in own if name in changed}
+    around = changed - {*own, FRICTION, DRIVE_AXLE_BRAKING}
+    of_truck = dynamics.all_parameters(dataset.vehicle, (), tyres=problem.model.tyres)
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     left = causes.left if evaluation.trusted or causes.likely else problem.relative_discrepancy
@@ -93,6 +95,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
+        surroundings={**settings.surroundings, **{name: values[name] for name in of_truck if name in around}},
         covariance=covariance,
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),

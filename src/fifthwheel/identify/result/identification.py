@@ -40,7 +40,7 @@ from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, MEAN_DRIVE_AXLE_BRAKING, unit_of
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK, MEAN_DRIVE_AXLE_BRAKING, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -123,8 +123,9 @@ class Identification(IdentificationData):
         yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
         unseen = (MEAN_DRIVE_AXLE_BRAKING, 0.0) if self.settings.brakes else None
         brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), unseen)
-        road = {"friction": self.friction} | self._uncertainties(log)
-        road |= {"drive_axle_braking": brakes[0]} if brakes else {}
+        around = {**self.surroundings} | ({DRIVE_AXLE_BRAKING: brakes[0]} if brakes else {})
+        road = {"friction": self.friction, "surroundings": around} | self._uncertainties(log)
+        road |= {"half_track": around.pop(HALF_TRACK)} if HALF_TRACK in around else {}
         return {"sensor_errors": errors, "noise": noise} | own_law | yaw_only | road
 
     def _uncertainties(self, log: str | None) -> dict[str, float]:
@@ -165,6 +166,7 @@ class Identification(IdentificationData):
             raise FifthwheelError(f"posterior: the {self.method} method has none; identify with OneStage()")
         of_vehicle = self.vehicle.parameters().items()
         known = {name: (value, unit_of(name)) for name, value in of_vehicle if name in self.covariance.names}
+        known |= {name: (value, unit_of(name)) for name, value in self.surroundings.items()}
         known |= {e.name: (e.value, e.unit) for e in (*self.parameters, *self.uncertain)}
         known |= {f"{e.name}@{e.log}" if e.log else e.name: (e.value, e.unit) for e in self.sensors}
         known |= {f"{BANK}@{log.name}": (log.bank[0], "rad") for log in self.logs if log.bank}

@@ -99,6 +99,8 @@ class IdentificationData(ComparedByContents):
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of vehicle file and tyres, estimated too
+    surroundings: Mapping[str, float] = field(default_factory=dict)
+    """As of `ObserverSettings`: what was estimated but has no place in a vehicle file, SI."""
     knowledge: Knowledge | None = None
     """The information of these logs and earlier ones on the truck; None in two stages."""
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"

@@ -44,6 +44,7 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
         "parameters": [asdict(estimate) for estimate in identification.parameters],
         "derived": [asdict(estimate) for estimate in identification.derived],
         "uncertain": [asdict(estimate) for estimate in identification.uncertain],
+        "surroundings": dict(identification.surroundings),
         "uncertainty": None if identification.covariance is None else identification.covariance.as_dict(),
         "doubts": [asdict(doubt) for doubt in identification.doubts],
         "variance_budget": {name: dict(terms) for name, terms in identification.variance_budget.items()},
@@ -89,6 +90,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
         doubts=parts(Doubt, contents["doubts"]),
         variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
         remaining_uncertainty=dict(contents.get("remaining_uncertainty", {})),
+        surroundings=dict(contents["surroundings"]),
         histories={
             title: ParameterHistory(
                 names=tuple(history["names"]),

@@ -51,14 +51,9 @@ EXACT = 1e-6
 one. The model gets the number as that of an unknown which the logs cannot change."""
 
 
-def group_paths(vehicle: Vehicle) -> list[str]:
-    """Paths of all axle groups, front to rear."""
-    return [unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups]
-
-
 def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Cornering stiffness of every axle group, and yaw inertia of every unit behind the first."""
-    groups = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)]
+    groups = [f"{path}.cornering_stiffness" for path in vehicle.group_paths()]
     return (*groups, *[f"{unit.name}.yaw_inertia" for unit in vehicle.units[1:]])
 
 
@@ -76,7 +71,7 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     values = vehicle.parameters()
     if settings.tyre_law != "linear":
         values |= saturation_parameters(vehicle, settings.tyre_law) | {FRICTION: settings.friction}
-    return values
+    return values | dict(settings.surroundings)
 
 
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
@@ -134,7 +129,7 @@ def expand_names(vehicle: Vehicle, names: Iterable[str], settings: OneStage) -> 
     Raises:
         VehicleError: a name is neither.
     """
-    known, of_tyres = given_parameters(vehicle, settings), saturation_names(group_paths(vehicle))
+    known, of_tyres = given_parameters(vehicle, settings), saturation_names(vehicle.group_paths())
     paths: list[str] = []
     for name in names:
         matching = [path for path in known if ends_with(path, name)]
@@ -309,10 +304,11 @@ def _model_errors(vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) 
     factor = settings.consider.get("softening", 0.0) if settings.tyre_law == "linear" else 0.0
     for path, (mean, sigma) in (softening_priors(vehicle) if factor else {}).items():
         change = change_unknown(f"{path}.softening", sigma * factor)
+        mean = settings.surroundings.get(change.name, mean)
         unknowns.append(replace(change, centre=mean, lower=mean + change.lower, upper=mean + change.upper))
     variation = settings.consider.get("stiffness_variation", 0.0)
     exact = expand_names(vehicle, settings.fixed, settings)
-    names = [f"{path}.cornering_stiffness" for path in group_paths(vehicle)] if variation else []
+    names = [f"{path}.cornering_stiffness" for path in vehicle.group_paths()] if variation else []
     for name in (name for name in names if name not in exact):
         moves = {name: vehicle.parameters()[name]}
         unknowns.append(change_unknown(f"{name}{VARIATION}", variation, moves, per_log=True))
