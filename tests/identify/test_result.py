@@ -120,7 +120,7 @@ def test_an_observer_of_the_result(result):
 @pytest.mark.slow
 def test_a_learner_of_the_result(result):
     learner = result.learner()
-    direct = Learner(result.vehicle, RUN.signals, result.settings)
+    direct = Learner(result.vehicle, RUN.signals, replace(result.settings, surroundings=result.surroundings))
     learner.learn(RUN)
     direct.learn(RUN)
     assert learner.parameters == direct.parameters

@@ -74,9 +74,10 @@ class CommonSettings(Settings):
     """Segments below this speed are not used, m/s: the linear tyre model does not hold there."""
     correlation_time: Positive = 3.0
     """Longest time over which residuals may be autocorrelated, s; used for sigma."""
-    excited: float = 0.5**0.5
+    excited: float = 3**-0.5
     """A parameter is excited when the logs bring its sigma below this fraction of the prior sigma. At the default the
-    logs contain more information on it than the prior."""
+    logs contain more than twice the information of the prior: with less, the prior decides, and the error of a positive
+    parameter is skewed."""
     check: bool = True
     """Refuse logs with implausible signals."""
 

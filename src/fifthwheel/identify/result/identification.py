@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -210,7 +210,9 @@ class Identification(IdentificationData):
             signals: available signals; those of the identification by default.
             learner: when it learns, and how it treats faults of the signals.
         """
-        settings = self.settings if isinstance(self.settings, OneStage) else None
+        settings = None
+        if isinstance(self.settings, OneStage):
+            settings = replace(self.settings, surroundings=self.surroundings)
         return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:
