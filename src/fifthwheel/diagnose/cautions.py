@@ -104,9 +104,7 @@ def mass_cautions(vehicle: Vehicle) -> Iterator[Caution]:
 
 def has_wide_sigma(estimate: Estimate) -> bool:
     """Whether an estimate converged, but to a sigma that is a large fraction of its value."""
-    if estimate.verdict is not Verdict.CONVERGED or estimate.sigma is None:
-        return False
-    return estimate.sigma > thresholds.WIDE_SIGMA * abs(estimate.value)
+    return estimate.verdict is Verdict.CONVERGED and estimate.relative_sigma > thresholds.WIDE_SIGMA
 
 
 def is_unusual(identification: Identification, error: SensorError) -> bool:

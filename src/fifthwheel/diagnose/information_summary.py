@@ -16,6 +16,7 @@ from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, R
 from fifthwheel.identify.unknowns.parameters import TIME_BASE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import named
+from fifthwheel.vehicle.parameters import is_relative
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 
 
@@ -38,7 +39,7 @@ def dominant_terms(identification: Identification) -> dict[str, list[VarianceTer
     limit it, if any do."""
     dominant = {}
     for e in identification.parameters:
-        if e.verdict is Verdict.CONVERGED and e.sigma and e.sigma >= thresholds.NOTABLE_SIGMA * abs(e.value):
+        if e.verdict is Verdict.CONVERGED and e.relative_sigma >= thresholds.NOTABLE_SIGMA:
             largest = variance_budget(identification, e.name, thresholds.LARGE_FRACTION)
             for count in (1, 2, 3):
                 if sum(term.fraction for term in largest[:count]) > thresholds.DOMINANT_FRACTION:
@@ -65,18 +66,20 @@ class ParameterInformation:
             return None
         if e.sigma is None:
             return 1.0
-        is_height = ParameterPath.of(e.name).is_payload_height
-        scale = abs(e.initial / e.value) if e.value and not is_height else 1.0
+        scale = abs(e.initial / e.value) if e.value and is_relative(e.name) else 1.0
         return min(scale * e.sigma / e.prior, 1.0)
 
     @property
     def change(self) -> str:
-        """Prior and resulting sigma: "±30 % → ±4.4 %"; of a height in its unit."""
-        e, is_height = self.estimate, ParameterPath.of(self.estimate.name).is_payload_height
-        prior, result = (
-            "–" if sigma is None else f"±{approximate(sigma, e.unit) if is_height else relative(value, sigma)}"
-            for value, sigma in ((e.initial, e.prior), (e.value, e.sigma))
-        )
+        """Prior and resulting sigma: "±30 % → ±4.4 %"; in its unit where a fraction means little."""
+        e = self.estimate
+
+        def shown(value: float, sigma: float | None) -> str:
+            if sigma is None:
+                return "–"
+            return f"±{relative(value, sigma) if is_relative(e.name) else approximate(sigma, e.unit)}"
+
+        prior, result = shown(e.initial, e.prior), shown(e.value, e.sigma)
         return f"{prior} → {result}" if e.prior else result
 
     @property
@@ -84,7 +87,7 @@ class ParameterInformation:
         """What limits sigma and what would reduce it, a sentence each."""
         e, messages = self.estimate, []
         if e.correlated_with:
-            precise = e.verdict is Verdict.CONVERGED and (e.sigma or np.inf) < thresholds.NOTABLE_SIGMA * abs(e.value)
+            precise = e.verdict is Verdict.CONVERGED and e.relative_sigma < thresholds.NOTABLE_SIGMA
             relation = "Accurate. Its error is correlated with the errors of" if precise else "Strongly correlated with"
             messages.append(f"{relation} {enumerated(list(map(named, e.correlated_with)))}.")
         elif self.correlation:

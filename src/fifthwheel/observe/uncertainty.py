@@ -18,8 +18,8 @@ from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
-from fifthwheel.names import ParameterPath, split_log
-from fifthwheel.vehicle.parameters import POSITIONS
+from fifthwheel.names import split_log
+from fifthwheel.vehicle.parameters import is_signed
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -29,13 +29,11 @@ NEGLIGIBLE = 1e-6
 MAX_LOG_CHANGE = 0.5
 """Largest change of the logarithm of a parameter at a sigma point. A longer column is shortened and its effect scaled:
 a very different vehicle may be unstable, or need shorter steps than the record has."""
-SIGNED = frozenset({*POSITIONS, "roll_yaw_product"})
-"""Quantities of a vehicle that may be negative; all others keep their sign."""
 
 
 def positive_parameters(values: Mapping[str, float]) -> frozenset[str]:
     """Names of the parameters of a vehicle above 0 that cannot change their sign."""
-    return frozenset(n for n, value in values.items() if value > 0 and ParameterPath.of(n).quantity not in SIGNED)
+    return frozenset(name for name, value in values.items() if value > 0 and not is_signed(name))
 
 
 def displaced(names: Sequence[str], values: Array, deviations: Array, positive: Container[str]) -> Array:

@@ -24,7 +24,7 @@ from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
 from fifthwheel.spoken_names import named, named_unit, spoken
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.parameters import FRICTION, is_relative
 
 CONSEQUENCES = "Probably explained by the cautions"
 HEAVIER = 0.1
@@ -308,8 +308,7 @@ def _reason(identification: Identification, e: Estimate) -> str:
     limit = identification.settings.excited * prior
 
     def magnitude(sigma: float) -> str:
-        absolute = ParameterPath.of(e.name).is_payload_height
-        return f"±{approximate(sigma, e.unit) if absolute else percent(sigma / abs(e.initial))}"
+        return f"±{percent(sigma / abs(e.initial)) if is_relative(e.name) else approximate(sigma, e.unit)}"
 
     return (
         f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "

@@ -95,7 +95,7 @@ def _headline(
         unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
         text = f"{logs}: no parameter is identifiable" + (", the excitation is too small." if unexcited else ".")
     else:
-        wide = [named(p.name) for p in identifiable if p.sigma / abs(p.value) > WIDE_SIGMA]
+        wide = [named(p.name) for p in identifiable if p.relative_sigma > WIDE_SIGMA]
         sigma = f"; rough, with a sigma above {percent(WIDE_SIGMA)}: {enumerated(wide)}" if wide else ""
         text = f"{logs}: {len(identifiable)} of {count} parameters are identifiable{sigma}."
     if has_errors:

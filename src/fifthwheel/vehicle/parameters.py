@@ -9,7 +9,9 @@ from fifthwheel.options import ObserverOptions
 from fifthwheel.vehicle.component import SI_UNITS
 
 POSITIONS = ("cog", "position", "leading_position", "trailing_position")
-"""Quantities that count from an origin, so that a fraction of one means nothing."""
+"""Quantities that count from an origin."""
+SIGNED = frozenset({*POSITIONS, "roll_yaw_product"})
+"""Quantities that may be 0 or negative, so that a fraction of one means nothing; all others keep their sign."""
 FRICTION = "road.friction"
 SHAPE = "tyre.shape"
 HALF_TRACK = "body.half_track"
@@ -83,6 +85,21 @@ def register_unit(path: str, unit: str) -> None:
     if known != unit:
         raise VehicleError(f"{path}: expected {known}, as {quantity} elsewhere, got {unit}; use another name")
     _OWN_UNITS[quantity] = unit
+
+
+def is_signed(path: str) -> bool:
+    """Whether a parameter may be 0 or negative; see `SIGNED`."""
+    return ParameterPath.of(path).quantity in SIGNED
+
+
+def is_relative(path: str) -> bool:
+    """Whether a standard deviation of a parameter is shown as a fraction of its value, and not in its unit."""
+    return not (is_signed(path) or ParameterPath.of(path).is_payload_height)
+
+
+def size_of(path: str, value: float, prior: float) -> float:
+    """What a standard deviation of a parameter is compared with, SI: its value; of a signed one that of its prior."""
+    return prior if is_signed(path) or not value else abs(value)
 
 
 def unit_of(path: str) -> str:

@@ -170,7 +170,7 @@ def _assess_remedies(
     settings = AssessmentSettings()
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     converged = all(e.verdict is Verdict.CONVERGED and e.sigma is not None for e in estimated)
-    precise = all((e.sigma or 0.0) <= settings.enough * abs(e.value) for e in identification.parameters)
+    precise = all(e.relative_sigma <= settings.enough for e in identification.parameters)
     if not isinstance(identification.settings, OneStage) or (converged and precise):
         return None
     try:

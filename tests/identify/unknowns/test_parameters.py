@@ -9,7 +9,8 @@ from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
-from fifthwheel.identify import OneStage
+from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.design import design_experiment, predict_sigmas
 from fifthwheel.identify.settings import MODEL_ERRORS
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
@@ -27,6 +28,7 @@ from fifthwheel.identify.unknowns.parameters import (
     time_base_delays,
 )
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
 from fifthwheel.vehicle.unit import Accelerometer
@@ -384,3 +386,35 @@ def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
         assert brakes.kind is UnknownKind.UNCERTAIN
     few = {name: sigma for name, sigma in MODEL_ERRORS.items() if name != "drive_axle_braking"}
     assert "brakes.drive_axle" not in by_name(truck, OneStage(consider=few))
+
+
+PRODUCT = "tractor.sprung.roll_yaw_product"
+
+
+def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
+    """It is estimated with the standard deviation of the file or of every file; without one the error says so."""
+    zero = truck.replace({PRODUCT: 0.0})
+    stated = zero.with_stated({PRODUCT: 500.0})
+    for vehicle, name, centre, scale in (
+        (stated, PRODUCT, 0.0, 500.0),
+        (truck, "tractor.cog", truck.parameters()["tractor.cog"], 0.05),
+    ):
+        u = by_name(vehicle, OneStage(free=(name,)))[name]
+        assert (u.kind, u.logarithmic, u.centre) == (UnknownKind.PARAMETER, False, centre)
+        assert u.scale == pytest.approx(scale)
+    u = by_name(stated, OneStage())[PRODUCT]
+    assert (u.kind, u.logarithmic, u.centre, u.scale) == (UnknownKind.UNCERTAIN, False, 0.0, 500.0)
+    with pytest.raises(VehicleError, match="state it in the vehicle file, such as roll_yaw_product = '0 kg m"):
+        by_name(zero, OneStage(free=(PRODUCT,)))
+
+
+def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
+    """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
+    front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)
+    zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
+    shown = {e.name: e for e in identify([record], zero, OneStage(tyres="linear")).uncertain}[PRODUCT]
+    assert 0 < shown.sigma <= 500.0
+    settings = OneStage(free=(PRODUCT, front), tyres="linear")
+    assert 0 < predict_sigmas([record], zero, settings)[PRODUCT].relative_sigma <= 1
+    best = design_experiment(zero, {front: 0.1}, settings).best
+    assert 0 < best.sigma[PRODUCT] <= 1

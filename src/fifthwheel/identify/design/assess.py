@@ -26,6 +26,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.parameters import size_of
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,6 +62,11 @@ class ParameterAssessment:
     correlated_with: tuple[str, ...]
     """Unknowns that can hardly be separated from this parameter, the worst first."""
     remedies: tuple[Remedy, ...]
+
+    @property
+    def relative_sigma(self) -> float:
+        """The predicted sigma as a fraction of the value; of a number that may be 0, of its prior sigma."""
+        return self.sigma / size_of(self.name, self.value, self.prior)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,7 +212,7 @@ def _assess_parameter(
     value, prior, verdict = vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
     if verdict is not Verdict.CONVERGED and is_stated(vehicle, settings, name):
         verdict = Verdict.STATED
-    sigma, target = posterior.sigma(name) * prior, assessment.enough * abs(value)
+    sigma, target = posterior.sigma(name) * prior, assessment.enough * size_of(name, value, prior)
     if verdict is Verdict.CONVERGED and sigma <= target:
         best: tuple[Remedy, ...] = ()
     else:

@@ -26,6 +26,7 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import size_of
 
 DEFAULT_TARGET = 0.05
 """Default target: relative sigma of every cornering stiffness and of the yaw inertia of every unit behind the first."""
@@ -293,15 +294,15 @@ def _unmet_targets(
     remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
     unmet = []
     for name, target in missed.items():
-        value = abs(predictor.setup.vehicle.parameters()[name])
-        changes = remedies.best(name, best.sigma[name] * value, target=target * value, min_reduction=0.1, max_count=2)
+        size = size_of(name, predictor.setup.vehicle.parameters()[name], predictor.prior_sigma(name))
+        changes = remedies.best(name, best.sigma[name] * size, target=target * size, min_reduction=0.1, max_count=2)
         unmet.append(
             UnmetTarget(
                 name=name,
                 wanted=target,
                 sigma=best.sigma[name],
                 verdict=best.verdicts[name],
-                remedies=tuple(replace(change, sigma=change.sigma / value) for change in changes),
+                remedies=tuple(replace(change, sigma=change.sigma / size) for change in changes),
             )
         )
     return tuple(unmet)

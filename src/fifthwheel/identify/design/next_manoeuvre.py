@@ -29,6 +29,7 @@ from fifthwheel.identify.unknowns.parameters import VARIATION
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
+from fifthwheel.vehicle.parameters import size_of
 
 DRIVEN = DesignSettings(frequencies=(0.3, 0.5), accelerations=(0.5,), max_acceleration=1.0)
 """Candidates for a driver. Harder manoeuvres inform a linear model less: tyres soften."""
@@ -127,7 +128,8 @@ def plan_manoeuvres(
     places = {u.name: i for i, u in enumerate(unknowns)}
     names = [name for name in targets if name in places]
     rows, values = [places[name] for name in names], live.setup.scaling.to_p(live.joint(estimate)[0])
-    units = np.array([unknowns[i].sigma(values[i], 1.0) / abs(values[i]) for i in rows])
+    sigmas = [unknowns[i].sigma(values[i], 1.0) for i in rows]
+    units = np.array([s / size_of(unknowns[i].name, values[i], s) for i, s in zip(rows, sigmas, strict=True)])
     wanted = np.array([targets[name] for name in names])
     H = np.stack([c.information for c in candidates])
     C = np.stack([c.cross for c in candidates]) * live.considered.sigma

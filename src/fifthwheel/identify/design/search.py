@@ -19,6 +19,7 @@ from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoe
 from fifthwheel.manoeuvres.linear import lateral_acceleration
 from fifthwheel.settings import Count, NonNegative, Positive, Settings
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import size_of
 
 SPEED_RANGE = (5.0, 40.0)
 """m/s, of a run."""
@@ -158,11 +159,12 @@ def _candidates_of(
         return
     information = response.information(manoeuvre, steer, max(settings.repetitions))
     values, estimated = predictor.setup.vehicle.parameters(), predictor.setup.estimated
+    priors = {name: predictor.prior_sigma(name) for name in estimated}
     for size in sizes:
         of_repetitions = information.at(size)
         for count in settings.repetitions:
             result = predictor.posterior_of(response.names, of_repetitions[count - 1], response.noise)
-            sigma = {n: result.reliable_sigma(n) * predictor.prior_sigma(n) / abs(values[n]) for n in estimated}
+            sigma = {n: result.reliable_sigma(n) * priors[n] / size_of(n, values[n], priors[n]) for n in estimated}
             yield CandidateRun(
                 manoeuvre=manoeuvre,
                 count=count,

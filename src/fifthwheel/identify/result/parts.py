@@ -18,6 +18,7 @@ from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import size_of
 
 Real = Annotated[float, Strict()]
 """A number; a text with a number is refused."""
@@ -41,6 +42,11 @@ class Estimate:
     settling_time: Real | None = None  # s of data until it stayed within the tolerance; None if it did not
     prior: Real | None = None  # prior standard deviation, SI
     correlated_with: tuple[str, ...] = ()  # unknowns from which it is hardly separable, the strongest first
+
+    @property
+    def relative_sigma(self) -> float:
+        """Sigma as a fraction of the value; of a number that may be 0, of its prior sigma. 0 without sigma."""
+        return self.sigma / size_of(self.name, self.value, self.prior or self.sigma) if self.sigma else 0.0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,5 +1,6 @@
 """The unknowns of an identification: parameters, uncertain numbers and sensor errors."""
 
+import math
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
@@ -24,12 +25,19 @@ from fifthwheel.identify.unknowns.unknown import (
     error_unknown,
     fraction_unknown,
     height_unknown,
+    linear_unknown,
     logarithmic_unknown,
-    position_unknown,
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, MEAN_DRIVE_AXLE_BRAKING, POSITIONS
+from fifthwheel.vehicle.parameters import (
+    DRIVE_AXLE_BRAKING,
+    FRICTION,
+    MEAN_DRIVE_AXLE_BRAKING,
+    POSITIONS,
+    is_signed,
+    unit_of,
+)
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 
@@ -253,8 +261,12 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
     unknowns, values = list[Unknown](), vehicle.parameters()
     for change in changes(vehicle) if factor else ():
         moves = {path: factor * s for path, s in change.slopes.items() if path not in done and path not in exact}
-        if moves:
-            unknown = change_unknown(change.name, 1.0, moves | _changes_of_tyres(vehicle, moves, settings))
+        of_tyres = _changes_of_tyres(vehicle, moves, settings) if moves else {}
+        if [*moves, *of_tyres] == [change.name]:
+            sigma = abs(moves[change.name])
+            unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
+        elif moves:
+            unknown = change_unknown(change.name, 1.0, moves | of_tyres)
             given = {p: values[p] for p in moves if values[p] > 0 and ParameterPath.of(p).quantity not in POSITIONS}
             unknowns.append(replace(unknown, given=given))
     return unknowns
@@ -349,37 +361,49 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
     values = given_parameters(vehicle, settings)
     unknowns = []
     for name in estimated:
-        value, key = values[name], longest_matching_key(name, settings.priors)
-        fraction = settings.priors[key] if key else _fraction_of_file(vehicle, name)
-        stated = settings.stated_priors.get(name)
+        value, prior = values[name], _stated_prior(vehicle, name, values[name], settings)
         if ParameterPath.of(name).is_payload_height:
             unknown = height_unknown(name, value, settings)
-            centre, scale = stated or ((value, fraction * value) if fraction else (unknown.centre, unknown.scale))
+            centre, scale = prior or (unknown.centre, unknown.scale)
             unknowns.append(replace(unknown, centre=centre, scale=scale))
-        elif stated:
-            unknowns.append(position_unknown(name, *stated))
-        elif (
-            name in own_parameters(vehicle.steering)
-            and not key
-            and 2 * (sigma := vehicle.stated.get(name, 0.0)) > value
-        ):
-            unknowns.append(position_unknown(name, value, sigma))
-        elif fraction or name == FRICTION:
-            unknowns.append(logarithmic_unknown(name, value, fraction or settings.friction_prior))
+        elif is_signed(name) or name in settings.stated_priors or _may_be_zero(vehicle, name, prior):
+            unknowns.append(linear_unknown(name, *(prior or _default_prior(vehicle, name, value))))
+        elif prior or name == FRICTION:
+            unknowns.append(logarithmic_unknown(name, value, prior[1] / value if prior else settings.friction_prior))
         else:
             unknowns.append(logarithmic_unknown(name, value, guess_prior(name, settings), tail=settings.guess_tail))
     return unknowns
 
 
+def _stated_prior(vehicle: Vehicle, name: str, value: float, settings: OneStage) -> tuple[float, float] | None:
+    """Prior mean and standard deviation of a parameter, SI, by the settings or the vehicle file; None if they state
+    nothing."""
+    if name in settings.stated_priors:
+        return settings.stated_priors[name]
+    key = longest_matching_key(name, settings.priors)
+    sigma = settings.priors[key] * abs(value) if key else 0.0 if name in vehicle.assumed else vehicle.stated.get(name)
+    return (value, sigma) if sigma else None
+
+
+def _may_be_zero(vehicle: Vehicle, name: str, prior: tuple[float, float] | None) -> bool:
+    """Whether an own parameter of a steering is 0 within two of its standard deviations."""
+    return prior is not None and name in own_parameters(vehicle.steering) and 2 * prior[1] > prior[0]
+
+
+def _default_prior(vehicle: Vehicle, name: str, value: float) -> tuple[float, float]:
+    """The same of a signed parameter by the uncertainty of every vehicle file; a VehicleError where that has none."""
+    sigma = math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
+    if not sigma:
+        raise VehicleError(
+            f"{name}: may be 0 or negative, so its value gives no standard deviation; state it in the vehicle file, "
+            f"such as {name.rpartition('.')[2]} = '{value:g} {unit_of(name)} +- SIGMA', or in stated_priors"
+        )
+    return value, sigma
+
+
 def guess_prior(name: str, settings: OneStage) -> float:
     """Prior standard deviation of an estimated parameter on which nothing is stated, as a fraction of its value."""
     return settings.roll_inertia_prior if ends_with(name, "sprung.roll_inertia") else settings.prior
-
-
-def _fraction_of_file(vehicle: Vehicle, name: str) -> float | None:
-    """The standard deviation that the vehicle file states of a number over its value; None or 0 if none."""
-    value = vehicle.parameters().get(name)
-    return vehicle.stated.get(name, 0.0) / abs(value) if value and name not in vehicle.assumed else None
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
@@ -403,6 +427,8 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             sigma = table[key]
             if has_defaults and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
-            if sigma:
+            if sigma and is_signed(name):
+                unknowns.append(linear_unknown(name, value, sigma * abs(value), UnknownKind.UNCERTAIN))
+            elif sigma:
                 unknowns.append(logarithmic_unknown(name, value, sigma, UnknownKind.UNCERTAIN))
     return unknowns

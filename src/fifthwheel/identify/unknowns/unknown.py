@@ -12,7 +12,8 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.formatting import percent
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.names import ends_with
+from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.vehicle.parameters import POSITIONS
 
 HEIGHT_BOUNDS = (0.01, 3.5)
 """Of a payload height, m."""
@@ -173,19 +174,15 @@ def logarithmic_unknown(
     )
 
 
-def position_unknown(name: str, mean: float, sigma: float) -> Unknown:
-    """An estimated parameter that may be 0 or negative, such as a position, with its prior, SI.
+def linear_unknown(name: str, mean: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
+    """A parameter that may be 0 or negative, with its prior, SI.
 
-    It stays within two standard deviations: further away, an axle or a coupling would not support its unit.
+    An estimated position stays within two standard deviations: further away, an axle or a coupling would not support
+    its unit.
     """
-    return Unknown(
-        name=name,
-        centre=mean,
-        scale=sigma,
-        lower=mean - 2 * sigma,
-        upper=mean + 2 * sigma,
-        kind=UnknownKind.PARAMETER,
-    )
+    near = kind is UnknownKind.PARAMETER and ParameterPath.of(name).quantity in POSITIONS
+    reach = (2 if near else BOUND_SIGMAS) * sigma
+    return Unknown(name=name, centre=mean, scale=sigma, lower=mean - reach, upper=mean + reach, kind=kind)
 
 
 def error_unknown(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:
