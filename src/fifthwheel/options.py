@@ -81,14 +81,6 @@ class IdentifyOptions(Settings):
             label="State a number",
         ),
     ] = ()
-    fix: Annotated[Names, Option(help="Old form of --set NAME=exact.", replaced_by="--set")] = ()
-    free: Annotated[Names, Option(help="Old form of --set NAME=free.", replaced_by="--set")] = ()
-    prior: Annotated[
-        Names, Option(help="NAME=FRACTION: old form of --set NAME='+- FRACTION'.", replaced_by="--set")
-    ] = ()
-    consider: Annotated[
-        Names, Option(help="NAME=FRACTION: old form of --set NAME='+- FRACTION'.", replaced_by="--set")
-    ] = ()
     any_load: Annotated[
         bool,
         Option(
@@ -96,7 +88,6 @@ class IdentifyOptions(Settings):
             label="Load of any shape",
         ),
     ] = False
-    sensor: Annotated[Names, Option(help="NAME=SIGMA: old form of --set NAME='+- SIGMA'.", replaced_by="--set")] = ()
     knowledge: Annotated[
         Path | None,
         Option(

@@ -63,8 +63,6 @@ class Option:
     """Words of the workbench for each choice."""
     smallest: float | None = None
     """That a front end accepts, where this is more than the limit of the setting."""
-    replaced_by: str = ""
-    """The option that replaces it; the command line still takes it, with a warning."""
     unit: str = ""
     """SI unit of a quantity that the command line takes as a text, with any unit or in this one."""
 

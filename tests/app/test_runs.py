@@ -87,7 +87,9 @@ def test_excluded_windows_and_unused_logs_are_honoured(identified):
 
 def test_the_settings_are_those_of_the_options(identified):
     found = identified(
-        Choices(identify={"fix": [FRONT], "consider": ["roll_stiffness=5%"], "validate": ["second.csv"], "old": 1})
+        Choices(
+            identify={"statements": [f"{FRONT}=exact", "roll_stiffness=+- 5 %"], "validate": ["second.csv"], "old": 1}
+        )
     )
     assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
     assert found.settings.fixed == (FRONT,)
@@ -182,11 +184,11 @@ def test_the_stamp_follows_what_counts(workspace):
 def test_the_command_line_of_a_run(workspace):
     choices = Choices(
         logs={"first.csv": LogChoice(exclude=((2.0, 4.0),))},
-        identify={"fix": [FRONT], "method": "two-stage", "validate": ["second.csv"], "check": False},
+        identify={"statements": [f"{FRONT}=exact"], "method": "two-stage", "validate": ["second.csv"], "check": False},
     )
     assert runs.command(workspace, choices, "a b") == [
         "identify", "logs/first.csv", "--vehicle", "vehicle.toml", "--out", "runs/a b", "--validate=logs/second.csv",
-        "--exclude=first=2..4", "--method=two-stage", f"--fix={FRONT}", "--no-check",
+        "--exclude=first=2..4", "--method=two-stage", f"--set={FRONT}=exact", "--no-check",
     ]  # fmt: skip
 
 
@@ -296,7 +298,7 @@ def test_texts_are_escaped():
 @pytest.mark.slow
 def test_a_run_is_that_of_the_command_line(workspace):
     """The same numbers as `fifthwheel identify` in the folder, from the command that the report shows."""
-    choices = Choices(identify={"fix": [FRONT]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
+    choices = Choices(identify={"statements": [f"{FRONT}=exact"]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
     workspace.write_choices(choices, "choose")
     runs.identify(workspace.folder, "page", lambda *_: None)
     command = runs.command(workspace, choices, "line")

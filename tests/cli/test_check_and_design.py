@@ -121,8 +121,8 @@ def test_check_refuses(folder, run):  # noqa: F811
     refused(run("check", "nothing.csv", "-v", TRUCK), r"nothing\.csv: cannot be read")
     refused(run("check", log, "-v", "lorry"), r"lorry: no such file")
     refused(run("check", log, log, "-v", TRUCK), r"logs: .*given more than once")
-    refused(run("check", log, "-v", TRUCK, "--fix", "tractor.colour"), r"tractor\.colour: no such parameter")
-    refused(run("check", log, "-v", TRUCK, "--free", "tractor.colour"), r"tractor\.colour: no such parameter")
+    refused(run("check", log, "-v", TRUCK, "--set", "tractor.colour=exact"), r"tractor\.colour: no such parameter")
+    refused(run("check", log, "-v", TRUCK, "--set", "tractor.colour=free"), r"tractor\.colour: no such parameter")
     refused(run("check", "-v", TRUCK), r".*")
     record = read_log(log)
     kept = {name: values for name, values in record.signals.items() if not name.startswith("yaw_rate")}

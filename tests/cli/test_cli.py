@@ -217,9 +217,8 @@ def test_identify_prints_every_parameter(folder, run):
 
 def test_fixed_parameters_keep_their_values(folder, run):
     fixed = ["tractor.front.cornering_stiffness", "semitrailer.payload.height"]
-    outcome = run(
-        "identify", folder / "first.csv", "-v", TRUCK, *LINEAR, "--json", f"--set={fixed[0]}=exact", "--fix", fixed[1]
-    )
+    exact = [f"--set={name}=exact" for name in fixed]
+    outcome = run("identify", folder / "first.csv", "-v", TRUCK, *LINEAR, "--json", *exact)
     assert outcome.code == 0, outcome.err
     found = {p["name"]: p for p in outcome.json()["parameters"]}
     truth = get(TRUCK).parameters()
@@ -555,21 +554,9 @@ USAGE = {
         [*IDENTIFY, "--method", "article", "--form", "prediction-error"],
         "--form: needs --method one-stage",
     ),
-    "a prior without a fraction": (
-        [*IDENTIFY, "--prior", "roll_stiffness"],
-        "--prior roll_stiffness: expected NAME=FRACTION",
-    ),
-    "a fraction above 1": (
-        [*IDENTIFY, "--consider", "roll_stiffness=2"],
-        "--consider .* below 100%, got 2, which is 200%; write 5%",
-    ),
-    "a fraction that is not a number": ([*IDENTIFY, "--consider", "roll_stiffness=much"], "--consider .*NAME=FRACTION"),
-    "an unknown sensor error": (
-        [*IDENTIFY, "--sensor", "steer_lag=5ms"],
-        "--sensor steer_lag=5ms: expected NAME=SIGMA",
-    ),
-    "a sensor error in another unit": ([*IDENTIFY, "--sensor", "steer_delay=5deg"], "--sensor steer_delay=5deg: .*s"),
-    "a road without bank": ([*IDENTIFY, "--sensor", "bank=0"], "--set bank=exact: bank: expected .* above 0"),
+    "an unknown sensor error": ([*IDENTIFY, "--set", "steer_lag=+- 5 ms"], "steer_lag: no such parameter"),
+    "a sensor error in another unit": ([*IDENTIFY, "--set", "steer_delay=+- 5 deg"], "--set steer_delay=.*s"),
+    "a road without bank": ([*IDENTIFY, "--set", "bank=exact"], "--set bank=exact: bank: expected .* above 0"),
     "a statement without a name": ([*IDENTIFY, "--set", "exact"], "--set exact: expected NAME="),
     "a position that is not a number": (
         ["states", "log.csv", "-v", TRUCK, "--at", "sideslip.semitrailer=rear"],
@@ -602,7 +589,7 @@ def test_other_input_that_is_refused(folder, run):
         refused(
             run(command, log, "-v", TRUCK, "-o", "file"), r"file: expected a folder, got a file; choose another name"
         )
-    refused(run("identify", log, "-v", TRUCK, "--fix", "tractor.mas"), r"tractor\.mas: no such parameter")
+    refused(run("identify", log, "-v", TRUCK, "--set", "tractor.mas=exact"), r"tractor\.mas: no such parameter")
 
 
 @pytest.mark.parametrize("where", ["identify", "states"])

@@ -254,7 +254,7 @@ def test_options() -> None:
         identification_settings(TRUCK, IdentifyOptions(tyres="linear", statements=("road.friction=0.3",)))
     with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
         identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
-    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", fix=("road.friction",)))
+    _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", statements=("road.friction=exact",)))
     assert settings.fixed == ("road.friction",)
 
 

@@ -1,4 +1,4 @@
-"""Settings from the options of a user: each option, and the statements that replace the old ones."""
+"""Settings from the options of a user."""
 
 import pytest
 
@@ -20,24 +20,17 @@ def test_without_choices_they_are_the_defaults():
     assert chosen() == (TRUCK, OneStage())
 
 
-@pytest.mark.parametrize("option", ["prior", "consider"])
-def test_a_fraction_is_a_stated_sigma(option):
-    vehicle, settings = chosen(**{option: ("semitrailer.roll_stiffness=20%",)})
+def test_a_fraction_is_a_stated_sigma():
+    vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=+- 20 %",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": pytest.approx(0.2 * 2.7e6)}
     assert settings == OneStage()
-    vehicle, settings = chosen(**{option: ("semitrailer.roll_stiffness=0",)})
+    vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=exact",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": 0.0}
     assert settings.fixed == ("semitrailer.roll_stiffness",)
 
 
-@pytest.mark.parametrize("name", ["road.friction", "tractor.drive.cornering_stiffness"])
-def test_an_estimated_parameter_may_be_fixed_twice(name):
-    _, settings = chosen(fix=(name,), consider=(f"{name}=0",), tyres="saturating")
-    assert settings.fixed == (name,)
-
-
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
-    _, settings = chosen(free=("tractor.yaw_inertia",), fix=("semitrailer.payload.height",), check=False)
+    _, settings = chosen(statements=("tractor.yaw_inertia=free", "semitrailer.payload.height=exact"), check=False)
     assert settings.free == (
         "tractor.front.cornering_stiffness",
         "tractor.drive.cornering_stiffness",
@@ -50,7 +43,7 @@ def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
 
 
 def test_any_load_estimates_the_laden_body():
-    _, settings = chosen(free=("tractor.yaw_inertia",), any_load=True)
+    _, settings = chosen(statements=("tractor.yaw_inertia=free",), any_load=True)
     assert not settings.uniform_payload
     assert {"semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia"} < set(settings.free)
     assert "semitrailer.payload.height" not in settings.free
@@ -58,14 +51,15 @@ def test_any_load_estimates_the_laden_body():
 
 def test_every_sensor_prior_is_a_setting():
     priors = {name: 0.001 * (k + 1) for k, name in enumerate(SENSOR_PRIORS)}
-    _, settings = chosen(sensor=tuple(f"{name}={sigma!r}" for name, sigma in priors.items()))
+    units = {name: SENSOR_PRIORS[name].removesuffix("1") for name in priors}
+    _, settings = chosen(statements=tuple(f"{name}=+- {sigma!r} {units[name]}" for name, sigma in priors.items()))
     assert {name: getattr(settings, f"{name}_prior") for name in SENSOR_PRIORS} == pytest.approx(priors)
 
 
 def test_wrong_choices_are_refused():
-    with pytest.raises(FifthwheelError, match=r"--sensor steer_lag=0\.1: expected NAME=SIGMA"):
-        chosen(sensor=("steer_lag=0.1",))
+    with pytest.raises(FifthwheelError, match="steer_lag"):
+        chosen(statements=("steer_lag=+- 0.1 s",))
     with pytest.raises(FifthwheelError, match="bank: expected a standard deviation above 0"):
-        chosen(sensor=("bank=0",))
+        chosen(statements=("bank=exact",))
     with pytest.raises(VehicleError, match=r"tractor\.colour"):
-        chosen(fix=("tractor.colour",))
+        chosen(statements=("tractor.colour=exact",))

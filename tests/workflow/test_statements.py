@@ -25,7 +25,6 @@ from fifthwheel.workflow import (
     Statement,
     apply_statements,
     parse_statement,
-    replaced_statements,
     require_signals,
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
@@ -372,19 +371,7 @@ def test_a_sensor_that_no_log_has_is_refused() -> None:
     require_signals(settings, record.with_signals(wheels))
 
 
-def test_the_options_that_it_replaces() -> None:
-    chosen = IdentifyOptions(
-        fix=(HEIGHT,), free=("tractor.yaw_inertia",), prior=("relaxation_length=20%", "roll_damping=0"),
-        consider=("roll_stiffness=5%", "gyro_delay=0.002", "vehicle_file=2"), sensor=("steer_delay=5ms",),
-        tyres="saturating",
-    )  # fmt: skip
-    texts = [
-        f"{HEIGHT}=exact", "tractor.yaw_inertia=free", "relaxation_length=+- 20 %", "roll_damping=exact",
-        "roll_stiffness=+- 5 %", "gyro_delay=+- 0.002 s", "vehicle_file=+- 200 %", "steer_delay=+- 0.005 s",
-    ]  # fmt: skip
-    assert list(map(str, replaced_statements(chosen))) == texts
-    same = IdentifyOptions(statements=tuple(texts), tyres="saturating")
-    assert chosen_one_stage(TRUCK, same) == chosen_one_stage(TRUCK, chosen)
+def test_the_article_takes_what_is_exact() -> None:
     article = IdentifyOptions(method="article", statements=(f"{HEIGHT}=exact",))
     assert identification_settings(TRUCK, article)[1].fixed == (HEIGHT,)
 
@@ -427,20 +414,6 @@ def test_identify_and_check_refuse(run: Any) -> None:
         assert "did you mean 'tractor.mass'" in outcome.err
 
 
-def test_a_replaced_option_names_its_statement(run: Any) -> None:
-    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
-    old = ("--fix", HEIGHT, "--consider", "roll_stiffness=5%", "--sensor", "steer_delay=5ms")
-    outcome = run("check", log, "-v", truck, "--json", *old)
-    assert outcome.code == 0
-    (line,) = outcome.err.splitlines()
-    assert line == (
-        "warning: --fix, --consider, --sensor: replaced by --set, give "
-        f"--set {HEIGHT}=exact --set 'roll_stiffness=+- 5 %' --set 'steer_delay=+- 0.005 s'"
-    )
-    new = (f"--set={HEIGHT}=exact", "--set=roll_stiffness=+- 5 %", "--set=steer_delay=+- 5 ms")
-    assert run("check", log, "-v", truck, "--json", *new).json() == outcome.json()
-
-
 # Nothing that is stated is dropped
 
 FULL = TRUCK.with_logged_steering({"steer.tractor.front"}, "log").replace(
@@ -464,16 +437,15 @@ def total_prior(path: str, vehicle: Vehicle, settings: OneStage) -> float:
 
 
 @of_test(deadline=None, max_examples=60)
-@given(numbers, laws, st.sampled_from(["file", "--set", "--prior"]))
+@given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
-    """Of every number of a vehicle file, in each of the three ways to state it."""
+    """Of every number of a vehicle file, in both ways to state it."""
     vehicle, path = number
     value = vehicle.parameters()[path]
     sigma = 0.013 * abs(value) or 0.013
     options: dict[str, Any] = {
         "file": {},
         "--set": {"statements": (f"{path}=+- {sigma!r} {unit_of(path).removesuffix('1')}",)},
-        "--prior": {"prior": (f"{path}=1.3%",)},
     }[how]
     stated = vehicle.with_stated({path: sigma}) if how == "file" else vehicle
     chosen = IdentifyOptions(tyres=settings.tyres, **options)
@@ -489,10 +461,10 @@ def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings
 
 
 @of_test(deadline=None, max_examples=60)
-@given(numbers, laws, st.sampled_from(["file", "--set", "--fix"]))
+@given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
     vehicle, path = number
-    options: dict[str, Any] = {"file": {}, "--set": {"statements": (f"{path}=exact",)}, "--fix": {"fix": (path,)}}[how]
+    options: dict[str, Any] = {"file": {}, "--set": {"statements": (f"{path}=exact",)}}[how]
     stated = vehicle.with_stated({path: 0.0}) if how == "file" else vehicle
     chosen = chosen_one_stage(stated, IdentifyOptions(tyres=settings.tyres, **options))
     assert total_prior(path, *chosen) == 0.0

@@ -15,8 +15,7 @@ from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow import IdentifyOptions
-from fifthwheel.workflow.settings import chosen_statements
-from fifthwheel.workflow.statement import Statement
+from fifthwheel.workflow.statement import Statement, parse
 from fifthwheel.workflow.statements import SENSOR_PRIORS
 
 STATEMENTS = "statements"
@@ -39,7 +38,9 @@ def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
 
 def stated(workspace: Workspace, choices: Choices) -> dict[str, str]:
     """Sentences of what the user states of numbers, by the texts of the statements."""
-    return {str(statement): _sentence(statement) for statement in chosen_statements(runs.options(workspace, choices))}
+    return {
+        str(statement): _sentence(statement) for statement in map(parse, runs.options(workspace, choices).statements)
+    }
 
 
 def _sentence(statement: Statement) -> str:
@@ -58,7 +59,7 @@ def changed_settings(choices: Choices) -> list[str]:
     said = []
     for key, option in options_of(IdentifyOptions).items():
         value = choices.identify.get(key)
-        if value is None or key == STATEMENTS or option.replaced_by:
+        if value is None or key == STATEMENTS:
             continue
         label = words.label(key, option)
         if isinstance(value, bool):

@@ -126,7 +126,6 @@ def _parameter(kind: type[Settings], name: str, option: Option) -> inspect.Param
         help=help,
         min=option.smallest or smallest,
         max=largest,
-        hidden=bool(option.replaced_by),
     )
     return inspect.Parameter(name, _KEYWORD, default=default, annotation=Annotated[hint, info])
 

@@ -58,14 +58,14 @@ def run(
     """
     from fifthwheel.fleet import run as run_fleet
     from fifthwheel.identify import OneStage
-    from fifthwheel.workflow.settings import chosen_statements
+    from fifthwheel.workflow.statement import parse
 
     with terminal.progress_bar(quiet=as_json) as progress:
         result = run_fleet(
             manifest,
             out,
             settings=OneStage(check=identification.check, tyres=identification.tyres),
-            statements=chosen_statements(identification),
+            statements=[*map(parse, identification.statements)],
             fleet=chosen,
             scheduler=scheduler,
             jobs=jobs,

@@ -85,7 +85,6 @@ def identify(
     read = [*inputs, *before, *([] if result else [Path(file)]), *(path for path in results if path.parent != out)]
     with result_folder(out, "identify", IDENTIFICATION_FILES, inputs=read, force=force) as folder:
         starts = starts_of(read_truck(vehicle), chosen, logs)  # within the lock of a result that grows
-        terminal.warn_of_replaced_options(chosen)
         records = terminal.load_records(inputs, signals, allow_outside=allow_outside, exclude=exclude)
         used = dict(zip(logs, records, strict=False))
         for start in starts:

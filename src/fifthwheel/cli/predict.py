@@ -14,14 +14,10 @@ from fifthwheel.cli.terminal import (
     print_load_differences,
     progress_bar,
     warn_of_masses,
-    warn_of_replaced_options,
 )
 from fifthwheel.options import IdentifyOptions
 
-_OF_A_DESIGN = Only(
-    ("statements", "fix", "free", "prior", "consider", "any_load", "knowledge", "trailer", "load", "road")
-)
-_OF_LOGS = Only((*_OF_A_DESIGN.names, "sensor"))
+_OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road"))
 """Options of an identification for predictions before it."""
 
 
@@ -41,7 +37,7 @@ def check(
     allow_outside: options.AllowOutsideOption = False,
     exclude: options.ExcludeOption = None,
     *,
-    chosen: Annotated[IdentifyOptions, _OF_LOGS],
+    chosen: Annotated[IdentifyOptions, _OPTIONS],
     plot: Annotated[
         Path | None, typer.Option(help="HTML file for measured and predicted channels, with their time offsets.")
     ] = None,
@@ -60,7 +56,6 @@ def check(
 
     start = starts_of(read_truck(vehicle), chosen, logs)[-1]
     truck, settings = start.vehicle, start.one_stage
-    warn_of_replaced_options(chosen)
     with reserved(plot, force=force):
         records = load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         warn_of_masses(truck)
@@ -121,7 +116,7 @@ def design(
     signals: Annotated[
         Path | None, typer.Option("--signals", "-s", help="Signal map; its sensor classes and '+-' give the priors.")
     ] = None,
-    chosen: Annotated[IdentifyOptions, _OF_A_DESIGN],
+    chosen: Annotated[IdentifyOptions, _OPTIONS],
     out: Annotated[
         Path | None,
         typer.Option("--out", "-o", help="File for time, speed and steer angle of the run: .csv or .parquet."),
@@ -144,7 +139,6 @@ def design(
     if out:
         record_writer(out)  # refuses an unknown format before the search
     (start,) = starts_of(read_truck(vehicle), chosen)
-    warn_of_replaced_options(chosen)
     with reserved(out, force=force):
         with progress_bar(quiet=as_json) as progress:
             result = design_run(

@@ -1,7 +1,6 @@
 """Reading inputs and writing messages on a terminal, with progress bars."""
 
 import json
-import shlex
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
@@ -10,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 if TYPE_CHECKING:
-    from fifthwheel.options import IdentifyOptions
     from fifthwheel.pages import Document
     from fifthwheel.record import Record
     from fifthwheel.vehicle import Vehicle
@@ -46,18 +44,6 @@ def print_load_differences(vehicle: "Vehicle", records: "Sequence[Record]") -> N
 
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)
-
-
-def warn_of_replaced_options(chosen: "IdentifyOptions") -> None:
-    """Print what says the same as the options that others replace."""
-    from fifthwheel.settings import options_of
-    from fifthwheel.workflow import replaced_statements
-
-    used = {n: o for n, o in options_of(type(chosen)).items() if o.replaced_by and getattr(chosen, n)}
-    if used:
-        old = ", ".join(option.flags_of(name)[0] for name, option in used.items())
-        statements = " ".join(f"--set {shlex.quote(str(statement))}" for statement in replaced_statements(chosen))
-        typer.echo(f"warning: {old}: replaced by --set, give {statements}", err=True)
 
 
 def print_json(contents: Any) -> None:

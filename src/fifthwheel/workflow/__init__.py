@@ -38,7 +38,7 @@ from fifthwheel.workflow.results import (
     write_loads,
     write_results,
 )
-from fifthwheel.workflow.settings import chosen_one_stage, identification_settings, replaced_statements
+from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
 from fifthwheel.workflow.start import starts_of
 from fifthwheel.workflow.statement import Statement
 from fifthwheel.workflow.statement import parse as parse_statement
@@ -76,7 +76,6 @@ __all__ = [
     "read_records",
     "read_truck",
     "read_vehicle",
-    "replaced_statements",
     "require_signals",
     "roll_tested_vehicle",
     "run_identification",

@@ -7,13 +7,11 @@ from typing import Any
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, OneStage
-from fifthwheel.identify.settings import MODEL_ERROR_UNITS, MODEL_ERRORS
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.settings import options_of
-from fifthwheel.units import quantity
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.statement import Statement, parse
-from fifthwheel.workflow.statements import SENSOR_PRIORS, apply
+from fifthwheel.workflow.statement import parse
+from fifthwheel.workflow.statements import apply
 
 
 def identification_settings(
@@ -42,7 +40,7 @@ def identification_settings(
         return chosen_one_stage(vehicle, chosen, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
     settings = replace(preset, check=chosen.check, passes=chosen.passes or preset.passes)
-    return apply(vehicle, settings, chosen_statements(chosen))
+    return apply(vehicle, settings, map(parse, chosen.statements))
 
 
 def chosen_one_stage(
@@ -54,62 +52,11 @@ def chosen_one_stage(
     """The same for one stage, whatever the method."""
     form: Any = chosen.form.replace("-", "_")
     of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
-    return apply(vehicle, replace(base or OneStage(), **of_options), chosen_statements(chosen))
+    return apply(vehicle, replace(base or OneStage(), **of_options), map(parse, chosen.statements))
 
 
-_ONE_STAGE = (
-    *("knowledge", "trailer", "load", "road", "free", "prior", "consider", "sensor", "any_load", "form", "tyres"),
-)
+_ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")
 """Options that belong to one stage."""
-
-
-def chosen_statements(chosen: IdentifyOptions) -> tuple[Statement, ...]:
-    """What a user states of numbers: --set, and the options that it replaces.
-
-    Raises:
-        FifthwheelError: a text has another form.
-    """
-    return (*map(parse, chosen.statements), *replaced_statements(chosen))
-
-
-def replaced_statements(chosen: IdentifyOptions) -> tuple[Statement, ...]:
-    """The statements of the options that --set replaces.
-
-    Raises:
-        FifthwheelError: a text is not NAME=FRACTION or NAME=SIGMA.
-    """
-    sensors = named_texts("--sensor", chosen.sensor, f"NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}")
-    return (
-        *[Statement(name=name, kind="exact") for name in chosen.fix],
-        *[Statement(name=name, kind="free") for name in chosen.free],
-        *[_relative(name, sigma) for name, sigma in fractions("--prior", chosen.prior).items()],
-        *[_relative(name, sigma) for name, sigma in _considered(chosen.consider).items()],
-        *[_with_sigma(name, text) for name, text in sensors.items()],
-    )
-
-
-def _relative(name: str, sigma: float) -> Statement:
-    """A standard deviation as a fraction, or in the unit of the model error; 0 for exact."""
-    if not sigma:
-        return Statement(name=name, kind="exact")
-    unit = MODEL_ERROR_UNITS.get(name)
-    return Statement(name=name, sigma=f"{sigma:.12g} {unit}" if unit else f"{100 * sigma:.12g} %", kind="sigma")
-
-
-def _with_sigma(name: str, text: str) -> Statement:
-    """The standard deviation of a sensor error; a number without a unit is in SI."""
-    if name not in SENSOR_PRIORS:
-        raise FifthwheelError(
-            f"--sensor {name}={text}: expected NAME=SIGMA, where NAME is {', '.join(SENSOR_PRIORS)}; correct the name"
-        )
-    try:
-        sigma = quantity(text, SENSOR_PRIORS[name])
-    except FifthwheelError as error:
-        raise FifthwheelError(f"--sensor {name}={text}: {error}") from None
-    if sigma == 0:
-        return Statement(name=name, kind="exact")
-    unit = SENSOR_PRIORS[name]
-    return Statement(name=name, sigma=f"{sigma!r} {unit}" if unit != "1" else repr(sigma), kind="sigma")
 
 
 def named_texts(option: str, texts: Iterable[str], expected: str) -> dict[str, str]:
@@ -143,28 +90,17 @@ def named_values(
     return values
 
 
-def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
-    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
-    return named_values(option, texts, _FRACTION, lambda _, text: _fraction(text, 1))
-
-
-def _considered(texts: Iterable[str]) -> dict[str, float]:
-    """ "name=fraction" as name: fraction; for model errors a factor, or a number with a unit."""
-
-    def sigma(name: str, text: str) -> float:
-        if unit := MODEL_ERROR_UNITS.get(name):
-            return quantity(text, unit)
-        return _fraction(text, 100 if name in MODEL_ERRORS else 1)
-
-    return named_values("--consider", texts, _FRACTION, sigma)
-
-
 _FRACTION = "NAME=FRACTION, such as roll_stiffness=10%"
 
 
-def _fraction(text: str, below: float) -> float:
-    value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    if not 0 <= value < below:
-        given = text if text.endswith("%") else f"{text}, which is {100 * value:g}%"
-        raise FifthwheelError(f"expected 0% or more and below {100 * below:g}%, got {given}; write 5% or 0.05")
-    return value
+def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
+    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
+
+    def fraction(_: str, text: str) -> float:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < 1:
+            given = text if text.endswith("%") else f"{text}, which is {100 * value:g}%"
+            raise FifthwheelError(f"expected 0% or more and below 100%, got {given}; write 5% or 0.05")
+        return value
+
+    return named_values(option, texts, _FRACTION, fraction)

@@ -39,7 +39,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs
 from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.masses import with_consistent_masses
-from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, unit_of
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, is_signed, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
 S = TypeVar("S", bound=CommonSettings)
@@ -252,8 +252,12 @@ class _Result:
             return
         elif path not in self.own and path not in self.estimated:
             raise refused(stated, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
-        elif unit_of(path) == "m" and ParameterPath.of(path).quantity in POSITIONS:
-            self.stated_priors[path] = stated.value, WIDE_POSITION
+        elif is_signed(path):
+            is_position = ParameterPath.of(path).quantity in POSITIONS
+            wide = WIDE_POSITION if is_position else guess_prior(path, self.settings) * abs(stated.value)
+            if not wide:
+                raise refused(stated, f"may be 0; give its standard deviation, such as '+- 100 {unit_of(path)}'")
+            self.stated_priors[path] = stated.value, wide
         elif stated.value <= 0:
             raise refused(stated, f"expected a value above 0 to be estimated, got {stated.value:g}; give one")
         elif self.vehicle.stated.get(path):

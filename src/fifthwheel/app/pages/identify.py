@@ -99,8 +99,6 @@ class _Settings:
         for key, option in options_of(IdentifyOptions).items():
             kind, label = get_type_hints(IdentifyOptions)[key], words.label(key, option)
             help = words.in_workbench(option.help.removesuffix(".") + ".")
-            if option.replaced_by and not self._value(key, None):
-                continue
             if key == known.STATEMENTS:
                 self._statement(label)
             elif key == runs.KNOWLEDGE:
