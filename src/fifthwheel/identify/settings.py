@@ -74,10 +74,9 @@ class CommonSettings(Settings):
     """Segments below this speed are not used, m/s: the linear tyre model does not hold there."""
     correlation_time: Positive = 3.0
     """Longest time over which residuals may be autocorrelated, s; used for sigma."""
-    excited: float = 3**-0.5
+    excited: float = 0.5**0.5
     """A parameter is excited when the logs bring its sigma below this fraction of the prior sigma. At the default the
-    logs contain more than twice the information of the prior: with less, the prior decides, and the error of a positive
-    parameter is skewed."""
+    logs contain more information on it than the prior."""
     check: bool = True
     """Refuse logs with implausible signals."""
 
@@ -194,6 +193,9 @@ class OneStage(CommonSettings):
     """Prior standard deviation of a payload height, m."""
     steer_delay_prior: float = 0.05
     """Prior standard deviation of a steering delay, s; all logs share it. Correct a longer one in the signal map."""
+    excited: float = 3**-0.5
+    """As in two stages, but more than twice the information of the prior: with less, the prior decides, and the error
+    of a positive parameter is skewed. Two stages drop a parameter that is not excited."""
     guess_tail: Positive = 3.0
     """Beyond about this number of standard deviations the prior of an estimated stiffness or inertia falls only
     exponentially, because a guess may be far off. A parameter in `priors` has a normal prior."""

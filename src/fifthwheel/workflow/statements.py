@@ -39,7 +39,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs
 from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.masses import with_consistent_masses
-from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, is_signed, unit_of
+from fifthwheel.vehicle.parameters import FRICTION, POSITIONS, is_relative, is_signed, unit_of
 from fifthwheel.workflow.statement import Stated, Statement, refused, resolved
 
 S = TypeVar("S", bound=CommonSettings)
@@ -211,7 +211,7 @@ class _Result:
                 self.sigmas[path] = 0.0
         elif stated.free:
             self._set_free(path, stated)
-        elif path in self.estimated and (ParameterPath.of(path).is_payload_height or path in self.stated_priors):
+        elif path in self.estimated and (not is_relative(path) or path in self.stated_priors):
             self.stated_priors[path] = stated.value, self._default_sigma(path) if sigma is None else sigma
         elif sigma is None:
             return
