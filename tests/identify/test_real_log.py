@@ -72,7 +72,7 @@ def test_one_stage_on_both_logs(result_of_both: Identification) -> None:
     assert verdicts.pop("semitrailer.payload.height") is Verdict.NOT_IDENTIFIABLE
     informed = {Verdict.CONVERGED, Verdict.DOUBTFUL}
     for name in ("semitrailer.yaw_inertia", "tractor.drive.cornering_stiffness"):
-        assert verdicts.pop(name) in {*informed, Verdict.NOT_IDENTIFIABLE}
+        assert verdicts.pop(name) in {*informed, Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE}
         assert 0.4 < result[name].sigma / result[name].prior <= 1.0  # the logs inform it about as much as the prior
     verdicts.pop("road.friction")  # up to 3 m/s^2
     assert set(verdicts.values()) <= informed
@@ -87,7 +87,7 @@ def test_both_forms_agree_within_sigma(bend: Record, ramp: Record) -> None:
     result, other = (identify([bend, ramp], vehicle.get("auburn_6x4"), each) for each in settings)
     informed = {Verdict.CONVERGED, Verdict.DOUBTFUL}
     both = [e for e in result.parameters if e.verdict in informed and other[e.name].verdict in informed]
-    assert len(both) >= 3
+    assert len(both) >= 2  # those of front and trailer
     for e in both:
         assert abs(other[e.name].value - e.value) < 1.5 * np.hypot(e.sigma, other[e.name].sigma), e.name
 
