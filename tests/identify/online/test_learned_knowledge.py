@@ -116,10 +116,3 @@ def test_fixing_a_parameter_ends_a_log(records: list[fw.Record], guess: fw.Vehic
     fixed = learner.with_fixed(guess, {"semitrailer.yaw_inertia": learner["semitrailer.yaw_inertia"].value})
     (log,) = fixed.knowledge.logs
     assert "semitrailer.yaw_inertia" in log.estimated
-
-
-def test_a_file_without_it_loads_and_begins_anew(records: list[fw.Record], guess: fw.Vehicle) -> None:
-    """Files of version 0.2.0 do not say what a learner began with."""
-    content = learner_of(records[0], guess).content()
-    del content["knowledge"]
-    assert fw.Learner.of_content(content, "old.json").knowledge.logs == ()

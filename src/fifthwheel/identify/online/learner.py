@@ -419,8 +419,7 @@ class Learner:
             learner._live = live = LiveFilter(setup, learner._live.learner, *start)
             live.set_estimate(*start, *scores)
             live.innovations.restore(**evidence["innovations"])
-            if "knowledge" in content:  # not in files of version 0.2.0
-                learner._log = LearnedLog.restored(content["knowledge"], live)
+            learner._log = LearnedLog.restored(content["knowledge"], live)
             for name, block in content["uncoupled"].items():
                 learner._uncoupled[name] = EstimateBlock.from_dict(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:

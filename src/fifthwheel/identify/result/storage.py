@@ -89,7 +89,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
         covariance=covariance,
         doubts=parts(Doubt, contents["doubts"]),
         variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
-        remaining_uncertainty=dict(contents.get("remaining_uncertainty", {})),
+        remaining_uncertainty=dict(contents["remaining_uncertainty"]),
         surroundings=dict(contents["surroundings"]),
         histories={
             title: ParameterHistory(
@@ -109,9 +109,9 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
             ],
         ),
         settings=parts(settings_class(contents["method"]), [contents["settings"]])[0],
-        log_likelihood=contents.get("log_likelihood"),
+        log_likelihood=contents["log_likelihood"],
         rounds=int(contents["rounds"]),
-        findings=parts(Finding, contents.get("findings", ())),
+        findings=parts(Finding, contents["findings"]),
         notes=tuple(map(str, contents["notes"])),
         version=str(contents["version"]),
     )
