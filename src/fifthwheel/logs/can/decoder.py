@@ -93,11 +93,10 @@ class FrameDecoder:
     def decode(self, frame: Frame) -> list[Reading]:
         """The columns in a frame; none for a frame of another message."""
         key = (frame.id, frame.extended, frame.bus)
-        route = self._routes.get(key)
-        if route is None:
-            route = self._routes[key] = self._route(frame)
+        if key not in self._routes:
+            self._routes[key] = self._route(frame)
         readings = []
-        for column, signal in route:
+        for column, signal in self._routes[key]:
             if signal.in_payload(frame.data):
                 value = signal.value(frame.data)
                 readings.append(Reading(column, value, Quality.VALID if value == value else Quality.NOT_AVAILABLE))
@@ -129,17 +128,14 @@ class FrameDecoder:
             return []
         source, key = frame.id & 0xFF if frame.extended else None, (frame.id, frame.extended, frame.bus)
         route = []
+        signals = {signal.name: signal for signal in message.signals}
         for wanted in self._wanted:
-            if wanted.message != message.name or wanted.source not in (None, source):
-                continue
-            if wanted.bus not in (None, frame.bus):
-                continue
-            signal = next((signal for signal in message.signals if signal.name == wanted.signal), None)
-            if signal is None:
+            is_sender = wanted.source in (None, source) and wanted.bus in (None, frame.bus)
+            if wanted.message != message.name or wanted.signal not in signals or not is_sender:
                 continue
             chosen = self._chosen.setdefault(wanted.column, key)
             if _sender(chosen) == _sender(key):
-                route.append((wanted.column, signal))
+                route.append((wanted.column, signals[wanted.signal]))
             else:
                 address = f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
                 self.other_sources.setdefault(wanted.column, []).append(address)
