@@ -41,10 +41,7 @@ def start_reader() -> None:
 
     It imports its libraries while the caller does other things.
     """
-    with _lock:
-        if any(child.process.poll() is None for child in _idle):
-            return
-    child = _started_child()
+    child = _idle_child() or _started_child()
     with _lock:
         _idle.append(child)
 
