@@ -80,6 +80,7 @@ class FrameDecoder:
                 )
             unit = split_header(text)[1] or signals[column.signal].unit
             self._wanted.append(column._replace(column=f"{column.column} [{unit}]" if unit else column.column))
+        self._messages = {wanted.message for wanted in self._wanted}
         self._routes: dict[tuple[int, bool, int], list[tuple[str, CanSignal]]] = {}
         self._chosen: dict[str, tuple[int, bool, int]] = {}
         self.other_sources: dict[str, list[str]] = {}
@@ -106,16 +107,14 @@ class FrameDecoder:
 
     def own(self, ids: Iterable[int], *, extended: bool) -> int | None:
         """The first of these ids that a wanted message has; None if there is none."""
-        wanted = {column.message for column in self._wanted}
         messages = ((number, self._databases.message(number, extended)) for number in ids)
-        return next((number for number, message in messages if message and message.name in wanted), None)
+        return next((number for number, message in messages if message and message.name in self._messages), None)
 
     def filters(self) -> list[dict[str, int | bool]]:
         """Filters for a bus of python-can that accept every frame with a column: id, mask, 29 bits."""
-        wanted = {column.message for column in self._wanted}
         filters: list[dict[str, int | bool]] = []
         for number, extended, message in self._databases.ids():
-            if message.name in wanted:
+            if message.name in self._messages:
                 pdu1 = extended and number >> 16 & 0xFF < 240
                 mask = (0x03FF0000 if pdu1 else 0x03FFFF00) if extended else 0x7FF
                 filters.append({"can_id": number & mask, "can_mask": mask, "extended": extended})
