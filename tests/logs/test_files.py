@@ -177,18 +177,6 @@ def test_a_file_cut_anywhere(tmp_path, suffix):
     assert (kept > 0) == (suffix == ".csv")
 
 
-@settings(max_examples=50, deadline=None)
-@given(
-    head=st.sampled_from([b"", b"PAR1", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE]),
-    data=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode("utf-8", "ignore")),
-)
-def test_random_content_is_a_record_or_refused(tmp_path_factory, head, data):
-    path = tmp_path_factory.mktemp("garbage") / "x"
-    path.write_bytes(head + data)
-    with contextlib.suppress(SignalError):
-        assert isinstance(read_log(path), Record)
-
-
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 @settings(max_examples=60, deadline=None)
 @given(at=st.floats(0, 1, exclude_max=True), value=st.integers(0, 255))
