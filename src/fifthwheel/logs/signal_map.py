@@ -130,11 +130,10 @@ class SignalSource(BaseModel):
         """Gain, offset and delay without their "+- ...", which `stated` has."""
         if not isinstance(data, Mapping):
             return handler(data)
-        texts = {key: data[key] for key in _CORRECTED if isinstance(data.get(key), str)}
-        parts = {key: split_statement(text) for key, text in texts.items()}
+        parts = {key: split_statement(data[key]) for key in _CORRECTED if isinstance(data.get(key), str)}
         values = {key: value or _CORRECTED[key] for key, (value, mark, _) in parts.items() if mark}
         source = handler({**data, **values})
-        source._uncertain.update({key: texts[key] for key in values})
+        source._uncertain.update({key: data[key] for key in values})
         return source
 
     @model_validator(mode="after")
