@@ -62,7 +62,7 @@ def test_names_and_units_in_the_header(tmp_path):
     assert read_content(tmp_path, GOOD, name="x", signals=None).name == "x"
 
 
-GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,").replace(".tractor", ".tractor")
+GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,")
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,6 @@ GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,").replac
     ids=str,
 )
 def test_dialects_of_csv(tmp_path, content):
-    if not isinstance(content, bytes):
-        (tmp_path / "good").mkdir()
-        content = content.encode()
     assert read_content(tmp_path, content) == read_content(tmp_path, GOOD, name="good.csv")
 
 
