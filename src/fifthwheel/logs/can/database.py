@@ -34,15 +34,13 @@ class Bits:
     @property
     def span(self) -> tuple[int, int]:
         """First byte, and the byte after the last."""
-        first = self.start >> 3
-        if self.little:
-            return first, (self.start + self.length - 1 >> 3) + 1
-        return first, (8 * first + 7 - (self.start & 7) + self.length - 1 >> 3) + 1
+        before = self.start & 7 if self.little else 7 - (self.start & 7)
+        return self.start >> 3, (self.start >> 3) + (before + self.length + 7 >> 3)
 
     @property
     def shift(self) -> int:
         """Bits below its lowest one in the byte that has that one."""
-        return self.start & 7 if self.little else -(8 * self.span[0] + 7 - (self.start & 7) + self.length) % 8
+        return self.start & 7 if self.little else (self.start + 1 - self.length) & 7
 
     def present(self, length: NDArray[np.int32]) -> NDArray[np.bool_]:
         """(n,) whether payloads of these lengths contain it."""
