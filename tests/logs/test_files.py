@@ -62,7 +62,7 @@ def test_names_and_units_in_the_header(tmp_path):
     assert read_content(tmp_path, GOOD, name="x", signals=None).name == "x"
 
 
-GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,").replace(".tractor", ".tractor")
+GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,")
 
 
 @pytest.mark.parametrize(
@@ -85,9 +85,6 @@ GERMAN = GOOD.replace(",", ";").replace(".0;", ",0;").replace("0.", "0,").replac
     ids=str,
 )
 def test_dialects_of_csv(tmp_path, content):
-    if not isinstance(content, bytes):
-        (tmp_path / "good").mkdir()
-        content = content.encode()
     assert read_content(tmp_path, content) == read_content(tmp_path, GOOD, name="good.csv")
 
 
@@ -175,18 +172,6 @@ def test_a_file_cut_anywhere(tmp_path, suffix):
         kept += 1
         assert record == complete.cut(*record.span)
     assert (kept > 0) == (suffix == ".csv")
-
-
-@settings(max_examples=50, deadline=None)
-@given(
-    head=st.sampled_from([b"", b"PAR1", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE]),
-    data=st.binary(max_size=200) | st.text(max_size=200).map(lambda text: text.encode("utf-8", "ignore")),
-)
-def test_random_content_is_a_record_or_refused(tmp_path_factory, head, data):
-    path = tmp_path_factory.mktemp("garbage") / "x"
-    path.write_bytes(head + data)
-    with contextlib.suppress(SignalError):
-        assert isinstance(read_log(path), Record)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])

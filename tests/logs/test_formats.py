@@ -1,5 +1,6 @@
 """One run in every format: the same record, the same parameters; damaged files give a record or a SignalError."""
 
+import codecs
 import contextlib
 import random
 import warnings
@@ -92,14 +93,16 @@ HEADS = [
     b"", b"PAR1", b"MDF     4.10    x", b"UnFinMF 4.10", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM",
     b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n", b"\x89MCAP0\r\n", b"LOGG\x90\0\0\0",
     b"date Sat Nov 21\nbase hex  timestamps absolute\n", b";$FILEVERSION=2.0\n;$COLUMNS=N,O,T,I,d,l,D\n",
-    b"(1.0) can0 18F0090B#00", b"t;v\n0;1\n", b"PK\x03\x04", b"\x1f\x8b\x08",
+    b"(1.0) can0 18F0090B#00", b"t;v\n0;1\n", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE, b"PK\x03\x04", b"\x1f\x8b\x08",
 ]  # fmt: skip
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     head=st.sampled_from(HEADS),
-    data=st.binary(max_size=300) | st.text("0123456789.,;:#()[] \ncanrxtd-+eE", max_size=300).map(str.encode),
+    data=st.binary(max_size=300)
+    | st.text("0123456789.,;:#()[] \ncanrxtd-+eE", max_size=300).map(str.encode)
+    | st.text(max_size=200).map(lambda text: text.encode("utf-8", "ignore")),
 )
 def test_any_bytes_give_a_record_or_a_signal_error(tmp_path_factory, head, data):
     path = tmp_path_factory.mktemp("any") / "x"

@@ -1,8 +1,5 @@
 """Logs whose table repeats the messages of a bus."""
 
-import os
-from pathlib import Path
-
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -13,7 +10,6 @@ from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.readers import open_log
 from fifthwheel.record.held import Renewals
 
-DATA = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[3] / "shared" / "data"))
 STEER, YAW, SPEED = "steer.tractor.front", "yaw_rate.tractor", "speed"
 COURSES = {
     STEER: lambda t: 0.03 * np.sin(1.9 * t),
@@ -91,19 +87,11 @@ def test_a_frozen_sensor_of_a_held_channel_is_found(tmp_path):
     assert not [f for f in check(read_log(table(tmp_path, {STEER: 20, YAW: 20, SPEED: 10}))) if f.severity == "error"]
 
 
-REAL = sorted(
-    path
-    for folder, pattern in (("real_truck", "*.csv"), ("j1939", "*.*"), ("vendor", "canape*.mf4"))
-    for path in (DATA / folder).glob(pattern)
-    if path.suffix != ".md"
-)
-
-
-@pytest.mark.skipif(not REAL, reason="the real logs are not present")
-def test_no_channel_of_a_real_log_is_taken_for_held():
+def test_no_channel_of_a_real_log_is_taken_for_held(data):
     """Of their own messages all but one, which the gearbox computes at half the rate of its message; the steer angle of
     the real truck is stepwise, but not regularly."""
-    for path in REAL:
+    patterns = ("real_truck/*.csv", "j1939/*.*", "vendor/canape*.mf4")
+    for path in (path for pattern in patterns for path in data.glob(pattern) if path.suffix != ".md"):
         with open_log(path) as log:
             found = {name: Renewals() for name in log.columns}
             for chunk in log.chunks(list(log.columns)):

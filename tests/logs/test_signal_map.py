@@ -1,11 +1,9 @@
-import textwrap
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-import fifthwheel.logs.signal_map as module
 from fifthwheel.errors import SignalError
 from fifthwheel.logs import SignalMap, read_log
 
@@ -19,8 +17,8 @@ def read_table(tmp_path, toml, **columns):
 T = (np.arange(100) * 0.1).round(6).tolist()
 
 
-def test_the_example_of_the_module_is_a_map(tmp_path):
-    toml = textwrap.dedent(module.__doc__.partition("\n\n")[2])
+def test_a_file_is_read_as_its_text(tmp_path):
+    toml = '[signals]\nspeed = "vx [km/h]"\n"steer.tractor.front" = { column = "wheel", delay = "200 ms +- 5 ms" }\n'
     (tmp_path / "signals.toml").write_text(toml)
     parsed = SignalMap.load(tmp_path / "signals.toml")
     assert parsed == SignalMap.parse(toml)

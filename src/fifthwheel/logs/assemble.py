@@ -112,7 +112,7 @@ def _outside(
     log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
 ) -> Iterator[Chunk]:
     """The samples outside the windows; a SignalError if there are none."""
-    named = signal_map.time.column if signal_map.time else None
+    named = signal_map.time.column
     rows, left = log.find(named) if named else log.row_time, False
     for chunk in log.chunks({*columns, rows or ""} - {""}):
         time = log.times(chunk, rows)
@@ -185,7 +185,7 @@ class _TimeBase:
         """The columns that are held, which have no values between their renewals; complete after finish()."""
         self._timestamps, self._columns, self._rate = timestamps, columns, signal_map.rate
         self._label = f"{log.name}: {timestamps.column or timestamps.clock}"
-        mapped_unit = signal_map.time.unit if signal_map.time and timestamps.of_rows else None
+        mapped_unit = signal_map.time.unit if timestamps.of_rows else None
         unit = mapped_unit or (log.columns[timestamps.column].unit if timestamps.column else None)
         self._seconds = factor(unit or "s", "s")
         self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
@@ -265,7 +265,7 @@ def _sources(
 
 def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
     """The column with the time of a table's rows."""
-    if signal_map.time is not None and signal_map.time.column is not None:
+    if signal_map.time.column is not None:
         return log.find(signal_map.time.column)
     column = log.row_time
     if column is None:

@@ -26,13 +26,14 @@ def with_channel(text: str, signal: str, **keys: Any) -> str:
         holder[key] = table
     elif entry is None:
         holder[key] = tomlkit.table()
-    defaults = {name: field.default for name, field in SignalSource.model_fields.items()}
-    for name, value in keys.items():
-        kept = _with_sigma(holder[key].get(name), defaults[name] if value is None else value, signal, name)
-        if kept is None and (value == defaults.get(name, object()) or value is None):
+    for name, given in keys.items():
+        default = SignalSource.model_fields[name].default
+        value = default if given is None else given
+        value = _with_sigma(holder[key].get(name), value, signal, name) or value
+        if value == default:
             holder[key].pop(name, None)
         else:
-            holder[key][name] = value if kept is None else kept
+            holder[key][name] = value
     return _checked(document)
 
 

@@ -62,12 +62,12 @@ class LiveMap:
                 raise SignalError(f"{signal}: has timestamps of its own; give live samples one time, and delete `time`")
             names = [find_column(text, found, _SOURCE) for text in channel.columns]
             self._channels[signal] = (channel, names)
-        given = signal_map.time.column if signal_map.time else None
+        given = signal_map.time.column
         time = find_column(given, found, _SOURCE) if given else time_column(found)
         if time is None:
             raise SignalError(f"{_SOURCE}: no column named 'time' or 't'; name it as [time] column in the signal map")
         self._time = time
-        self._seconds = factor((signal_map.time and signal_map.time.unit) or found[time].unit or "s", "s")
+        self._seconds = factor(signal_map.time.unit or found[time].unit or "s", "s")
         self._delays = {signal: quantity(channel.delay, "s") for signal, (channel, _) in self._channels.items()}
         self.latency = max(0.0, *self._delays.values()) if self._delays else 0.0
         """Time after which a sample is returned, s: the largest delay."""

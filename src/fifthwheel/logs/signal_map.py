@@ -1,28 +1,4 @@
-"""signals.toml: the map from the columns of a log to signals, with unit, sign, gain, offset, delay and time base.
-
-[time]
-column = "t"                        # unit = "s"
-
-[signals]
-speed = "vx [km/h]"                 # a column as it is, in the header's unit
-
-[signals."steer.tractor.front"]
-column = "steering_wheel"
-unit = "deg"                        # the header's, else SI
-sign = -1                           # the log is positive to the right
-sensor = "steering wheel"           # its class: the usual errors
-gain = "0.05 +- 2 %"                # 1 / steering ratio, and how well it is known
-offset = "0.1 deg"                  # subtracted last
-delay = "200 ms"                    # the timestamps are late by this
-
-[signals."yaw_rate.semitrailer"]
-sum = ["yaw_rate", "hitch_rate"]    # the sum of columns
-time = "t_imu"                      # timestamps of its own
-clock = "trailer logger"            # which clock gave them
-
-[reference]
-"lateral_velocity.tractor" = "vy"   # for comparison only
-"""
+"""signals.toml: the map from the columns of a log to signals; `docs/signals.md` tells its keys with an example."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial
@@ -154,11 +130,10 @@ class SignalSource(BaseModel):
         """Gain, offset and delay without their "+- ...", which `stated` has."""
         if not isinstance(data, Mapping):
             return handler(data)
-        texts = {key: data[key] for key in _CORRECTED if isinstance(data.get(key), str)}
-        parts = {key: split_statement(text) for key, text in texts.items()}
+        parts = {key: split_statement(data[key]) for key in _CORRECTED if isinstance(data.get(key), str)}
         values = {key: value or _CORRECTED[key] for key, (value, mark, _) in parts.items() if mark}
         source = handler({**data, **values})
-        source._uncertain.update({key: texts[key] for key in values})
+        source._uncertain.update({key: data[key] for key in values})
         return source
 
     @model_validator(mode="after")
@@ -255,7 +230,7 @@ class SignalMap(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    time: TimeColumn | None = None
+    time: TimeColumn = TimeColumn()
     """Default: the column "time" or "t"."""
     signals: Channels = Field(default_factory=dict)
     """Signals for the estimators."""
@@ -296,13 +271,13 @@ class SignalMap(BaseModel):
     @property
     def rate(self) -> float:
         """Sampling rate to which denser channels are decimated, Hz."""
-        return float((self.time or TimeColumn()).rate)
+        return float(self.time.rate)
 
     @property
     def span(self) -> tuple[float, float]:
         """First and last instant of the record, s."""
-        time = self.time or TimeColumn()
-        return (-np.inf if time.start is None else float(time.start), np.inf if time.stop is None else float(time.stop))
+        start, stop = self.time.start, self.time.stop
+        return -np.inf if start is None else float(start), np.inf if stop is None else float(stop)
 
     @classmethod
     def load(cls, path: str | Path, *, allow_outside: bool = False) -> "SignalMap":
@@ -354,17 +329,13 @@ class SignalMap(BaseModel):
 
     def completed(self, columns: Iterable[str]) -> "SignalMap":
         """The map with the columns that have names of signals, except mapped and ignored ones."""
-        named = SignalMap.of_columns(columns)
         used = {c for channel in (*self.signals.values(), *self.reference.values()) for c in channel.columns}
         used |= {split_header(column)[0] for column in used} | set(self.ignore)
-
-        def merged(mapped: Mapping[str, SignalSource], unmapped: Mapping[str, SignalSource]) -> dict[str, SignalSource]:
-            unused = {n: c for n, c in unmapped.items() if n not in mapped and not {n, c.column} & used}
-            return {**mapped, **unused}
-
-        return self.model_copy(
-            update={"signals": merged(self.signals, named[0]), "reference": merged(self.reference, named[1])}
+        signals, reference = (
+            mapped | {n: c for n, c in named.items() if n not in mapped and not {n, c.column} & used}
+            for mapped, named in zip((self.signals, self.reference), SignalMap.of_columns(columns), strict=True)
         )
+        return self.model_copy(update={"signals": signals, "reference": reference})
 
 
 def _fault(error: dict[str, Any]) -> str:

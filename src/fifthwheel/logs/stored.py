@@ -78,8 +78,8 @@ class StoredLog(LogSource):
         self._axes: dict[str, Array] = {}
         self._numbers = {name: k for k, name in enumerate(self.columns)}
         self._clock_numbers = {clock: k for k, clock in enumerate(self._clocks)}
-        self.notes, self.unusable, self.time = index["notes"], index["unusable"], index.get("time")
-        self.start = index.get("start")
+        self.notes, self.unusable = index["notes"], index["unusable"]
+        self.time, self.start = index["time"], index["start"]
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns, one time base after the other."""

@@ -439,24 +439,8 @@ def test_names_are_divided_into_words():
 
 
 WORDS = [
-    "yaw",
-    "Rate",
-    "roll",
-    "speed",
-    "Vel",
-    "gyro",
-    "ang",
-    "steer",
-    "wheel",
-    "lat",
-    "acc",
-    "x",
-    "Y",
-    "z",
-    "1",
-    "2",
-    "trl",
-]
+    "yaw", "Rate", "roll", "speed", "Vel", "gyro", "ang", "steer", "wheel", "lat", "acc", "x", "Y", "z", "1", "2", "trl"
+]  # fmt: skip
 
 
 @given(

@@ -63,7 +63,7 @@ def test_a_reader_that_was_started_before_reads_the_next_file(log):
     ended.kill()
     isolated.start_reader()
     isolated.start_reader()
-    (_, started) = isolated._idle
+    (started,) = isolated._idle
     with log() as source:
         assert source._child is started
         assert rows(source, "x") == 10_000

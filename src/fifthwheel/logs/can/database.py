@@ -34,10 +34,13 @@ class Bits:
     @property
     def span(self) -> tuple[int, int]:
         """First byte, and the byte after the last."""
-        first = self.start >> 3
-        if self.little:
-            return first, (self.start + self.length - 1 >> 3) + 1
-        return first, (8 * first + 7 - (self.start & 7) + self.length - 1 >> 3) + 1
+        before = self.start & 7 if self.little else 7 - (self.start & 7)
+        return self.start >> 3, (self.start >> 3) + (before + self.length + 7 >> 3)
+
+    @property
+    def shift(self) -> int:
+        """Bits below its lowest one in the byte that has that one."""
+        return self.start & 7 if self.little else (self.start + 1 - self.length) & 7
 
     def present(self, length: NDArray[np.int32]) -> NDArray[np.bool_]:
         """(n,) whether payloads of these lengths contain it."""
@@ -48,12 +51,8 @@ class Bits:
         first, end = self.span
         if end > data.shape[1]:
             return np.zeros(len(data), np.uint64)
-        if self.little:
-            order, shift = range(first, end), self.start & 7
-        else:
-            order, shift = range(end - 1, first - 1, -1), -(8 * first + 7 - (self.start & 7) + self.length) % 8
-        number = np.zeros(len(data), np.uint64)
-        for k, byte in enumerate(order):
+        number, shift = np.zeros(len(data), np.uint64), self.shift
+        for k, byte in enumerate(range(first, end) if self.little else range(end - 1, first - 1, -1)):
             part = data[:, byte].astype(np.uint64)
             number |= part >> np.uint64(shift) if k == 0 else part << np.uint64(8 * k - shift)
         if self.length < 64:
@@ -68,10 +67,7 @@ class Bits:
     def number(self, payload: bytes) -> int | float:
         """The number in one payload that contains it, equal to that of `raw`."""
         first, end = self.span
-        if self.little:
-            number = int.from_bytes(payload[first:end], "little") >> (self.start & 7)
-        else:
-            number = int.from_bytes(payload[first:end], "big") >> -(8 * first + 7 - (self.start & 7) + self.length) % 8
+        number = int.from_bytes(payload[first:end], "little" if self.little else "big") >> self.shift
         number &= (1 << self.length) - 1
         if self.floating:
             code = {2: "e", 4: "f", 8: "d"}[size := self.length // 8]

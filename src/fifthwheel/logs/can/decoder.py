@@ -80,6 +80,7 @@ class FrameDecoder:
                 )
             unit = split_header(text)[1] or signals[column.signal].unit
             self._wanted.append(column._replace(column=f"{column.column} [{unit}]" if unit else column.column))
+        self._messages = {wanted.message for wanted in self._wanted}
         self._routes: dict[tuple[int, bool, int], list[tuple[str, CanSignal]]] = {}
         self._chosen: dict[str, tuple[int, bool, int]] = {}
         self.other_sources: dict[str, list[str]] = {}
@@ -93,11 +94,10 @@ class FrameDecoder:
     def decode(self, frame: Frame) -> list[Reading]:
         """The columns in a frame; none for a frame of another message."""
         key = (frame.id, frame.extended, frame.bus)
-        route = self._routes.get(key)
-        if route is None:
-            route = self._routes[key] = self._route(frame)
+        if key not in self._routes:
+            self._routes[key] = self._route(frame)
         readings = []
-        for column, signal in route:
+        for column, signal in self._routes[key]:
             if signal.in_payload(frame.data):
                 value = signal.value(frame.data)
                 readings.append(Reading(column, value, Quality.VALID if value == value else Quality.NOT_AVAILABLE))
@@ -107,16 +107,14 @@ class FrameDecoder:
 
     def own(self, ids: Iterable[int], *, extended: bool) -> int | None:
         """The first of these ids that a wanted message has; None if there is none."""
-        wanted = {column.message for column in self._wanted}
         messages = ((number, self._databases.message(number, extended)) for number in ids)
-        return next((number for number, message in messages if message and message.name in wanted), None)
+        return next((number for number, message in messages if message and message.name in self._messages), None)
 
     def filters(self) -> list[dict[str, int | bool]]:
         """Filters for a bus of python-can that accept every frame with a column: id, mask, 29 bits."""
-        wanted = {column.message for column in self._wanted}
         filters: list[dict[str, int | bool]] = []
         for number, extended, message in self._databases.ids():
-            if message.name in wanted:
+            if message.name in self._messages:
                 pdu1 = extended and number >> 16 & 0xFF < 240
                 mask = (0x03FF0000 if pdu1 else 0x03FFFF00) if extended else 0x7FF
                 filters.append({"can_id": number & mask, "can_mask": mask, "extended": extended})
@@ -129,17 +127,14 @@ class FrameDecoder:
             return []
         source, key = frame.id & 0xFF if frame.extended else None, (frame.id, frame.extended, frame.bus)
         route = []
+        signals = {signal.name: signal for signal in message.signals}
         for wanted in self._wanted:
-            if wanted.message != message.name or wanted.source not in (None, source):
-                continue
-            if wanted.bus not in (None, frame.bus):
-                continue
-            signal = next((signal for signal in message.signals if signal.name == wanted.signal), None)
-            if signal is None:
+            is_sender = wanted.source in (None, source) and wanted.bus in (None, frame.bus)
+            if wanted.message != message.name or wanted.signal not in signals or not is_sender:
                 continue
             chosen = self._chosen.setdefault(wanted.column, key)
             if _sender(chosen) == _sender(key):
-                route.append((wanted.column, signal))
+                route.append((wanted.column, signals[wanted.signal]))
             else:
                 address = f"@{frame.id & 0xFF:02X}:{frame.bus}" if frame.extended else f"@:{frame.bus}"
                 self.other_sources.setdefault(wanted.column, []).append(address)

@@ -9,7 +9,7 @@ from fifthwheel.checks.kinematics import relations
 from fifthwheel.checks.plausibility import MIN_SPEED, check
 from fifthwheel.errors import SignalError
 from fifthwheel.logs.assemble import assemble
-from fifthwheel.logs.signal_map import SignalMap, SignalSource, TimeColumn
+from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.logs.source import LogSource
 from fifthwheel.record.record import Record
 from fifthwheel.units import factor
@@ -62,8 +62,7 @@ def correct_map(
 
 def at_coarse_rate(proposed: SignalMap) -> SignalMap:
     """The map with a low sampling rate."""
-    time = (proposed.time or TimeColumn()).model_copy(update={"rate": COARSE_RATE})
-    return proposed.model_copy(update={"time": time})
+    return proposed.model_copy(update={"time": proposed.time.model_copy(update={"rate": COARSE_RATE})})
 
 
 def _scale(signal: str, channel: SignalSource, log_unit: str | None) -> float:

@@ -94,7 +94,7 @@ def propose_map(
     if "speed" not in signals:
         _assign_speed(survey, signals, reasons, others, units[0])
     rows = log.row_time
-    time = TimeColumn(column=rows) if rows not in (None, "time", "t") else None
+    time = TimeColumn(column=None if rows in ("time", "t") else rows)
     proposed = SignalMap(time=time, signals=signals, reference=reference, databases=tuple(databases))
     proposed, corrections, findings = correct_map(log, proposed, wheelbase)
     steering_wheels = {hint.column for hints in candidates.values() for hint in hints if hint.steering_wheel}
@@ -121,8 +121,8 @@ def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
     lines = _comments([f"Proposed for {printable(survey.name)} by names, units and samples. Check every line."])
     if proposed.databases:
         lines.append(f"databases = [{', '.join(_quoted(str(path)) for path in proposed.databases)}]")
-    if proposed.time is not None:
-        lines += ["", "[time]", f"column = {_quoted(proposed.time.column or '')}"]
+    if proposed.time.column is not None:
+        lines += ["", "[time]", f"column = {_quoted(proposed.time.column)}"]
     for part, channels in (("signals", proposed.signals), ("reference", proposed.reference)):
         for signal, channel in channels.items():
             content = survey.contents.get(channel.column or "")

@@ -41,10 +41,7 @@ def start_reader() -> None:
 
     It imports its libraries while the caller does other things.
     """
-    with _lock:
-        if any(child.process.poll() is None for child in _idle):
-            return
-    child = _started_child()
+    child = _idle_child() or _started_child()
     with _lock:
         _idle.append(child)
 
@@ -78,20 +75,18 @@ def open_isolated(
         child.end()
         raise
     child.busy = False
-    log = IsolatedLog(path.name, child, [Column(**column) for column in head["columns"]], head["notes"])
-    log.sampled, log.start = head["sampled"], head["start"]
-    return log
+    return IsolatedLog(child, head)
 
 
 class IsolatedLog(LogSource):
     """A log that a child process reads."""
 
-    def __init__(self, name: str, child: "_Child", columns: Sequence[Column], notes: Sequence[str]) -> None:
-        super().__init__(name, {column.name: column for column in columns})
+    def __init__(self, child: "_Child", head: Mapping[str, Any]) -> None:
+        super().__init__(child.name, {column["name"]: Column(**column) for column in head["columns"]})
+        self.notes, self.sampled, self.start = head["notes"], head["sampled"], head["start"]
         self._child = child
         self._readings = 0
         self._finalizer = weakref.finalize(self, child.end)
-        self.notes += notes
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """The samples of some columns; a second reading ends the first."""

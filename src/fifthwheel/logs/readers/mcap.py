@@ -39,8 +39,8 @@ Decode = Callable[[bytes], Any]
 class Topic:
     """What the first messages of a topic show."""
 
-    decode: Decode | None = None
-    trouble: str = ""
+    decode: Decode | None
+    trouble: str
     """Why its messages cannot be decoded."""
     seen: int = 0
     fields: dict[str, None] = field(default_factory=dict)
@@ -64,10 +64,9 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     topics: dict[str, Topic] = {}
     broken: list[str] = []
     for schema, channel, message, done in _messages(path, broken):
-        topic = topics.get(channel.topic)
-        if topic is None:
-            topic = topics[channel.topic] = Topic()
-            topic.decode, topic.trouble = _decoder(channel.message_encoding, schema)
+        if channel.topic not in topics:
+            topics[channel.topic] = Topic(*_decoder(channel.message_encoding, schema))
+        topic = topics[channel.topic]
         if topic.decode is not None and topic.seen < _FIRST:
             values = _decoded(topic, message)
             if values is not None:
@@ -231,10 +230,8 @@ def _fields(value: Any) -> Mapping[str, Any] | None:
     if descriptor is not None:
         names = [f.name for f in descriptor.fields if not f.has_presence or value.HasField(f.name)]
         return {name: getattr(value, name) for name in names}
-    if slots := getattr(value, "__slots__", None):
-        return {name.lstrip("_"): getattr(value, name, None) for name in slots}
-    own = getattr(value, "__dict__", None)
-    return {name: item for name, item in own.items() if not name.startswith("_")} if own is not None else None
+    slots = getattr(value, "__slots__", None)
+    return None if slots is None else {name: getattr(value, name, None) for name in slots}
 
 
 def _chunk(topic: str, names: Collection[str], rows: list[list[float]], done: float) -> Chunk:

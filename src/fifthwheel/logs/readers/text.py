@@ -3,9 +3,10 @@
 import codecs
 import io
 import re
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 import pyarrow as pa
 import pyarrow.csv as pacsv
@@ -129,38 +130,30 @@ def _utf8(text: str) -> str:
         return text
 
 
-class _Parts(io.RawIOBase):
+def _parts(file: BinaryIO, size: int) -> Iterator[bytes]:
     """Whole lines from the place of a file and from evenly spread places behind it, the last lines included."""
 
-    def __init__(self, file: BinaryIO, size: int) -> None:
-        super().__init__()
-        self._file = file
-        start, part = file.tell(), part_size(size)
-        places = [start + k * (size - part - start) // (PARTS - 1) for k in range(PARTS)]
-        ends = [self._next_line(place + part) for place in places[:-1]] + [size]
-        starts = [start] + [self._next_line(place) for place in places[1:]]
-        self._ranges = list(zip(starts, ends, strict=True))[::-1]
-        file.seek(start)
+    def next_line(place: int) -> int:
+        file.seek(place)
+        file.readline(_LONGEST_LINE)
+        return file.tell()
 
-    def _next_line(self, place: int) -> int:
-        self._file.seek(place)
-        self._file.readline(_LONGEST_LINE)
-        return self._file.tell()
+    start, part = file.tell(), part_size(size)
+    places = [start + k * (size - part - start) // (PARTS - 1) for k in range(PARTS)]
+    starts = [start] + [next_line(place) for place in places[1:]]
+    ends = [next_line(place + part) for place in places[:-1]] + [size]
+    for first, end in zip(starts, ends, strict=True):
+        file.seek(first)
+        while block := file.read(min(_BLOCK, max(end - file.tell(), 0))):
+            yield block
 
-    def readable(self) -> bool:
-        return True
 
-    def readinto(self, buffer: Any) -> int:
-        """The next bytes of the parts; 0 at the end."""
-        while self._ranges and self._file.tell() >= self._ranges[-1][1]:
-            self._ranges.pop()
-            if self._ranges:
-                self._file.seek(self._ranges[-1][0])
-        if not self._ranges:
-            return 0
-        data = self._file.read(min(len(buffer), self._ranges[-1][1] - self._file.tell()))
-        buffer[: len(data)] = data
-        return len(data)
+def _texts(blocks: Iterable[bytes], encoding: str) -> Iterator[str]:
+    r"""Blocks of bytes as text with "\n" as line ends."""
+    decoder = io.IncrementalNewlineDecoder(codecs.getincrementaldecoder(encoding)("replace"), translate=True)
+    for block in blocks:
+        yield decoder.decode(block)
+    yield decoder.decode(b"", final=True)
 
 
 class _Lines(io.RawIOBase):
@@ -174,9 +167,9 @@ class _Lines(io.RawIOBase):
         self.wide = mark.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         """Whether it is in UTF-16."""
         self._file.seek(len(mark) if mark == codecs.BOM_UTF8 else 0)
+        blocks = _parts(self._file, self._size) if sampled else iter(partial(self._file.read, _BLOCK), b"")
         # UTF-8 too is read byte by byte, which cannot fail, and put right by _utf8 where it matters
-        source = io.BufferedReader(_Parts(self._file, self._size), _BLOCK) if sampled else self._file
-        self._text = io.TextIOWrapper(source, "utf-16" if self.wide else "latin-1", errors="replace")
+        self._texts = _texts(blocks, "utf-16" if self.wide else "latin-1")
         self._ready = b""
         self._collapsing = False
         self.unfinished = ""
@@ -193,8 +186,8 @@ class _Lines(io.RawIOBase):
     def read(self, size: int = -1) -> bytes:
         """About `size` bytes, at least one; b"" at the end."""
         while len(self._ready) < max(size, 1) or size < 0:
-            chunk = self._text.read(_BLOCK)
-            if not chunk:
+            chunk = next(self._texts, None)
+            if chunk is None:
                 break
             lines, end, self.unfinished = (self.unfinished + chunk).rpartition("\n")
             if len(self.unfinished) > _LONGEST_LINE:
@@ -215,7 +208,6 @@ class _Lines(io.RawIOBase):
         self._ready = self._plain(self._ready)
 
     def close(self) -> None:
-        self._text.close()
         self._file.close()
         super().close()
 
