@@ -205,3 +205,13 @@ def test_parquet_of_other_writers(tmp_path):
     with pytest.raises(SignalError, match="holds list"):
         read_log(tmp_path / "b")
     assert len(read_log(tmp_path / "b", SignalMap.parse('ignore = ["yaw.tractor"]'))) == 3
+
+
+def test_windows_are_in_seconds_whatever_the_unit_of_the_time(tmp_path):
+    """The unit of the map, where the header has none."""
+    path = tmp_path / "log.csv"
+    path.write_text("stamp,v\n" + "".join(f"{100 * k},20\n" for k in range(61)))
+    signal_map = SignalMap.parse('[time]\ncolumn = "stamp"\nunit = "ms"\n[signals]\nspeed = "v"\n')
+    record = read_log(path, signal_map, exclude=[(2.0, 4.0)])
+    assert record.time[-1] == pytest.approx(6.0)
+    assert not ((record.time >= 2.0) & (record.time <= 4.0)).any()

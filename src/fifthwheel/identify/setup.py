@@ -205,7 +205,8 @@ class Setup:
 
     def given_to_model(self, outputs: Sequence[str]) -> dict[str, float]:
         """Every parameter of an extended model with these outputs before the estimation, by name, SI."""
-        return dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law) | self.given
+        values = dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law)
+        return values | dict(self.settings.surroundings) | self.given
 
     @cached_property
     def _parameters(self) -> Mapping[str, float]:

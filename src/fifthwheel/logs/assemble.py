@@ -115,7 +115,7 @@ def _outside(
     named = signal_map.time.column
     rows, left = log.find(named) if named else log.row_time, False
     for chunk in log.chunks({*columns, rows or ""} - {""}):
-        time = log.times(chunk, rows)
+        time = log.times(chunk, rows, signal_map.time.unit)
         if time is None:
             yield chunk
             left = True

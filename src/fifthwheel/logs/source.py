@@ -164,11 +164,12 @@ class LogSource(ABC):
                 clocks.setdefault(column.clock, []).append(name)
         return clocks
 
-    def times(self, chunk: Chunk, rows: str | None) -> Array | None:
-        """Timestamps (n,) of a chunk, s: its own, else the column `rows` of a table; None without either."""
+    def times(self, chunk: Chunk, rows: str | None, unit: str | None = None) -> Array | None:
+        """Timestamps (n,) of a chunk, s: its own, else the column `rows` of a table, in `unit` or that of its
+        header; None without either."""
         if chunk.time is not None or rows is None:
             return chunk.time
-        return chunk.values[rows] * factor(self.columns[rows].unit or "s", "s")
+        return chunk.values[rows] * factor(unit or self.columns[rows].unit or "s", "s")
 
     def note(self, *notes: str) -> None:
         """Add notes that are not there yet; a log that is read twice repeats them."""

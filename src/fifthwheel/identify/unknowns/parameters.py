@@ -79,7 +79,7 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     values = vehicle.parameters()
     if settings.tyre_law != "linear":
         values |= saturation_parameters(vehicle, settings.tyre_law) | {FRICTION: settings.friction}
-    return values | dict(settings.surroundings)
+    return values | {name: value for name, value in settings.surroundings.items() if name in values}
 
 
 def estimated_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
