@@ -165,7 +165,7 @@ DEFAULT_CONSIDERED: Mapping[str, float] = {
     "tyre.combined_slip": 0.45,
     "body.half_track": 0.05,
     "static_load": 0.02,
-    "relative_friction": 0.05,
+    "relative_friction": 0.1,
     "body.drag_area": 0.25,
     "tyre.rolling_resistance": 0.25,
 }

@@ -47,7 +47,7 @@ GROSS_ERRORS: Mapping[str, GrossError] = {
     "self_steering": GrossError(0.4, 1.0),  # a castor axle
     "softening": GrossError(8.0, 1.0),  # 1/rad, a slippery road
     "half_track": GrossError(0.1, 0.3),
-    "relative_friction": GrossError(0.15, 0.3),
+    "relative_friction": GrossError(0.2, 0.3),
     "stiffness_load_sensitivity": GrossError(0.7, 0.3),
     "friction_load_sensitivity": GrossError(0.8, 0.3),
     "combined_slip": GrossError(0.8, 0.3),
