@@ -87,7 +87,7 @@ class ParameterInformation:
         """What limits sigma and what would reduce it, a sentence each."""
         e, messages = self.estimate, []
         if e.correlated_with:
-            precise = e.verdict is Verdict.CONVERGED and e.relative_sigma < thresholds.NOTABLE_SIGMA
+            precise = e.verdict is Verdict.CONVERGED and 0 < e.relative_sigma < thresholds.NOTABLE_SIGMA
             relation = "Accurate. Its error is correlated with the errors of" if precise else "Strongly correlated with"
             messages.append(f"{relation} {enumerated(list(map(named, e.correlated_with)))}.")
         elif self.correlation:
