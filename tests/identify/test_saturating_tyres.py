@@ -270,7 +270,7 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
     record = run.record(article_sensors(TRUCK) | {"speed": Sensor(variance=0.01 if braking else 0.0)}, seed=1)
     result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
-    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.25 if braking else 0.2)
+    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.25)
     assert abs(result[FRICTION].value - 0.74 * factor) < 1.645 * result[FRICTION].sigma
     for name, value in TRUCK.parameters().items():
         if name.endswith("cornering_stiffness"):
@@ -283,16 +283,16 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
 
 @pytest.mark.slow
 def test_logs_with_and_without_braking() -> None:
-    """On a dry road, up to 3 m/s² sideways and along: the identification converges, although wheels lock, and the logs
-    inform how much a braking force reduces the side force."""
+    """On a dry road, up to 3 m/s² sideways and along: the estimates are right, although wheels lock, which the model does not
+    have, so that they may be doubted; the logs inform how much a braking force reduces the side force."""
     records = []
     for seed, (acceleration, braking) in enumerate([(2.0, 0.0), (2.0, 2.0), (3.0, 0.0), (3.0, 3.0)]):
         course = single_sine(TRUCK, acceleration=acceleration, duration=8.0)
         run = Plant(TRUCK).drive(braked(course, braking) if braking else course)
         records.append(replace(run.record(article_sensors(TRUCK), seed=seed), name=f"{acceleration:g} {braking:g}"))
-    result = identify(records, TRUCK, OneStage())
-    assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
-    assert abs(result[FRICTION].value - 0.74) < 1.645 * result[FRICTION].sigma
+    result, true = identify(records, TRUCK, OneStage()), TRUCK.parameters() | {FRICTION: 0.74}
+    assert all(e.verdict in (Verdict.CONVERGED, Verdict.DOUBTFUL) for e in result.parameters)
+    assert all(abs(e.value - true[e.name]) < 1.645 * e.sigma for e in result.parameters)
     (slip,) = [e for e in result.uncertain if e.name == COMBINED_SLIP]
     assert slip.sigma < 0.7 * slip.prior  # less than half of the variance
 
