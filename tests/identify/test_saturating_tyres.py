@@ -283,8 +283,8 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
 
 @pytest.mark.slow
 def test_logs_with_and_without_braking() -> None:
-    """On a dry road, up to 3 m/s² sideways and along: the estimates are right, although wheels lock, which the model does not
-    have, so that they may be doubted; the logs inform how much a braking force reduces the side force."""
+    """On a dry road, up to 3 m/s² sideways and along: the estimates are right, although wheels lock, which the model
+    does not have, so that they may be doubted; the logs inform how much a braking force reduces the side force."""
     records = []
     for seed, (acceleration, braking) in enumerate([(2.0, 0.0), (2.0, 2.0), (3.0, 0.0), (3.0, 3.0)]):
         course = single_sine(TRUCK, acceleration=acceleration, duration=8.0)
