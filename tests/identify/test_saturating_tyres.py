@@ -183,7 +183,7 @@ def test_another_log_has_a_friction_of_its_own(snow: Identification) -> None:
     wet, gentle = (log_sensors(snow, response(a, 0.6, name="other"), snow.vehicle) for a in (2.5, 0.2))
     assert wet.settings["friction"] == pytest.approx(0.6, rel=0.15)
     assert gentle.settings["friction"] == pytest.approx(snow.friction, rel=0.2)
-    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.5, 0.75)):
+    for sensors, least, largest in ((wet, 0.0, 0.3), (gentle, 0.59, 0.75)):
         place = sensors.uncertainty.names.index(FRICTION)
         sigma = np.sqrt(sensors.uncertainty.covariance[place, place]) / sensors.settings["friction"]
         assert least < sigma < largest
@@ -270,7 +270,7 @@ def test_nonlinear_truck(acceleration: float, factor: float, braking: float) -> 
     record = run.record(article_sensors(TRUCK) | {"speed": Sensor(variance=0.01 if braking else 0.0)}, seed=1)
     result = identify([record], TRUCK, OneStage(tyres="auto", check=False))
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters)
-    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.25)
+    assert result[FRICTION].value == pytest.approx(0.74 * factor, rel=0.25 if braking else 0.21)
     assert abs(result[FRICTION].value - 0.74 * factor) < 1.645 * result[FRICTION].sigma
     for name, value in TRUCK.parameters().items():
         if name.endswith("cornering_stiffness"):

@@ -1,4 +1,4 @@
-"""signals.toml: the map from the columns of a log to signals; `docs/signals.md` tells its keys with an example."""
+"""signals.toml: the map from the columns of a log to signals; `docs/signals.md` lists its keys, with an example."""
 
 from collections.abc import Iterable, Mapping
 from functools import partial

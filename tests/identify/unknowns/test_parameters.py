@@ -408,6 +408,11 @@ def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
         by_name(zero, OneStage(free=(PRODUCT,)))
 
 
+def test_a_fraction_of_zero_is_refused(truck: Vehicle) -> None:
+    with pytest.raises(VehicleError, match="expected above 0"):
+        by_name(truck.replace({PRODUCT: 0.0}), OneStage(priors={PRODUCT: 0.3}))
+
+
 def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
     """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
     front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)

@@ -380,8 +380,10 @@ def _stated_prior(vehicle: Vehicle, name: str, value: float, settings: OneStage)
     nothing."""
     if name in settings.stated_priors:
         return settings.stated_priors[name]
-    key = longest_matching_key(name, settings.priors)
-    sigma = settings.priors[key] * abs(value) if key else 0.0 if name in vehicle.assumed else vehicle.stated.get(name)
+    if key := longest_matching_key(name, settings.priors):
+        sigma = settings.priors[key] * abs(value)
+    else:
+        sigma = 0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0)
     return (value, sigma) if sigma else None
 
 
@@ -391,7 +393,11 @@ def _may_be_zero(vehicle: Vehicle, name: str, prior: tuple[float, float] | None)
 
 
 def _default_prior(vehicle: Vehicle, name: str, value: float) -> tuple[float, float]:
-    """The same of a signed parameter by the uncertainty of every vehicle file; a VehicleError where that has none."""
+    """The same of a signed parameter by the uncertainty of every vehicle file.
+
+    Raises:
+        VehicleError: nothing is known of this parameter.
+    """
     sigma = math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
     if not sigma:
         raise VehicleError(
@@ -427,7 +433,7 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             sigma = table[key]
             if has_defaults and name in vehicle.stated and sigma == DEFAULT_CONSIDERED.get(key):
                 sigma = vehicle.stated[name] / value
-            if sigma and is_signed(name):
+            if sigma and is_signed(name) and value:
                 unknowns.append(linear_unknown(name, value, sigma * abs(value), UnknownKind.UNCERTAIN))
             elif sigma:
                 unknowns.append(logarithmic_unknown(name, value, sigma, UnknownKind.UNCERTAIN))
