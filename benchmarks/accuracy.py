@@ -28,11 +28,13 @@ from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.cheng_cebon_2011.experiments import SPEED, point_payload
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
+from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
@@ -42,16 +44,22 @@ from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
 from fifthwheel.vehicle.parameters import FRICTION
-from trust_runs import peak_friction
+from trust_runs import peak_friction, sensor_sigma
 
 RATES = ("yaw_rate", "roll_rate")
-KNOWN = OneStage(consider={}, nuisances=False, tyres="linear")
+KNOWN = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """All parameters except the five estimated ones are known exactly."""
 UNCERTAIN = OneStage(
-    tyres="linear", steer_gain_prior=0.03, steer_offset_prior=0.005, rate_offset_prior=0.002, bank_prior=0.035
+    tyres="linear",
+    given={
+        "steer.*.gain": "+- 3 %",
+        "steer.*.offset": "+- 0.005 rad",
+        "*_rate.*.offset": "+- 0.002 rad/s",
+        "road.bank": "+- 0.035 rad",
+    },
 )
 """All parameters are uncertain as by default; the steering gain is known to 3 %, the bank to 2 degrees."""
-SENSOR_ERRORS = OneStage(consider={}, tyres="linear")
+SENSOR_ERRORS = OneStage(given={"others": "exact", "road.bank": "+- 0.03 rad"}, tyres="linear")
 """The sensor errors and the bank of the road are estimated too."""
 SATURATING, SATURATING_UNCERTAIN = (replace(s, tyres="auto") for s in (KNOWN, UNCERTAIN))
 """The same for the nonlinear truck; the friction of the road is estimated too."""
@@ -127,18 +135,16 @@ def nonlinear_run(vehicle: str, count: int, bank: float, point: bool) -> PlantRu
     return Plant(truck, Properties(bank=bank)).drive(lane_changes(count=count))
 
 
-def random_vehicle(truck: Vehicle, settings: OneStage, seed: int) -> Vehicle:
+def random_vehicle(truck: Vehicle, seed: int) -> Vehicle:
     """The vehicle file with errors of all uncertain parameters, drawn from their priors."""
     rng, values = np.random.default_rng([seed, 11]), truck.parameters()
     estimated = {*stage_1_names(truck), "semitrailer.payload.height"}
-    tables = settings.priors, settings.consider
     changed = {}
     for name, value in values.items():
-        sigma = next((table[k] for table in tables if (k := longest_matching_key(name, table))), None)
-        path = ParameterPath.of(name)
+        key, path = longest_end(name, FRACTIONS), ParameterPath.of(name)
         is_trailer_body = (path.unit, path.component) == ("semitrailer", "sprung")
-        if sigma and value > 0 and name not in estimated and not is_trailer_body:
-            changed[name] = value * float(np.exp(sigma * rng.normal()))
+        if key and value > 0 and name not in estimated and not is_trailer_body:
+            changed[name] = value * float(np.exp(FRACTIONS[key] * rng.normal()))
     return truck.replace(changed)
 
 
@@ -147,12 +153,10 @@ def with_sensor_errors(record: Record, settings: OneStage, seed: int) -> Record:
     rng, signals = np.random.default_rng([seed, 13]), dict(record.signals)
     for name, values in record.signals.items():
         quantity = SignalName.of(name).quantity
-        if quantity == "steer":
-            gain = 1 + settings.steer_gain_prior * rng.normal()
-            signals[name] = values / gain + settings.steer_offset_prior * rng.normal()
-        elif quantity in RATES:
-            gain = 1 + settings.rate_gain_prior * rng.normal()
-            signals[name] = gain * values + settings.rate_offset_prior * rng.normal()
+        if quantity not in ("steer", *RATES):
+            continue
+        gain, offset = (sensor_sigma(f"{name}.{kind}", settings) * rng.normal() for kind in ("gain", "offset"))
+        signals[name] = (values / (1 + gain) if quantity == "steer" else (1 + gain) * values) + offset
     return replace(record, signals=signals)
 
 
@@ -173,7 +177,7 @@ def estimate(case: Case, seed: int) -> Result:
     """Identify the truck with the data of one seed."""
     record, assumed = simulated_record(case, seed), case.truck
     if case.random_errors and isinstance(case.settings, OneStage):
-        assumed = random_vehicle(assumed, case.settings, seed)
+        assumed = random_vehicle(assumed, seed)
     guess = initial_guess(assumed, seed)
     if case.recursive and isinstance(case.settings, OneStage):
         learner = Learner(guess, record.signals, case.settings)
@@ -189,7 +193,8 @@ def cramer_rao_bound(case: Case) -> dict[str, float]:
     truck, values = case.truck.with_logged_steering(record.signals, record.name), case.truck.parameters()
     outputs = tuple(name for name in record.signals if SignalName.of(name).quantity in RATES)
     assert isinstance(case.settings, OneStage)
-    settings = replace(case.settings, initial_payload_height=None, outlier=1e9)
+    given = {**case.settings.given, "payload.height": "+- 0.75 m"}  # at the height of the truck
+    truck, settings = applied(truck, replace(case.settings, given=given, outlier=1e9))
     setup = Setup.of(truck, outputs, settings)
     unknowns = setup.unknowns
     problem = Problem(setup, [LogData(name="bound", segments=segments_above(record, 5.0))])

@@ -37,7 +37,7 @@ from fifthwheel.record import Record
 from fifthwheel.studies.scenarios import initial_guess
 from sharpness import KNOWLEDGE
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors
-from trust_runs import TRUCK
+from trust_runs import TRUCK, sensor_sigma
 
 ANGLE, ACCELERATION = "articulation.semitrailer", "lateral_acceleration.tractor"
 SIGNALS = ("speed", "steer.tractor.front", "yaw_rate.tractor")
@@ -58,12 +58,9 @@ Samples = Mapping[str, tuple[Array, Array]]
 
 def accelerometer(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
     """Errors of the accelerometer that all logs share, SI."""
-    return {
-        "gain": 1 + settings.acceleration_gain_prior * rng.normal(),
-        "delay": settings.acceleration_delay_prior * rng.normal(),
-        "position": settings.accelerometer_position_prior * rng.normal(),
-        "height": settings.accelerometer_height_prior * rng.normal(),
-    }
+    kinds = ("gain", "delay", "position", "height")
+    errors = {kind: sensor_sigma(f"{ACCELERATION}.{kind}", settings) * rng.normal() for kind in kinds}
+    return errors | {"gain": 1 + errors["gain"]}
 
 
 def log(
@@ -91,14 +88,14 @@ def log(
 
 def samples(seed: int, knowledge: str, minutes: float, hidden: Sequence[str] = ()) -> Samples:
     """Errors and sigmas of one seed without some signals; empty if a log is refused."""
-    truck, priors = KNOWLEDGE[knowledge]
-    settings, rng = OneStage(**priors), np.random.default_rng([seed, 37])
-    file, shared, sensor = drawn_file(truck, settings, rng), shared_errors(settings, rng), accelerometer(settings, rng)
+    truck, given = KNOWLEDGE[knowledge]
+    settings, rng = OneStage(given=given), np.random.default_rng([seed, 37])
+    file, shared, sensor = drawn_file(truck, rng), shared_errors(settings, rng), accelerometer(settings, rng)
     driven = DrivenTruck.drawn(1.0, rng)
     courses = everyday(duration=60 * minutes, seed=seed), everyday(duration=120.0, seed=seed + 1_000_000), slow_turns()
     logs = []
     for i, path in enumerate(courses):
-        offset = settings.acceleration_offset_prior * rng.normal()
+        offset = sensor_sigma(f"{ACCELERATION}.offset", settings) * rng.normal()
         record = log(path, driven, shared | log_errors(settings, rng), sensor, offset, 10 * seed + i)
         logs.append(replace(record, signals={k: v for k, v in record.signals.items() if k not in hidden}))
     try:

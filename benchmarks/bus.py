@@ -88,8 +88,8 @@ CASES = {
 @cache
 def logs(seed: int) -> tuple[Record, ...]:
     """The logs of a seed as a logger of 100 Hz without a bus writes them."""
-    settings, rng = OneStage(**CAREFUL), np.random.default_rng([seed, 29])
-    drawn_file(careful_truck(), settings, rng)
+    settings, rng = OneStage(given=CAREFUL), np.random.default_rng([seed, 29])
+    drawn_file(careful_truck(), rng)
     shared = shared_errors(settings, rng)
     records = []
     for i, speed in enumerate(SPEEDS):
@@ -101,8 +101,8 @@ def logs(seed: int) -> tuple[Record, ...]:
 
 def samples(seed: int, case: str) -> dict[str, Sample]:
     """Errors and sigmas of the estimates of a seed, as fractions; empty if a log is refused."""
-    settings, phases = OneStage(**CAREFUL), np.random.default_rng([seed, 31])
-    file = drawn_file(careful_truck(), settings, np.random.default_rng([seed, 29]))
+    settings, phases = OneStage(given=CAREFUL), np.random.default_rng([seed, 31])
+    file = drawn_file(careful_truck(), np.random.default_rng([seed, 29]))
     try:
         result = identify([CASES[case].record(log, phases) for log in logs(seed)], initial_guess(file, seed), settings)
     except FifthwheelError as error:

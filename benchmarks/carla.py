@@ -43,8 +43,13 @@ from fifthwheel.vehicle.uncertainty import changes
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")
 CHANNELS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "articulation.semitrailer")
-SETTINGS = TwoStage(  # a simulator has no sensor offsets; the gain is uncertain because one front wheel is logged
-    steer_gain_prior=0.05, steer_offset_prior=0.001, rate_offset_prior=0.0005, articulation_offset_prior=0.001
+SETTINGS = TwoStage(
+    given={  # a simulator has no sensor offsets; the gain is uncertain because one front wheel is logged
+        "steer.*.gain": "+- 5 %",
+        "steer.*.offset": "+- 0.001 rad",
+        "yaw_rate.*.offset": "+- 0.0005 rad/s",
+        "articulation.*.offset": "+- 0.001 rad",
+    }
 )
 TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
 STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car

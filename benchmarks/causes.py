@@ -133,8 +133,8 @@ FAULTS = (
 
 def logs_and_file(seed: int) -> tuple[list[Record], Vehicle]:
     """Two logs, and a vehicle file with errors."""
-    rng, settings = np.random.default_rng([seed, 31]), OneStage(**CAREFUL)
-    vehicle = initial_guess(drawn_file(careful_truck(), settings, rng), seed)
+    rng, settings = np.random.default_rng([seed, 31]), OneStage(given=CAREFUL)
+    vehicle = initial_guess(drawn_file(careful_truck(), rng), seed)
     shared, records = shared_errors(settings, rng), []
     for i, speed in enumerate(SPEEDS):
         own = shared | log_errors(settings, rng)
@@ -150,7 +150,7 @@ def messages(name: str, seed: int) -> list[str]:
     try:
         if fault:
             records, vehicle = [fault.record(record) for record in records], fault.vehicle(vehicle)
-        run = run_identification(records, vehicle, OneStage(**CAREFUL))
+        run = run_identification(records, vehicle, OneStage(given=CAREFUL))
     except FifthwheelError as error:
         return str(error).splitlines()
     return list(run.conclusion.cautions)

@@ -39,6 +39,7 @@ from fifthwheel.vehicle.classes.table import (
 )
 from fifthwheel.vehicle.slip import Slip
 from fifthwheel.workflow.new_vehicle import Description, new_vehicle
+from trust_runs import sensor_sigma
 
 INTERVAL = 1.645
 """Half width of a 90 % interval, in standard deviations."""
@@ -227,13 +228,18 @@ def logged(draw: Draw, truck: Vehicle, seed: int) -> Record:
     truth: dict[str, Array] = dict(zip(noise, y.T, strict=True))
     steer, t = truck.steer_signals()[0], record.time
     signals = {"speed": record.signals["speed"]}
-    delayed = np.interp(t - settings.steer_delay_prior * normal(), t, record.signals[steer])
-    signals[steer] = delayed / (1 + settings.steer_gain_prior * normal()) + settings.steer_offset_prior * normal()
+
+    def error(signal: str, kind: str) -> float:
+        return sensor_sigma(f"{signal}.{kind}", settings) * normal()
+
+    delayed = np.interp(t - error(steer, "delay"), t, record.signals[steer])
+    signals[steer] = delayed / (1 + error(steer, "gain")) + error(steer, "offset")
     for name, variance in noise.items():
         other = name.replace("yaw", "roll") if name.startswith("yaw") else name.replace("roll", "yaw")
-        angle = settings.misalignment_prior * normal() * (1 if name.startswith("yaw") else -1)
-        value = np.interp(t - 0.01 * normal(), t, math.cos(angle) * truth[name] + math.sin(angle) * truth[other])
-        value = value * (1 + settings.rate_gain_prior * normal()) + settings.rate_offset_prior * normal()
+        angle = error(name, "misalignment") * (1 if name.startswith("yaw") else -1)
+        value = math.cos(angle) * truth[name] + math.sin(angle) * truth[other]
+        value = np.interp(t - error(name, "delay"), t, value)
+        value = value * (1 + error(name, "gain")) + error(name, "offset")
         signals[name] = value + math.sqrt(variance) * normal(size=len(t))
     return Record(time=t, signals=signals, name="log")
 

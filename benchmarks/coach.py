@@ -88,8 +88,8 @@ def outputs(learning: Learning, record: Record) -> Iterator[Output]:
 def drive(knowledge: str, seed: int) -> Found:
     """Drive what the coach says."""
     truck, stated = KNOWLEDGE[knowledge]
-    settings, rng = OneStage(**stated, tyres="linear"), np.random.default_rng([seed, 43])
-    file = initial_guess(drawn_file(truck, settings, rng), seed)
+    settings, rng = OneStage(given=stated, tyres="linear"), np.random.default_rng([seed, 43])
+    file = initial_guess(drawn_file(truck, rng), seed)
     errors = shared_errors(settings, rng) | log_errors(settings, rng)
     plant = Plant(TRUCK, Properties(bank=errors["bank"]))
     learning = Learning(Learner(file, SIGNALS, settings), file)

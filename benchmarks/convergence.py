@@ -133,7 +133,7 @@ def result_of(seed: int, longest: float, braking: bool) -> tuple[str, dict[str, 
     """What was drawn, z of the estimates by name, CPU in s, steps and a summary; no estimates after an error."""
     case = drawn_case(seed, longest, braking=braking)
     record, settings = log_of(case)
-    file = drawn_file(TRUCK, settings, np.random.default_rng([seed, 63]))
+    file = drawn_file(TRUCK, np.random.default_rng([seed, 63]))
     start, what = clock.process_time(), f"{case.what}, {'nonlinear' if case.nonlinear else 'linear'}, {case.brakes}"
     with warnings.catch_warnings():
         warnings.simplefilter("error")

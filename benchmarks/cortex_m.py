@@ -48,7 +48,7 @@ def print_observers(truck: fw.Vehicle, record: fw.Record) -> None:
 
 def print_learners(truck: fw.Vehicle, record: fw.Record) -> None:
     """A row for each learner. With -O2 the compiler needs minutes."""
-    five = fw.OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+    five = fw.OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
     learners = {
         "five parameters": fw.Learner(truck, record.signals, five),
         "default": fw.Learner(truck, record.signals),

@@ -27,8 +27,12 @@ from fifthwheel.fleet import FleetSettings, run
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = {"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6}
 LIGHT = fw.OneStage(
-    fixed=("tractor.front.cornering_stiffness", "semitrailer.yaw_inertia", "semitrailer.payload.height"),
-    consider={},
+    given={
+        "others": "exact",
+        "tractor.front.cornering_stiffness": "exact",
+        "semitrailer.yaw_inertia": "exact",
+        "semitrailer.payload.height": "exact",
+    },
     tyres="linear",
     adapt_noise=False,
     check=False,
@@ -139,8 +143,8 @@ def overhead(folder, trips, count):
 def coverage(folder, trucks, trips, jobs):
     """Coverage of 90 % intervals; changes in the middle: of tyres by 15 %, of the load, or none, in turn."""
     drive = "tractor.drive.cornering_stiffness"
-    settings = fw.OneStage(consider={}, tyres="linear")  # as the logs; the vehicle file is exact but for the estimates
-
+    # as the logs; the vehicle file is exact but for the estimates
+    settings = fw.OneStage(given={"others": "exact", "road.bank": "+- 0.03 rad"}, tyres="linear")
     values = TRUCK.parameters()
     load = {"semitrailer.payload.height": 0.4 + values["semitrailer.payload.height"]}
     load |= {"semitrailer.yaw_inertia": 1.15 * values["semitrailer.yaw_inertia"]}

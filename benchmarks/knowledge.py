@@ -33,7 +33,7 @@ from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import MagicFormula, Plant, Properties
 from fifthwheel.record import Record
@@ -126,9 +126,9 @@ class Truth:
     """The truck and the sensors of one seed, and its logs."""
 
     def __init__(self, draw: Draw) -> None:
-        self.draw, self.settings = draw, OneStage(**CAREFUL)
+        self.draw, self.settings = draw, OneStage(given=CAREFUL)
         self.rng = np.random.default_rng([draw.seed, 29])
-        self.file = initial_guess(drawn_file(careful_truck(), self.settings, self.rng), draw.seed)
+        self.file = initial_guess(drawn_file(careful_truck(), self.rng), draw.seed)
         self.shared = shared_errors(self.settings, self.rng)
         self.number = 0
 
@@ -136,7 +136,7 @@ class Truth:
         """A log of a truck with additional errors of sensors."""
         own = self.shared | log_errors(self.settings, self.rng)
         own |= {key: own[key] + error for key, error in (errors or {}).items()}
-        p, sigma = truck.parameters(), MODEL_ERRORS["stiffness_variation"]
+        p, sigma = truck.parameters(), quantity("cornering_stiffness.variation").sigma
         names = [f"{path}.cornering_stiffness" for path in TYRES]
         varied = truck.replace({name: p[name] * math.exp(sigma * self.rng.normal()) for name in names})
         bank = own["bank"]
@@ -156,7 +156,7 @@ class Truth:
         truck, laden, file = loaded(load), TRUCK.parameters(), self.file.parameters()
         p = truck.parameters()
         weighed = careful_truck().stated | {path: f * p[path] for path, f in WEIGHED.items()}
-        own = drawn_file(truck.with_stated(weighed), self.settings, self.rng)
+        own = drawn_file(truck.with_stated(weighed), self.rng)
         guess = initial_guess(own, self.draw.seed + self.number)
         of_load = {path: guess.parameters()[path] for path in OWN}
         values = {path: p[path] * file[path] / laden[path] if laden[path] else file[path] for path in p}
@@ -246,7 +246,7 @@ def outcome(result: Identification, log: str, off: set[str]) -> str:
 
 def loads(truth: Truth, trips: bool) -> dict[str, tuple[float, float]]:
     """Error and sigma of the payload height alone and after a log with a known load."""
-    known = replace(truth.settings, fixed=(HEIGHT,))
+    known = replace(truth.settings, given={**truth.settings.given, HEIGHT: "exact"})
     empty = truth.log(LADEN_SPEED, loaded("empty"))
     first = identify([empty], truth.file_of("empty"), known, occasion=truth.occasion(empty, "empty"))
     laden, file = truth.log(LADEN_SPEED), truth.file

@@ -102,7 +102,7 @@ def laws() -> None:
             cells = []
             for law in LAWS.values():
                 settings = exact | ({} if law == "linear" else {"tyres": law, "friction": PEAK * friction})
-                found = identify([record], TRUCK, OneStage(consider={}, nuisances=False, tyres=law))
+                found = identify([record], TRUCK, OneStage(given={"others": "exact", "sensors": "exact"}, tyres=law))
                 values = {e.name: e.value for e in found.parameters}
                 stiffness = [values[n] / truth[n] - 1 for n in (f"{path}.cornering_stiffness" for path in GROUPS)]
                 cells += [errors(run, ObserverSettings(**settings)), ", ".join(f"{100 * x:+.1f}" for x in stiffness)]

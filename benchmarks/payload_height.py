@@ -20,8 +20,8 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.knowledge.information import Occasion
-from fifthwheel.identify.settings import MODEL_ERRORS
-from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
+from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Sensor, measure
 from fifthwheel.record import Record
@@ -32,11 +32,12 @@ from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
 from fifthwheel.workflow import roll_tested_vehicle
 from knowledge import retyred
 from trust_coverage import GYROS, INTERVAL, SPEED, STEER
-from trust_runs import TRUCK, table
+from trust_runs import TRUCK, sensor_sigma, table
 
 HEIGHT, STIFFNESS = "semitrailer.payload.height", "semitrailer.roll_stiffness"
 SETTINGS = OneStage()
-KNOWN = OneStage(fixed=(HEIGHT,), priors={STIFFNESS: 0.1})
+KNOWN = OneStage(given={HEIGHT: "exact", STIFFNESS: "+- 10 %"})
+GYRO_ERRORS = ("misalignment", "delay", "gain")
 
 
 class Load(NamedTuple):
@@ -59,7 +60,7 @@ class Draw(NamedTuple):
     changes: Mapping[str, float]
     gain: float
     steer_delay: float
-    gyros: Mapping[str, tuple[float, float, float]]  # misalignment, rad; latency, s; gain
+    gyros: Mapping[str, tuple[float, ...]]  # `GYRO_ERRORS`
     rng: np.random.Generator
     scale: float | None  # error of the one scale of all loads, in standard deviations
 
@@ -85,20 +86,22 @@ def driven(load: Load) -> tuple[Array, Mapping[str, Array]]:
 
 
 def drawn(seed: int, one_scale: bool) -> Draw:
-    rng, s = np.random.default_rng([seed, 5]), SETTINGS
+    rng = np.random.default_rng([seed, 5])
     factors = {}
     for path, value in TRUCK.parameters().items():
-        key = longest_matching_key(path, s.consider)
-        if key is not None and key not in MODEL_ERRORS and value > 0 and path != "semitrailer.yaw_inertia":
-            factors[path] = math.exp(s.consider[key] * rng.normal())
-    latency = s.consider["gyro_delay"]
-    sigmas = np.array([s.misalignment_prior, latency, s.rate_gain_prior])
+        key = longest_end(path, FRACTIONS)
+        if key is not None and value > 0 and path != "semitrailer.yaw_inertia":
+            factors[path] = math.exp(FRACTIONS[key] * rng.normal())
+
+    def error(name: str) -> float:
+        return sensor_sigma(name, SETTINGS) * rng.normal()
+
     return Draw(
         factors=factors,
         changes={change.name: rng.normal() for change in changes(TRUCK) if _is_shared(change.name)},
-        gain=1 + s.steer_gain_prior * rng.normal(),
-        steer_delay=s.steer_delay_prior * rng.normal() / 2,
-        gyros={name: tuple(sigmas * rng.normal(size=3)) for name in GYROS},
+        gain=1 + error(f"{STEER}.gain"),
+        steer_delay=error(f"{STEER}.delay") / 2,
+        gyros={name: tuple(error(f"{name}.{kind}") for kind in GYRO_ERRORS) for name in GYROS},
         rng=rng,
         scale=np.random.default_rng([seed, 77]).normal() if one_scale else None,
     )
@@ -125,14 +128,14 @@ def file_of(draw: Draw, load: Load) -> Vehicle:
 
 def logged(draw: Draw, load: Load) -> Record:
     time, truth = driven(load)
-    offset = SETTINGS.steer_offset_prior * draw.rng.normal()
+    offset = sensor_sigma(f"{STEER}.offset", SETTINGS) * draw.rng.normal()
     steer = np.interp(time - draw.steer_delay, time, truth[STEER]) / draw.gain + offset
     measured = {SPEED: truth[SPEED], STEER: steer}
     for name, (angle, latency, gain) in draw.gyros.items():
         yaw = name.startswith("yaw")
         other = name.replace("yaw", "roll") if yaw else name.replace("roll", "yaw")
         values = math.cos(angle) * truth[name] + (1 if yaw else -1) * math.sin(angle) * truth[other]
-        bias = SETTINGS.rate_offset_prior * draw.rng.normal()
+        bias = sensor_sigma(f"{name}.offset", SETTINGS) * draw.rng.normal()
         measured[name] = (1 + gain) * np.interp(time - latency, time, values) + bias
     sensors = {name: Sensor(variance=GYROS.get(name, 0.0)) for name in measured}
     return Record(time=time, signals=measure(time, measured, sensors, seed=int(draw.rng.integers(1 << 30))), name="log")

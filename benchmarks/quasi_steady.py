@@ -152,7 +152,7 @@ def outcome(case: tuple[int, str, str]) -> Outcome:
         truth = {name: values[time >= START] for name, values in truth.items()}
         time = time[time >= START] - START
     record = measured_record(time, truth, errors, "log", seed)
-    file = drawn_file(TRUCK, settings, np.random.default_rng([seed, 72]))
+    file = drawn_file(TRUCK, np.random.default_rng([seed, 72]))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         try:

@@ -14,10 +14,9 @@ of the nonlinear truck with the nominal stiffness of the tyre model.
 """
 
 import argparse
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -58,13 +57,12 @@ WEIGHED = {"tractor.mass": 0.005, "semitrailer.mass": 0.005, "semitrailer.payloa
 CAREFUL_COG = {"tractor.cog": 0.02, "semitrailer.cog": 0.04}
 """m, from axle loads of 0.5 %."""
 CAREFUL = {
-    "steer_gain_prior": 0.03,
-    "steer_delay_prior": 0.02,
-    "steer_offset_prior": 0.005,
-    "misalignment_prior": math.radians(0.7),
-    "rate_gain_prior": 0.005,
+    "steer.*.gain": "+- 3 %",
+    "steer.*.delay": "+- 20 ms",
+    "steer.*.offset": "+- 0.005 rad",
+    "misalignment": "+- 0.7 deg",
 }
-"""Priors of an automotive steering sensor and of gyros on a bracket."""
+"""Of an automotive steering sensor, and of gyros on a bracket with the default gain."""
 
 
 def careful_truck() -> Vehicle:
@@ -74,11 +72,11 @@ def careful_truck() -> Vehicle:
     return TRUCK.with_stated(sigmas | CAREFUL_COG | {path: f * given[path] for path, f in WEIGHED.items()})
 
 
-KNOWLEDGE: Mapping[str, tuple[Vehicle, Mapping[str, float]]] = {
+KNOWLEDGE: Mapping[str, tuple[Vehicle, Mapping[str, str]]] = {
     "class": (TRUCK, {}),
     "careful": (careful_truck(), CAREFUL),
 }
-"""The truck with what is stated of it, and settings of `OneStage` on the sensors."""
+"""The truck with what is stated of it, and what is stated of the sensors."""
 SPEEDS = (50 / 3.6, 70 / 3.6, 88 / 3.6)
 RUNS: Mapping[str, Sequence[Course]] = {
     "one": [lane_changes(count=1)],
@@ -100,7 +98,7 @@ class Draw:
     nonlinear: bool
     seed: int
     settings: tuple[tuple[str, str | float], ...] = ()
-    """Further settings of the identification, not of the draw; keys of `OneStage.consider` are possible too."""
+    """Further settings of the identification, not of the draw; other keys are the names of statements."""
     hidden: tuple[str, ...] = ()
     """Units without sensors."""
 
@@ -111,10 +109,10 @@ class Draw:
 
     def chosen(self, settings: OneStage) -> OneStage:
         """The settings of the identification."""
-        given = dict(self.settings)
-        table = {key: float(value) for key, value in given.items() if key in settings.consider}
-        own: dict[str, Any] = {key: value for key, value in given.items() if key not in table}
-        return replace(settings, consider={**settings.consider, **table}, **own)
+        names = {field.name for field in fields(settings)}
+        own: dict[str, Any] = {key: value for key, value in self.settings if key in names}
+        given = {key: value for key, value in self.settings if key not in names}
+        return replace(settings, given={**settings.given, **given}, **own)
 
 
 def courses(draw: Draw) -> Sequence[Course]:
@@ -140,9 +138,9 @@ def true_signals(path: Course, bank: float, nonlinear: bool) -> tuple[Array, Map
 
 def samples(draw: Draw) -> dict[str, Sample]:
     """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if a log is refused."""
-    truck, sensors = KNOWLEDGE[draw.knowledge]
-    settings, rng = OneStage(**sensors), np.random.default_rng([draw.seed, 29])
-    file, shared, paths = drawn_file(truck, settings, rng), shared_errors(settings, rng), courses(draw)
+    truck, given = KNOWLEDGE[draw.knowledge]
+    settings, rng = OneStage(given=given), np.random.default_rng([draw.seed, 29])
+    file, shared, paths = drawn_file(truck, rng), shared_errors(settings, rng), courses(draw)
     logs = []
     for i, path in enumerate(paths):
         errors = shared | log_errors(settings, rng)
@@ -199,7 +197,9 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--only", nargs="*", default=["class.one", "careful.one", "careful.speeds", "careful.minutes"])
     parser.add_argument("--plants", nargs="*", default=["nonlinear", "linear"])
-    parser.add_argument("--set", nargs="*", default=[], help="settings of OneStage, such as tyres=linear")
+    parser.add_argument(
+        "--set", nargs="*", default=[], help="settings of OneStage, such as tyres=linear, or statements"
+    )
     parser.add_argument("--hide", nargs="*", default=[], help="units without sensors, such as semitrailer")
     parser.add_argument("-o", type=Path, default=Path(__file__).with_suffix(".md"))
     arguments = parser.parse_args()

@@ -50,8 +50,8 @@ from fifthwheel.simulate import simulate
 
 SAMPLES, VEHICLES = 20_000, 64
 TRUCK = vehicle.get("cheng_cebon_2011")
-FIVE = OneStage(consider={}, nuisances=False, tyres="linear")
-ERRORS = OneStage(consider={}, tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
+ERRORS = OneStage(given={"others": "exact", "road.bank": "+- 0.03 rad"}, tyres="linear")
 NOT_LAGGING = TRUCK.replace({f"{path}.relaxation_length": 0.0 for path in TRUCK.axle_loads()})  # 4 and 8 states
 
 

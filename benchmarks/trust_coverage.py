@@ -21,8 +21,8 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.identify.settings import MODEL_ERRORS
-from fifthwheel.identify.unknowns.parameters import longest_matching_key, stage_1_names
+from fifthwheel.identify.unknowns.parameters import stage_1_names
+from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end, prior_of
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.plant import PlantRun, Sensor, measure
@@ -32,7 +32,18 @@ from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.vehicle.uncertainty import changes
-from trust_runs import RUNS, TRUCK, Changes, Range, driven, exact_values, peak_friction, table, true_ranges
+from trust_runs import (
+    RUNS,
+    TRUCK,
+    Changes,
+    Range,
+    driven,
+    exact_values,
+    peak_friction,
+    sensor_sigma,
+    table,
+    true_ranges,
+)
 
 UNITS = ("tractor", "semitrailer")
 GYROS = article_gyro_variance(UNITS)
@@ -70,7 +81,7 @@ class Sample:
     converged: bool = True
 
 
-def drawn_file(truck: Vehicle, settings: OneStage, rng: np.random.Generator) -> Vehicle:
+def drawn_file(truck: Vehicle, rng: np.random.Generator) -> Vehicle:
     """The truck with errors of all numbers of its file that are not estimated."""
     values = truck.parameters()
     for change in changes(truck):
@@ -79,10 +90,10 @@ def drawn_file(truck: Vehicle, settings: OneStage, rng: np.random.Generator) -> 
             values[path] += z * slope
     estimated = {*stage_1_names(truck), "semitrailer.payload.height", *truck.stated}
     for path, value in values.items():
-        key, parsed = longest_matching_key(path, settings.consider), ParameterPath.of(path)
+        key, parsed = longest_end(path, FRACTIONS), ParameterPath.of(path)
         is_trailer_body = (parsed.unit, parsed.component) == ("semitrailer", "sprung")
-        if key is not None and key not in MODEL_ERRORS and value > 0 and not is_trailer_body and path not in estimated:
-            values[path] = value * math.exp(settings.consider[key] * rng.normal())
+        if key is not None and value > 0 and not is_trailer_body and path not in estimated:
+            values[path] = value * math.exp(FRACTIONS[key] * rng.normal())
     return truck.replace(values)
 
 
@@ -112,20 +123,16 @@ def drawn_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, floa
 
 def shared_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
     """Errors of the sensors that all logs share, SI."""
-    errors = {f"{STEER}.gain": 1 + settings.steer_gain_prior * rng.normal()}
-    errors |= {f"{STEER}.delay": settings.steer_delay_prior * rng.normal()}
-    for name in GYROS:
-        errors |= {f"{name}.misalignment": settings.misalignment_prior * rng.normal()}
-        errors |= {f"{name}.delay": settings.consider["gyro_delay"] * rng.normal()}
-        errors |= {f"{name}.gain": 1 + settings.rate_gain_prior * rng.normal()}
-    return errors
+    names = [f"{STEER}.{kind}" for kind in ("gain", "delay")]
+    names += [f"{gyro}.{kind}" for gyro in GYROS for kind in ("misalignment", "delay", "gain")]
+    return {name: name.endswith("gain") + sensor_sigma(name, settings) * rng.normal() for name in names}
 
 
 def log_errors(settings: OneStage, rng: np.random.Generator) -> dict[str, float]:
     """Bank of the road and offsets of the sensors in one log, SI."""
-    errors = {"bank": settings.bank_prior * rng.normal()}
-    errors |= {f"{STEER}.offset": settings.steer_offset_prior * rng.normal()}
-    return errors | {f"{name}.offset": settings.rate_offset_prior * rng.normal() for name in GYROS}
+    offsets = [f"{signal}.offset" for signal in (STEER, *GYROS)]
+    bank = prior_of(settings.given, "road.bank")[1] * rng.normal()
+    return {"bank": bank} | {name: sensor_sigma(name, settings) * rng.normal() for name in offsets}
 
 
 def drawn_record(draw: Draw, errors: Mapping[str, float], name: str) -> Record:
@@ -154,7 +161,7 @@ def measured_record(
 def samples(draw: Draw) -> dict[str, Sample]:
     """Errors and sigmas of all estimates and states by name, as fractions and in rad; empty if the log is refused."""
     settings, rng = OneStage(tyres=draw.tyres), np.random.default_rng([draw.seed, 17])
-    file = drawn_file(TRUCK, settings, rng)
+    file = drawn_file(TRUCK, rng)
     errors = drawn_errors(settings, rng)
     of_log = {key: x for key, x in drawn_errors(settings, rng).items() if key == "bank" or key.endswith(".offset")}
     record = drawn_record(draw, errors, "log")

@@ -6,6 +6,8 @@ from functools import cache
 import numpy as np
 
 from fifthwheel.cheng_cebon_2011.experiments import SPEED
+from fifthwheel.identify import CommonSettings
+from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.manoeuvres import Course, lane_changes
 from fifthwheel.manoeuvres.catalogue import course
 from fifthwheel.manoeuvres.open_loops import single_sine
@@ -22,6 +24,12 @@ Changes = tuple[tuple[str, float], ...]
 """Names and values of properties of the nonlinear truck."""
 Range = tuple[float, float]
 """Lowest and highest value, SI."""
+
+
+def sensor_sigma(name: str, settings: CommonSettings) -> float:
+    """Prior standard deviation of a sensor error of the truck, SI."""
+    prior = prior_of_sensor_error(TRUCK, name, settings)
+    return prior[1] if prior else 0.0
 
 
 def driven(run: str, seed: int, duration: float, changes: Changes = ()) -> PlantRun:

@@ -30,7 +30,7 @@ from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
 from sharpness import CAREFUL, SPEEDS, careful_truck
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors
-from trust_runs import TRUCK
+from trust_runs import TRUCK, sensor_sigma
 
 AXLE = "semitrailer.middle"
 NAME = f"wheel_speed_difference.{AXLE}"
@@ -68,16 +68,16 @@ def wheel_speeds(
 def of_seed(seed: int, cases: Sequence[str], *, learner: bool = False, noise: float | None = None) -> dict[str, Result]:
     """The results of one seed by case; `noise` is stated of the wheel speed difference."""
     stated = {} if noise is None else {NAME: noise**2}
-    settings, rng = OneStage(**CAREFUL, noise=stated), np.random.default_rng([seed, 31])
-    file, shared = drawn_file(careful_truck(), settings, rng), shared_errors(settings, rng)
-    latency, half_track = rng.uniform(0, 0.06), 1 + settings.wheel_speed_gain_prior * rng.normal()
+    settings, rng = OneStage(given=CAREFUL, noise=stated), np.random.default_rng([seed, 31])
+    file, shared = drawn_file(careful_truck(), rng), shared_errors(settings, rng)
+    latency, half_track = rng.uniform(0, 0.06), 1 + sensor_sigma(f"{NAME}.gain", settings) * rng.normal()
     records, differences = [], []
     for i, speed in enumerate(SPEEDS):
         errors = shared | log_errors(settings, rng)
         properties = Properties(bank=errors["bank"], half_track=half_track)
         run = Plant(TRUCK, properties).drive(lane_changes(count=2, speed=speed))
         record = measured_record(run.time, run.truth, errors, f"log {i}", 100 * seed + i)
-        drawn = settings.wheel_speed_offset_prior * rng.normal()
+        drawn = sensor_sigma(OFFSET, settings) * rng.normal()
         differences.append(differences[0] if learner and differences else drawn)
         wheels = wheel_speeds(run.truth, run.time, differences[-1], latency, 100 * seed + i)
         records.append(record.with_signals(wheels))

@@ -35,8 +35,8 @@ NAMES = (
 
 def errors(seed: int, *, turns: bool = True) -> dict[str, tuple[float, float]]:
     """Error and sigma of each estimate as fractions of the true value; none where it is not a result."""
-    rng, settings = np.random.default_rng([seed, 47]), OneStage(**CAREFUL)
-    vehicle = initial_guess(drawn_file(careful_truck(), settings, rng), seed)
+    rng, settings = np.random.default_rng([seed, 47]), OneStage(given=CAREFUL)
+    vehicle = initial_guess(drawn_file(careful_truck(), rng), seed)
     shared, records = shared_errors(settings, rng), []
     courses = {"lane change": lane_changes(count=1, speed=80 / 3.6)} | ({"turns": slow_turns()} if turns else {})
     for i, (name, course) in enumerate(courses.items()):

@@ -43,9 +43,9 @@ def main() -> None:
     record = simulated(truck, FRICTION)
     stiffnesses = [name for name in truck.parameters() if name.endswith("cornering_stiffness")]
     guess = truck.replace({name: 0.85 * truck.parameters()[name] for name in stiffnesses})
+    known = {"road.friction": "0.5 +- 40 %", "others": "exact", "sensors": "exact"}
     for law in (magic_formula, "saturating"):
-        settings = fw.OneStage(tyres=law, friction=0.5, consider={}, nuisances=False, check=False)  # all else is exact
-        result = fw.identify([record], guess, settings)
+        result = fw.identify([record], guess, fw.OneStage(given=known, tyres=law, check=False))
         print(f"{getattr(law, '__name__', law)}: log likelihood {result.log_likelihood:.0f}")
         for name, true in (*[(n, truck.parameters()[n]) for n in stiffnesses], ("road.friction", FRICTION)):
             estimate = result[name]

@@ -17,15 +17,17 @@ from pydantic import BaseModel
 
 import fifthwheel
 from fifthwheel import cli, dynamics, plant, vehicle
-from fifthwheel.channels import _ALL, MODELLED
+from fifthwheel.channels import _ALL, MODELLED, channels_with_errors
 from fifthwheel.checks import Fault
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.dynamics import sensors
 from fifthwheel.dynamics.model import steer_parameters
 from fifthwheel.evaluate import METHODS
 from fifthwheel.evaluate.tolerances import DEFAULTS
-from fifthwheel.identify import OneStage
+from fifthwheel.identify import OneStage, statement
 from fifthwheel.identify.online import LearnerSettings
+from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.quantities import QUANTITIES
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.logs import SignalMap
 from fifthwheel.logs.signal_map import SignalSource, TimeColumn
@@ -168,6 +170,35 @@ def test_every_setting_has_its_line_in_the_tables_of_the_site(monkeypatch: pytes
     two_stage = {cells[0].strip("`"): cells[1:3] for cells in rows(section(tables, "TwoStage"))[2:]}
     assert two_stage["forgetting"] == ["`1`", "`0.999`"]
     assert two_stage["gate"] == ["`6`", "`1000000.0`"]
+
+
+def test_every_default_prior_is_in_the_tables_of_the_site(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("sphinx")
+    monkeypatch.syspath_prepend(ROOT / "docs" / "_extensions")
+    tables = "\n".join(importlib.import_module("settings_reference").reference())
+    priors, errors = (
+        {cells[0].strip("`"): cells[1:] for cells in rows(section(tables, title))[2:]}
+        for title in ("Priors", "Sensor errors")
+    )
+    assert {name for name, row in QUANTITIES.items() if row.sigma} - priors.keys() == {"time_base.delay"}
+    assert priors["yaw_inertia"] == ["± 10 %", "± 30 %"]
+    assert priors["brakes.drive_axle"] == ["0.5 ± 0.4", ""]
+    assert priors["time_base.*.delay"] == ["± 0.1 s", ""]
+    assert len(errors) == sum(len(channel.errors) for channel in channels_with_errors())
+    assert errors["steer.*.play"] == ["0 ± 0.00349 rad (0.2 deg)", "the truck"]
+    assert errors["yaw_rate.*.offset"] == ["0 ± 0.004 rad/s", "each log"]
+    assert errors["speed.delay"] == ["0 ± 0.1 s", "the truck"]
+
+
+def test_every_sensor_error_and_every_error_of_the_model_is_explained() -> None:
+    errors = "\n".join(cells[0] for cells in rows(section(page("one-stage.md"), "Sensor errors")))
+    for channel in channels_with_errors():
+        lines = [line for line in errors.splitlines() if f"`{channel.quantity}." in line]
+        for error in channel.errors:
+            assert any(f".{error.kind}`" in line for line in lines), (channel, error.kind)
+    model = section(page("one-stage.md"), "What the model lacks")
+    for name in (*statement.OF_ROAD[1:], statement.DISCREPANCY, statement.TIME_BASE, parameters.VARIATION):
+        assert f"{name}` |" in model, name
 
 
 def test_every_public_name_is_on_a_page_of_the_reference(monkeypatch: pytest.MonkeyPatch) -> None:

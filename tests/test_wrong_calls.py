@@ -19,8 +19,12 @@ FOLDER = Path("out")
 
 @functools.cache
 def result() -> Any:
-    settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+    settings = fw.OneStage(given={"truck": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
     return fw.identify([RECORD], TRUCK, settings)
+
+
+def given(statements: Any) -> object:
+    return fw.identify([RECORD], TRUCK, fw.OneStage(given=statements))
 
 
 WRONG: dict[str, Callable[[], object]] = {
@@ -37,7 +41,7 @@ WRONG: dict[str, Callable[[], object]] = {
     "identify swapped": lambda: fw.identify(TRUCK, [RECORD]),
     "identify settings class": lambda: fw.identify([RECORD], TRUCK, fw.OneStage),
     "identify settings str": lambda: fw.identify([RECORD], TRUCK, "one_stage"),
-    "identify settings dict": lambda: fw.identify([RECORD], TRUCK, {"prior": 0.2}),
+    "identify settings dict": lambda: fw.identify([RECORD], TRUCK, {"given": {}}),
     "identify settings article fn": lambda: fw.identify([RECORD], TRUCK, fw.article),
     "identify knowledge path": lambda: fw.identify([RECORD], TRUCK, knowledge="k.json"),
     "identify knowledge result": lambda: fw.identify([RECORD], TRUCK, knowledge=result()),
@@ -45,28 +49,36 @@ WRONG: dict[str, Callable[[], object]] = {
     "identify validate path": lambda: fw.identify([RECORD], TRUCK, validate="log.csv"),
     "identify validate record": lambda: fw.identify([RECORD], TRUCK, validate=RECORD),
     "identify same twice": lambda: fw.identify([RECORD, RECORD], TRUCK),
-    "settings fixed str": lambda: fw.OneStage(fixed="tractor.mass"),
-    "settings fixed typo": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(fixed=("tractor.mas",))),
-    "settings fixed and free": lambda: fw.identify(
-        [RECORD], TRUCK, fw.OneStage(fixed=("semitrailer.yaw_inertia",), free=("semitrailer.yaw_inertia",))
-    ),
-    "settings free typo": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(free=("semitrailer.yaw_inerta",))),
-    "settings free str": lambda: fw.OneStage(free="semitrailer.yaw_inertia"),
-    "settings prior negative": lambda: fw.OneStage(prior=-0.3),
-    "settings prior percent": lambda: fw.OneStage(prior="30 %"),
-    "settings prior nan": lambda: fw.OneStage(prior=float("nan")),
-    "settings priors typo": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(priors={"cornering_stifness": 0.1})),
-    "settings priors percent": lambda: fw.OneStage(priors={"cornering_stiffness": "10 %"}),
-    "settings priors negative": lambda: fw.OneStage(priors={"cornering_stiffness": -0.1}),
-    "settings priors list": lambda: fw.OneStage(priors=["cornering_stiffness"]),
-    "settings priors 10": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(priors={"cornering_stiffness": 10})),
-    "settings consider typo": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(consider={"roll_stifness": 0.1})),
+    "settings given str": lambda: fw.OneStage(given="tractor.mass"),
+    "settings given list": lambda: fw.OneStage(given=["cornering_stiffness"]),
+    "settings given None": lambda: fw.OneStage(given={"cornering_stiffness": None}),
+    "settings given tuple": lambda: fw.OneStage(given={"cornering_stiffness": (4e5, 4e4)}),
+    "settings given nan": lambda: given({"road.friction": float("nan")}),
+    "settings given percent nan": lambda: given({"cornering_stiffness": "+- nan %"}),
+    "settings given negative": lambda: given({"cornering_stiffness": "+- -30 %"}),
+    "settings given no sigma": lambda: given({"cornering_stiffness": "+-"}),
+    "settings given 1000 %": lambda: given({"cornering_stiffness": "+- 1000 %"}),
+    "settings given typo": lambda: given({"tractor.mas": "exact"}),
+    "settings given typo of an end": lambda: given({"cornering_stifness": "+- 10 %"}),
+    "settings given typo of a pattern": lambda: given({"tractor.*.cornering_stifness": "+- 10 %"}),
+    "settings given typo of a sensor": lambda: given({"yaw_rate.tracktor.gain": "+- 1 %"}),
+    "settings given typo of an error": lambda: given({"yaw_rate.tractor.gian": "+- 1 %"}),
+    "settings given free typo": lambda: given({"semitrailer.yaw_inerta": "free"}),
+    "settings given free mass": lambda: given({"semitrailer.mass": "free"}),
+    "settings given free bank": lambda: given({"road.bank": "free"}),
+    "settings given exact and free": lambda: given({"*tractor.yaw_inertia": "exact", "tractor.yaw_inertia*": "free"}),
+    "settings given one value for many": lambda: given({"cornering_stiffness": "4e5 N/rad"}),
+    "settings given no unit": lambda: given({"semitrailer.mass": "33000 +- 1 %"}),
+    "settings given wrong unit": lambda: given({"semitrailer.mass": "33 m"}),
+    "settings given wrong unit of sigma": lambda: given({"steer.*.delay": "+- 5 deg"}),
+    "settings given uncertain group": lambda: fw.OneStage(given={"others": "+- 10 %"}),
+    "settings given friction": lambda: given({"road.friction": 75}),
+    "settings given road": lambda: given({"road.friction": "damp"}),
     "settings noise typo": lambda: fw.OneStage(noise={"yaw_rate.tracktor": 1e-5, "yaw": 1}),
     "settings noise unit": lambda: fw.identify([RECORD], TRUCK, fw.OneStage(noise={"yaw_rate.tracktor": 1e-5})),
     "settings tyres": lambda: fw.OneStage(tyres="nonlinear"),
     "settings min_speed str": lambda: fw.OneStage(min_speed="30 km/h"),
     "settings iterations": lambda: fw.OneStage(iterations=2.5),
-    "settings friction": lambda: fw.OneStage(friction=75),
     "two stage passes": lambda: fw.TwoStage(passes=0),
     "learner settings": lambda: fw.LearnerSettings(hold=-1),
     "learner discrepancy typo": lambda: fw.Learner(

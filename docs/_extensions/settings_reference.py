@@ -1,5 +1,6 @@
-"""The tables of settings, from the fields of the settings and the sentence that documents each."""
+"""The tables of settings, from the fields and the sentence that documents each; and those of default priors."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import fields
 from typing import Any
@@ -8,8 +9,12 @@ from sphinx.application import Sphinx
 from sphinx.pycode import ModuleAnalyzer
 
 import fifthwheel as fw
+from fifthwheel.channels import PLACE_KINDS, SensorErrorName, channels_with_errors
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.design import DesignSettings
+from fifthwheel.identify.unknowns.parameters import reported_parameters
+from fifthwheel.identify.unknowns.quantities import QUANTITIES
+from fifthwheel.names import ends_with
 from fifthwheel.settings import Settings, options_of
 
 LONG = 60
@@ -24,6 +29,8 @@ def reference() -> Iterator[str]:
     yield from chapter("TwoStage", fw.TwoStage(), article=fw.article())
     yield from chapter("ObserverSettings", fw.ObserverSettings())
     yield from chapter("DesignSettings", DesignSettings())
+    yield from priors()
+    yield from sensor_errors()
 
 
 def chapter(title: str, settings: Settings, **presets: Settings) -> Iterator[str]:
@@ -41,6 +48,43 @@ def chapter(title: str, settings: Settings, **presets: Settings) -> Iterator[str
             below.append(f"\n`{field.name}`:\n\n```python\n{lines(value)}\n```")
         yield "| " + " | ".join([*cells, meanings[field.name].replace("|", r"\|")]) + " |"
     yield "\n".join(below) + "\n"
+
+
+def priors() -> Iterator[str]:
+    """The default priors of numbers of the truck, the road and the model; of parameters of a result, as a guess."""
+    truck, separate = fw.vehicle("cheng_cebon_2011"), fw.OneStage(uniform_payload=False)
+    reported = [*reported_parameters(truck, fw.OneStage()), *reported_parameters(truck, separate)]
+    yield "## Priors\n\n| name ends with | prior | as a parameter of the result |\n|---|---|---|"
+    for name, row in QUANTITIES.items():
+        known = prior(row.mean, row.sigma, row.unit) if row.sigma else ""
+        is_guess = row.mean is None and any(ends_with(path, name) for path in reported)
+        guess = prior(None, row.guess, "") if is_guess else ""
+        if known or guess:
+            error = SensorErrorName.of(name)
+            yield f"| `{f'{error.signal}.*.{error.kind}' if error else name}` | {known} | {guess} |"
+    yield ""
+
+
+def sensor_errors() -> Iterator[str]:
+    """The default priors of the errors of sensors."""
+    yield "## Sensor errors\n\n| name | prior | of |\n|---|---|---|"
+    for channel in channels_with_errors():
+        sensors = channel.quantity if channel.of == "vehicle" else f"{channel.quantity}.*"
+        for error in channel.errors:
+            mean = None if error.kind in PLACE_KINDS else float(error.kind == "gain")
+            unit = SensorErrorName(channel.quantity, error.kind).unit or ""
+            whose = "each log" if error.per_log else "the truck"
+            yield f"| `{sensors}.{error.kind}` | {prior(mean, error.prior, unit)} | {whose} |"
+    yield ""
+
+
+def prior(mean: float | None, sigma: float, unit: str) -> str:
+    """Mean, if it is not that of the vehicle, and standard deviation; a fraction of the value if the unit is empty."""
+    centre = "" if mean is None else f"{mean:g} "
+    if not unit:
+        return f"{centre}± {100 * sigma:g} %"
+    angle = f" ({math.degrees(sigma):.2g} deg)" if unit == "rad" else ""
+    return f"{centre}± {sigma:.3g}{'' if unit == '1' else f' {unit}'}{angle}"
 
 
 def shown(value: Any) -> str:

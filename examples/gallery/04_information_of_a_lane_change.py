@@ -13,7 +13,10 @@ import fifthwheel as fw
 truck = fw.vehicle("cheng_cebon_2011")
 counts = (1, 2, 4, 8)
 runs = [fw.simulate(truck, count=count, seed=1) for count in counts]
-cases = {"everything else uncertain (default)": fw.OneStage(), "everything else exact": fw.OneStage(consider={})}
+cases = {
+    "everything else uncertain (default)": fw.OneStage(),
+    "everything else exact": fw.OneStage(given={"others": "exact"}),
+}
 assessments = {label: [fw.predict_sigmas([run], truck, settings) for run in runs] for label, settings in cases.items()}
 
 names = [parameter.name for parameter in assessments["everything else exact"][0].parameters]

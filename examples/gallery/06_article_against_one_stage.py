@@ -22,13 +22,14 @@ true = {name: truck.parameters()[name] for name in names}
 guess = truck.replace({name: factor * true[name] for name, factor in zip(names, (0.8, 1.2, 0.8, 1.2), strict=True)})
 record = fw.simulate(truck, count=15, seed=1)
 dual = fw.identify([record], guess, fw.article())
-one = fw.identify([record], guess, fw.OneStage(consider={}, tyres="linear"))
+settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
+one = fw.identify([record], guess, settings)
 
 # %%
 # The history of the dual filter, and the result of one stage with two sigma from the first three of the fifteen lane
 # changes. Without roll in the model, the dual filter's stiffness and inertia of the trailer end 2 to 4 % off.
 
-first = fw.identify([record.cut(stop=3 * record.span[1] / 15)], guess, fw.OneStage(consider={}, tyres="linear"))
+first = fw.identify([record.cut(stop=3 * record.span[1] / 15)], guess, settings)
 history = dual.histories["stage 1"]
 figure, axes = plt.subplots(2, 2, figsize=(9, 5), sharex=True, layout="constrained")
 for axis, name in zip(axes.flat, names, strict=True):

@@ -6,6 +6,8 @@ By default the payload is a uniform block, so its height gives both CoG height a
 middle contradicts this. Without the assumption both are estimated separately, with less accuracy.
 """
 
+from dataclasses import replace
+
 import matplotlib.pyplot as plt
 
 import fifthwheel as fw
@@ -16,10 +18,9 @@ point = trailer.model_copy(update={"payload": trailer.payload.model_copy(update=
 true = block.model_copy(update={"units": (block.units[0], point)})
 record = fw.simulate(true, count=5, seed=1)
 
-assumed = fw.identify(
-    [record], block, fw.OneStage(consider={}, tyres="linear")
-)  # the vehicle file says: a uniform block
-separate = fw.identify([record], block, fw.OneStage(consider={}, uniform_payload=False, tyres="linear"))
+settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
+assumed = fw.identify([record], block, settings)  # the vehicle file says: a uniform block
+separate = fw.identify([record], block, replace(settings, uniform_payload=False))
 
 # %%
 # The point load has the same CoG, but less roll inertia than the block.

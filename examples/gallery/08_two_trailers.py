@@ -20,7 +20,8 @@ guess = catalogue.replace(
 )
 runs = [("A", new_tyres), ("B", worn_tyres), ("A", new_tyres)]
 
-learner = fw.Learner(guess, fw.simulate(catalogue, count=1).signals, fw.OneStage(consider={}), trailer="A")
+settings = fw.OneStage(given={"others": "exact"})
+learner = fw.Learner(guess, fw.simulate(catalogue, count=1).signals, settings, trailer="A")
 history = []
 for number, (trailer, truck) in enumerate(runs):
     if number:

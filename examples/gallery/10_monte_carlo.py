@@ -16,7 +16,7 @@ import fifthwheel as fw
 
 table = fw.study(
     ["cheng_cebon_2011"],
-    {"one stage": fw.OneStage(consider={}, nuisances=False, tyres="linear")},
+    {"one stage": fw.OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")},
     Path(tempfile.mkdtemp()) / "study.parquet",
     manoeuvres={"one lane change": fw.SimulatedRun(count=1)},
     seeds=range(20),

@@ -45,14 +45,14 @@ plt.show()
 # The density as a function, for a sampler such as emcee or an optimiser of SciPy, has the gradient, the information of
 # the logs and a start with it. Its coordinates are those of the estimator: logarithms of positive parameters, in
 # standard deviations of the priors. An ensemble sampler needs at least twice as many walkers as there are unknowns.
-# Fewer unknowns make a chain shorter: ``free`` names parameters, ``consider={}`` takes the vehicle file as exact, and
-# ``nuisances=False`` the sensors. The initial states stay.
+# Fewer unknowns make a chain shorter: ``given`` takes all other numbers and the sensors as exact. The initial states
+# stay.
 #
 # .. code-block:: python
 #
 #     import emcee
 #
-#     settings = fw.OneStage(free=names[:3], consider={}, nuisances=False, tyres="linear")
+#     settings = fw.OneStage(given={"*": "exact"} | dict.fromkeys(names[:3], "free"), tyres="linear")
 #     density = fw.log_posterior([record], truck, settings)
 #     rng, walkers = np.random.default_rng(1), 2 * len(density.names) + 2
 #     start = rng.multivariate_normal(density.mean, density.covariance, size=walkers)

@@ -28,11 +28,6 @@ class ParameterPath(NamedTuple):
         component, _, quantity = rest.rpartition(".")
         return cls(unit, component, quantity)
 
-    @property
-    def is_payload_height(self) -> bool:
-        """Whether the path names a payload height, whose prior is in metres and not relative."""
-        return (self.component, self.quantity) == ("payload", "height")
-
 
 def split_log(name: str) -> tuple[str, str | None]:
     """A name without its log, and the log; None for a name that all logs share.

@@ -68,16 +68,11 @@ class IdentifyOptions(Settings):
         Names,
         Option(
             flags=("--set",),
-            help="NAME=STATEMENT: what you know of a number. NAME is a parameter path or its last part, road.friction, "
-            "or a sensor error such as steer.tractor.front.gain. STATEMENT is a value, '+- SIGMA', both, 'exact', or "
-            "'free' for a wide prior: semitrailer.mass='33.4 t +- 0.5 %', yaw_inertia=exact, road.friction=wet "
-            "(dry, wet, snow, ice or unknown). Errors of all sensors of a kind, such as steer_delay='+- 5 ms': "
-            "steer_offset, steer_gain, steer_delay, steer_play, rate_offset, rate_gain, misalignment, "
-            "time_base_delay, articulation_offset, acceleration_offset, acceleration_gain, acceleration_delay, "
-            "accelerometer_position, accelerometer_height, wheel_speed_offset, wheel_speed_gain, wheel_speed_delay, "
-            "wheel_load_sensitivity, and bank. Errors of the model: vehicle_file and softening "
-            "(times the default), gyro_delay, stiffness_variation, time_base, fixed_axles, discrepancy, "
-            "bank_variation.",
+            help="NAME=STATEMENT: what you know of a number. NAME is the path of a number of truck, sensor, "
+            "road or model, the last part of it, or has * for any words. STATEMENT is a value, '+- SIGMA', both, "
+            "'exact', or 'free' for a wide prior: semitrailer.mass='33.4 t +- 0.5 %', yaw_inertia=exact, "
+            "road.friction=wet (dry, wet, snow, ice or unknown), 'steer.*.delay=+- 5 ms', road.bank='+- 1 deg', "
+            "others=exact (all but the parameters of the result), sensors=exact.",
             label="State a number",
         ),
     ] = ()

@@ -41,9 +41,10 @@ def test_statements_and_settings_are_sentences(workspace):
 
 def test_numbers_of_truck_road_and_sensors_can_be_stated(workspace):
     numbers = known.numbers(workspace, TRUCK)
-    assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "steer_delay"} <= set(numbers)
-    assert (numbers["time_base"], numbers["misalignment"]) == (
-        "Time base, rate (time_base)", "Misalignment (misalignment)",
-    )  # fmt: skip
+    assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "road.bank"} <= set(numbers)
+    assert "yaw_rate.semitrailer.gain" not in numbers  # the signal map has no such sensor
+    assert numbers["time_base"] == "Time base, rate (time_base)"
+    misalignment = "yaw_rate.tractor.misalignment"
+    assert numbers[misalignment] == f"Tractor, yaw rate misalignment ({misalignment})"
     assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"
     assert numbers["semitrailer.wheelbase"] == "Trailer, wheelbase (semitrailer.wheelbase)"

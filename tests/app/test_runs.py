@@ -92,7 +92,7 @@ def test_the_settings_are_those_of_the_options(identified):
         )
     )
     assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
-    assert found.settings.fixed == (FRONT,)
+    assert found.settings.given[FRONT] == "exact"
     path = "semitrailer.roll_stiffness"
     assert found.truck.stated[path] == pytest.approx(0.05 * found.truck.parameters()[path])
 
@@ -195,7 +195,7 @@ def test_the_command_line_of_a_run(workspace):
 @pytest.fixture
 def known(workspace) -> str:
     """A result of another log in the workspace."""
-    settings = OneStage(free=(FRONT,), consider={}, tyres="linear")
+    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
     identify([simulate(TRUCK, count=1, seed=5)], TRUCK, settings).save(workspace.folder / "runs" / "before")
     return "before"
 
@@ -215,7 +215,7 @@ def test_the_history_of_the_truck_in_a_result(workspace, known):
     (workspace.folder / "runs" / "old" / "identification.json").write_text("{}")
     assert runs.known_results(workspace) == [known]
     assert not [block for block in runs.history(workspace.folder, known).blocks if isinstance(block, Plots)]
-    settings = OneStage(free=(FRONT,), consider={}, tyres="linear")
+    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
     earlier = Knowledge.load(workspace.run(known) / "knowledge.json")
     later = identify([simulate(TRUCK, count=1, seed=6)], TRUCK, settings, knowledge=earlier)
     later.save(workspace.folder / "runs" / "later")

@@ -23,7 +23,6 @@ OPTION = re.compile(r"--[a-z]")
 @pytest.mark.parametrize(
     "wrong",
     [
-        {"statements": ("tractor.mass=heavy",)},
         {"statements": ("softening=exact",), "tyres": "saturating"},
         {"statements": ("road.friction=wet",), "tyres": "linear"},
         {"passes": 3},

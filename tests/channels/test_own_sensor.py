@@ -81,7 +81,6 @@ def error(**fields: object) -> dict[str, object]:
         ({"limit": None}, "optical_rate, limit: expected a value, got none; add it"),
         ({"noise": None}, "optical_rate, noise: expected a value, got none; add it"),
         (error(kind="delay", prior=0.01), "optical_rate, errors: expected offset or gain, got 'delay'"),
-        (error(kind="offset"), "optical_rate, offset: expected a prior of 0 or more, got None; give it in SI"),
         (error(kind="gain", prior=-0.1), "optical_rate, gain: expected a prior of 0 or more, got -0.1"),
     ],
 )

@@ -13,7 +13,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.channels.sensors import SENSOR_CLASSES
-from fifthwheel.identify.sensor_priors import common_sensors, with_sensors
+from fifthwheel.identify.given import common_sensors, with_sensors
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.units import quantity
 from fifthwheel.workflow.identification import design_run
@@ -158,10 +158,10 @@ def test_priority(truck: fw.Vehicle) -> None:
     def prior(kind: str, settings: fw.OneStage, signal: str = STEER_ANGLE) -> Any:
         return prior_of_sensor_error(truck, f"{signal}.{kind}", with_sensors(truck, settings, sensors))
 
-    assert prior("gain", fw.OneStage(stated_priors={f"{STEER_ANGLE}.gain": (1.01, 0.001)})) == (1.01, 0.001)
-    assert prior("gain", fw.OneStage(steer_gain_prior=0.1)) == (1.0, pytest.approx(0.02))
+    assert prior("gain", fw.OneStage(given={f"{STEER_ANGLE}.gain": "1.01 +- 0.001"})) == (1.01, 0.001)
+    assert prior("gain", fw.OneStage(given={"steer.*.gain": "+- 0.1"})) == (1.0, pytest.approx(0.02))
     assert prior("gain", fw.OneStage(), YAW) == (1.0, 0.0075)
-    assert prior("gain", fw.OneStage(rate_gain_prior=0.02), YAW) == (1.0, 0.02)
+    assert prior("gain", fw.OneStage(given={"yaw_rate.*.gain": "+- 0.02"}), YAW) == (1.0, 0.02)
     assert prior("delay", fw.OneStage(), YAW) == (0.0, 0.002)
     assert prior("gain", fw.OneStage(), "yaw_rate.semitrailer") == (1.0, 0.005)
     settings = with_sensors(truck, fw.OneStage(noise={"yaw_rate.semitrailer": 1e-6}), sensors)
@@ -219,16 +219,16 @@ def test_logs_that_disagree_are_refused(record: fw.Record, truck: fw.Vehicle) ->
     assert common_sensors(records[:1] * 2) == {YAW: GYRO}
 
 
-FREE = ("tractor.front.cornering_stiffness",)
+ONE = fw.OneStage(given={"truck": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
+"""Estimates one number of the truck."""
 
 
 def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Vehicle) -> None:
     """The misalignment of the yaw rate gyro is hardly informed by one lane change: its sigma is that of the prior."""
-    settings = fw.OneStage(free=FREE, consider={}, tyres="linear")
     name = f"{YAW}.misalignment"
 
     def sigma(sensor: fw.SensorPrior) -> float:
-        result = fw.identify([stating(record, {YAW: sensor})], truck, settings)
+        result = fw.identify([stating(record, {YAW: sensor})], truck, ONE)
         return next(error.sigma for error in result.sensors if error.name == name)
 
     exact = fw.SensorPrior(errors={"misalignment": (0.0, 1e-5)})
@@ -237,9 +237,8 @@ def test_an_identification_has_the_stated_priors(record: fw.Record, truck: fw.Ve
 
 
 def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
-    settings = fw.OneStage(free=FREE, consider={}, tyres="linear")
     stated = stating(record, {STEER_ANGLE: fw.SensorPrior(sensor_class="wheel angle")})
-    (with_class,), (without,) = (fw.predict_sigmas([r], truck, settings).parameters for r in (stated, record))
+    (with_class,), (without,) = (fw.predict_sigmas([r], truck, ONE).parameters for r in (stated, record))
     assert with_class.sigma < 0.97 * without.sigma
 
 
@@ -254,7 +253,7 @@ def test_a_design_has_them(truck: fw.Vehicle, monkeypatch: pytest.MonkeyPatch) -
     seen: list[fw.OneStage] = []
     monkeypatch.setattr("fifthwheel.identify.design.design_experiment", lambda *a, **_: seen.append(a[2]))
     design_run(truck, sensors={YAW: GYRO})
-    assert seen[0].stated_priors[f"{YAW}.gain"] == (1.0, 0.002)
+    assert seen[0].given[f"{YAW}.gain"] == "1.0 +- 0.002"
 
 
 def test_two_stages_note_that_they_do_not_use_them(record: fw.Record, truck: fw.Vehicle) -> None:
@@ -263,7 +262,8 @@ def test_two_stages_note_that_they_do_not_use_them(record: fw.Record, truck: fw.
 
 
 def test_a_learner_has_them(record: fw.Record, truck: fw.Vehicle) -> None:
-    learner = fw.Learner(truck, record.signals, fw.OneStage(consider={}, tyres="linear"), sensors={YAW: GYRO})
+    settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
+    learner = fw.Learner(truck, record.signals, settings, sensors={YAW: GYRO})
     assert learner[f"{YAW}.gain"].sigma == pytest.approx(0.002)
     learner.learn(stating(record, {YAW: GYRO}).cut(0, 1))
     with pytest.raises(fw.SignalError, match=r"states sensors \(yaw_rate.semitrailer\)"):

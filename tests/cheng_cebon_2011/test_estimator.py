@@ -111,16 +111,16 @@ def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None
 def test_fixed_parameters_keep_their_value(truck: Vehicle) -> None:
     name = "tractor.front.cornering_stiffness"
     initial = guesses(truck, (1.0, 1.2, 0.8, 1.2))
-    result = identify([simulate(truck, count=5, seed=5)], initial, TwoStage(fixed=(name,)))
+    result = identify([simulate(truck, count=5, seed=5)], initial, TwoStage(given={name: "exact"}))
     assert result[name].verdict is Verdict.FIXED
     assert result[name].value == truck.parameters()[name]
     assert result[name].sigma is None
     within(result, truck)
 
 
-def test_a_parameter_that_cannot_be_fixed_is_named(truck: Vehicle) -> None:
-    with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be fixed"):
-        identify([simulate(truck, count=1)], truck, TwoStage(fixed=("tractor.mass",)))
+def test_an_uncertain_number_that_no_stage_has_is_named(truck: Vehicle) -> None:
+    with pytest.raises(VehicleError, match=r"tractor\.mass: needs one stage"):
+        identify([simulate(truck, count=1)], truck, TwoStage(given={"tractor.mass": "+- 2 %"}))
 
 
 def test_at_bound(truck: Vehicle) -> None:
@@ -249,12 +249,12 @@ def test_a_log_without_a_needed_signal_is_refused(truck: Vehicle, missing: str) 
 
 
 def test_everything_fixed(truck: Vehicle) -> None:
-    everything = (*stage_1_names(truck), *stage_2_names(truck))
+    everything = dict.fromkeys((*stage_1_names(truck), *stage_2_names(truck)), "exact")
     record = simulate(truck, count=1)
-    result = identify([record], truck, TwoStage(fixed=everything))
+    result = identify([record], truck, TwoStage(given=everything))
     assert {e.verdict for e in result.parameters} == {Verdict.FIXED}
-    with pytest.raises(VehicleError, match="fixed: every parameter of stage 1"):
-        identify([record], truck, article(fixed=everything))
+    with pytest.raises(VehicleError, match="given: everything of stage 1 is exact"):
+        identify([record], truck, article(given=everything))
 
 
 def test_a_single_unit() -> None:

@@ -9,14 +9,13 @@ from scipy.optimize import least_squares
 from fifthwheel import dynamics
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
-from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.cheng_cebon_2011.stage import run_stage
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -35,7 +34,7 @@ class Stage1:
         self.names = parameters.stage_1_names(self.vehicle)
         self.unknowns = (
             *parameter_unknowns(self.vehicle, self.names, settings),
-            *sensor_error_unknowns(self.vehicle, self.channels, settings),
+            *sensor_unknowns(self.vehicle, self.channels, settings),
         )
         self.problem = DualProblem(
             vehicle=self.vehicle, outputs=self.channels, roll=False, unknowns=self.unknowns, settings=settings
@@ -119,7 +118,8 @@ def test_information_is_that_of_the_free_running_model(noisy: Stage1, delay: flo
     root, own = np.sqrt(np.diag(expected)), np.eye(len(expected))
     for actual in (np.linalg.inv(posterior.covariance) - own, posterior.hessian - own):
         np.testing.assert_allclose(actual / np.outer(root, root), expected / np.outer(root, root), atol=2e-3)
-    gradient[posterior.names.index("steer.tractor.front.delay")] -= delay / SMOOTH.steer_delay_prior
+    (prior,) = [u.scale for u in noisy.unknowns if u.name == "steer.tractor.front.delay"]
+    gradient[posterior.names.index("steer.tractor.front.delay")] -= delay / prior
     np.testing.assert_allclose(posterior.gradient / root, gradient / root, atol=2e-3)
 
 
@@ -197,7 +197,7 @@ def test_rejected_measurements_contain_no_information(noisy: Stage1) -> None:
 
 def test_the_bias_is_the_error_of_the_yaw_model(truck: Vehicle) -> None:
     """Against estimates from a log without noise of the truck that rolls."""
-    quiet = TwoStage(adapt_noise=False, nuisances=False)
+    quiet = TwoStage(adapt_noise=False, given={"sensors": "exact"})
     record = simulate(truck, count=1, seed=1, sensors=dict.fromkeys((YAW, TRAILER), 0.0))
     signals = {name: record.signals[name] for name in ("speed", "steer.tractor.front", YAW, TRAILER)}
     stage = Stage1([replace(record, signals=signals)], truck, quiet)

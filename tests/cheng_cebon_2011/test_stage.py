@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
 from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
@@ -26,10 +25,10 @@ def test_has_changed() -> None:
 def test_shift_delays(truck: Vehicle) -> None:
     """The model has only the part of a delay that the rows do not have."""
     settings = TwoStage()
-    unknowns = tuple(sensor_error_unknowns(truck, RATES, settings))
+    unknowns = tuple(sensor_unknowns(truck, RATES, settings))
     problem = DualProblem(vehicle=truck, outputs=RATES, roll=False, unknowns=unknowns, settings=settings)
     names, scaling = problem.names, problem.scaling
-    shifted = problem.shifted_scaling({"steer.tractor.front.delay": 0.04, OFFSET: 0.01})
+    shifted = problem.shifted_scaling({"steer.tractor.front.delay": 0.02, OFFSET: 0.01})
     assert {n for n, a, b in zip(names, scaling.centre, shifted.centre, strict=True) if a != b} == {
         "steer.tractor.front.delay"
     }
@@ -49,7 +48,7 @@ def stage_1(truck: Vehicle, active: list[str] | None = None, **changes: object) 
     vehicle = dataset.vehicle
     unknowns = (
         *parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings),
-        *sensor_error_unknowns(vehicle, dataset.yaw, settings),
+        *sensor_unknowns(vehicle, dataset.yaw, settings),
     )
     logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.noise) for log in dataset.logs)
     start = {u.name: u.centre for u in unknowns if not u.is_sensor_error}

@@ -10,6 +10,7 @@ from fifthwheel.assess import assess
 from fifthwheel.diagnose import compare, spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, Verdict, identify
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.report.comparison import headline
 from fifthwheel.simulate import simulate
 from tests.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
@@ -100,10 +101,10 @@ def test_what_differs_in_the_vehicle_files_is_noted(result):
 def test_a_stated_sigma_and_settings_are_differences_too(result):
     a = run(result, "1", estimate(FRONT, sigma=0.05))
     known = a.initial_vehicle.with_stated({"semitrailer.cog": 0.02})
-    settings = replace(a.settings, prior=0.2, consider={**a.settings.consider, "yaw_inertia": 0.02})
+    settings = replace(a.settings, tolerance=0.02, given={"tractor.yaw_inertia": "+- 2 %"})
     notes = compare({"a": a, "b": replace(a, initial_vehicle=known, settings=settings)}).notes
     assert "Trailer, CoG position −5.490 ± 0.020 m instead of −5.49 m" in notes[0]
-    assert "the vehicle files and the settings (prior, yaw_inertia)" in notes[1]
+    assert "the vehicle files and the settings (tractor.yaw_inertia, tolerance)" in notes[1]
 
 
 def test_a_fixed_value_counts_as_exact(result):
@@ -208,10 +209,11 @@ def test_csv_has_no_formulas(result):
 def test_the_differences_of_equal_trucks_have_their_sigma():
     """Over many pairs of logs of one truck, differences of the stiffness are as large as their sigmas."""
     truck, name = vehicle.get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
-    settings = OneStage(free=(name,), tyres="linear")
+    others = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
+    settings = OneStage(given={**others, name: "free"}, tyres="linear")
     runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
     found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     assert 0.4 < np.sqrt(np.mean([d.sigmas**2 for d in found])) < 1.6
     assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
-    variation = settings.consider["stiffness_variation"] * truck.parameters()[name]
+    variation = quantity(f"{name}.variation").sigma * truck.parameters()[name]
     assert found[0].sigma > np.sqrt(2) * variation  # each log has its own

@@ -12,11 +12,11 @@ from fifthwheel.dynamics import TIME_SCALE
 from fifthwheel.filters.scaling import symbolic_to_p
 from fifthwheel.formatting import shown
 from fifthwheel.identify.doubts import Cause, Evidence
+from fifthwheel.identify.given import applied
+from fifthwheel.identify.statement import combined, parse
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns, time_base_delays
 from fifthwheel.names import split_log
 from fifthwheel.vehicle import unit_of
-from fifthwheel.workflow.statement import parse
-from fifthwheel.workflow.statements import apply
 
 OUTPUTS = (
     *("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer"),
@@ -26,12 +26,12 @@ SETTINGS = {
     "linear": fw.OneStage(tyres="linear"),
     "saturating": fw.OneStage(tyres="saturating"),
     "stated": fw.OneStage(
-        initial_payload_height=1.8,
-        stated_priors={
-            "semitrailer.cornering_stiffness": (1.5e6, 5e4),
-            "steer.tractor.front.gain": (1.2, 0.02),
-            "yaw_rate.tractor.delay": (0.03, 0.01),
-            "yaw_rate.semitrailer.offset": (0.02, 0.004),
+        given={
+            "semitrailer.payload.height": "1.8 m",
+            "semitrailer.cornering_stiffness": "1.5e6 N/rad +- 5e4 N/rad",
+            "steer.tractor.front.gain": "1.2 +- 0.02",
+            "yaw_rate.tractor.delay": "30 ms +- 10 ms",
+            "yaw_rate.semitrailer.offset": "0.02 rad/s +- 0.004 rad/s",
         },
     ),
 }
@@ -39,18 +39,16 @@ WIDTHS = {"stated": 0.1}
 """Fraction that the vehicle file states as the standard deviation of each yaw inertia."""
 
 
-def truck(case):
+def unknowns(case):
+    """The truck, and the unknowns by name."""
     vehicle = fw.vehicle("cheng_cebon_2011")
     inertias = {path: WIDTHS.get(case, 0.0) * x for path, x in vehicle.parameters().items() if "yaw_inertia" in path}
-    return vehicle.with_stated(inertias) if case in WIDTHS else vehicle
+    vehicle, settings = applied(vehicle.with_stated(inertias) if case in WIDTHS else vehicle, SETTINGS[case])
+    bases = time_base_delays({"yaw_rate.semitrailer": "trailer"}, "", OUTPUTS, settings)
+    return vehicle, {u.name: u for u in (*one_stage_unknowns(vehicle, OUTPUTS, settings), *bases)}
 
 
-def unknowns(case):
-    bases = time_base_delays({"yaw_rate.semitrailer": "trailer"}, "", OUTPUTS, SETTINGS[case])
-    return {u.name: u for u in (*one_stage_unknowns(truck(case), OUTPUTS, SETTINGS[case]), *bases)}
-
-
-CASES = [(case, name) for case in SETTINGS for name in unknowns(case)]
+CASES = [(case, name) for case in SETTINGS for name in unknowns(case)[1]]
 
 
 def number(text):
@@ -66,7 +64,7 @@ def number(text):
 @pytest.mark.parametrize(("case", "name"), CASES, ids=[f"{case}: {name}" for case, name in CASES])
 def test_the_described_change_is_the_implied_one(case, name, deviation):
     """By the transformation that the compiled filters use, and the vehicle with the change."""
-    found, vehicle = unknowns(case), truck(case)
+    vehicle, found = unknowns(case)
     u, values = found[name], vehicle.parameters()
     evidence = Evidence(names=(), z=np.zeros(0), covariance=np.zeros((0, 0)), unknowns=found, parameters=())
     text = describe_cause(evidence._cause(name, deviation), vehicle)
@@ -125,7 +123,8 @@ def test_an_uncertain_length_has_the_option_that_estimates_it():
     )
     options = _options(cause, vehicle)
     assert options == "--set semitrailer.wheelbase='+- 40 cm'"
-    stated, _ = apply(vehicle, fw.OneStage(), [parse(options.removeprefix("--set ").replace("'", ""))])
+    given = combined([parse(options.removeprefix("--set ").replace("'", ""))])
+    stated, _ = applied(vehicle, fw.OneStage(given=given))
     assert [stated.stated[path] for path in axles] == pytest.approx([0.4, 0.4, 0.4])
     rear = {"semitrailer.rear.position": 0.37}
     assert _options(replace(cause, changes=rear), vehicle) == "--set semitrailer.rear.position='+- 40 cm'"

@@ -32,7 +32,8 @@ def test_the_true_numbers_predict_best(record):
 def test_the_predictions_are_those_of_an_identification_with_linear_tyres(result):
     """Compared with the fits that the identification of the same log has stored, without softening of the tyres."""
     log = result.records[0]
-    identification = identify([log], TRUCK, OneStage(tyres="linear", consider={}))
+    given = {"others": "exact", "road.bank": "+- 0.03 rad"}
+    identification = identify([log], TRUCK, OneStage(tyres="linear", given=given))
     found = LogPrediction.of(log, identification.vehicle, identification).fits()
     stored = [fit for fit in identification.fits if fit.log == log.name]
     assert [fit.signal for fit in found] == [fit.signal for fit in stored]

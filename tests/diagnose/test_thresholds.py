@@ -82,23 +82,23 @@ def unusual(result, name, value, sigma, settings):
 
 
 SENSOR_ERRORS = [
-    (f"{STEER}.offset", 0.0, "steer_offset_prior"),
-    (f"{STEER}.play", 0.0, "steer_play_prior"),
-    (f"{GYRO}.offset", 0.0, "rate_offset_prior"),
-    (f"{GYRO}.gain", 1.0, "rate_gain_prior"),
-    (f"{GYRO}.misalignment", 0.0, "misalignment_prior"),
-    (f"{HITCH}.offset", 0.0, "articulation_offset_prior"),
-    (f"{ACCELEROMETER}.offset", 0.0, "acceleration_offset_prior"),
-    (f"{ACCELEROMETER}.gain", 1.0, "acceleration_gain_prior"),
-    (f"{ACCELEROMETER}.delay", 0.0, "acceleration_delay_prior"),
+    (f"{STEER}.offset", 0.0, "rad"),
+    (f"{STEER}.play", 0.0, "rad"),
+    (f"{GYRO}.offset", 0.0, "rad/s"),
+    (f"{GYRO}.gain", 1.0, ""),
+    (f"{GYRO}.misalignment", 0.0, "rad"),
+    (f"{HITCH}.offset", 0.0, "rad"),
+    (f"{ACCELEROMETER}.offset", 0.0, "m/s^2"),
+    (f"{ACCELEROMETER}.gain", 1.0, ""),
+    (f"{ACCELEROMETER}.delay", 0.0, "s"),
 ]
 
 
-@pytest.mark.parametrize(("name", "mean", "prior"), SENSOR_ERRORS)
+@pytest.mark.parametrize(("name", "mean", "unit"), SENSOR_ERRORS)
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, mean, prior, sign):
-    """The prior is that of the settings, here a number that no other setting has."""
-    settings = replace(result.identification.settings, **{prior: 0.0377})
+def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, mean, unit, sign):
+    """The prior is that of the settings, here a number that no other error has."""
+    settings = replace(result.identification.settings, given={name: f"+- 0.0377 {unit}"})
     assert not unusual(result, name, mean + sign * 2.5 * 0.0377 * (1 - 1e-6), 1e-6, settings)
     assert unusual(result, name, mean + sign * 2.5 * 0.0377 * (1 + 1e-6), 1e-6, settings)
 
@@ -107,7 +107,7 @@ def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, m
 def test_the_place_of_an_accelerometer(result, kind):
     unit = result.identification.initial_vehicle.unit("tractor")
     mean = getattr(unit.accelerometer_place, kind)
-    settings = replace(result.identification.settings, **{f"accelerometer_{kind}_prior": 0.377})
+    settings = replace(result.identification.settings, given={f"{ACCELEROMETER}.{kind}": "+- 0.377 m"})
     assert not unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 - 1e-6), 1e-6, settings)
     assert unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 + 1e-6), 1e-6, settings)
 
@@ -119,7 +119,7 @@ def test_steering_gain_delay_and_misalignment_must_be_significant(result, sign):
     A delay by 2.5 prior sigmas is unusual in any case, a smaller misalignment never.
     """
     settings = result.identification.settings
-    delay, misalignment = 2.5 * settings.steer_delay_prior, 2.5 * settings.misalignment_prior
+    delay, misalignment = 2.5 * 0.05, 2.5 * np.radians(1)
     for name, mean, values in (
         (f"{STEER}.gain", 1.0, {0.01: 0.1, 0.05: 0.1, 0.06: 0.12, 0.2: 0.4}),
         (f"{STEER}.delay", 0.0, {0.001: 0.02, 0.02 / 3: 0.02, 0.01: 0.03, 0.1: delay}),

@@ -15,7 +15,7 @@ def test_a_fraction_is_the_reduction_of_the_variance_by_an_exact_number(result):
     identification = result.identification
     (axis,) = [e for e in identification.uncertain if e.name == AXIS]
     truck = identification.initial_vehicle.replace({AXIS: axis.value})
-    known = identify(result.records[:1], truck, replace(identification.settings, fixed=(AXIS,)))
+    known = identify(result.records[:1], truck, replace(identification.settings, given={AXIS: "exact"}))
     (term,) = [term for term in variance_budget(identification, HEIGHT) if term.source == AXIS]
     assert term.fraction == pytest.approx(1 - (known[HEIGHT].sigma / identification[HEIGHT].sigma) ** 2, rel=0.1)
 

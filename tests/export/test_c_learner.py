@@ -36,14 +36,14 @@ from tests.export.test_c_observer import FAULTS, with_fault
 
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
 
-FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """Five parameters; all other numbers are known."""
 SHORT = RelinearisationSettings(lag=20, samples=150)
 SETTINGS = {
     "one pass": (FIVE, LearnerSettings(relinearisation=RelinearisationSettings(max_passes=0))),
     "passes": (FIVE, LearnerSettings(relinearisation=replace(SHORT, first_pass_limit=0.01, pass_limit=0.05))),
     "sensor errors": (
-        replace(FIVE, nuisances=True),
+        replace(FIVE, given={"others": "exact", "road.bank": "+- 0.03 rad"}),
         LearnerSettings(relinearisation=SHORT, hold=0.05, max_gap=0.2, coast=0.1, settling_time=0.2),
     ),
     "considered": (OneStage(tyres="linear"), LearnerSettings()),

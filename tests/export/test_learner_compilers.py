@@ -30,7 +30,7 @@ def lane() -> Record:
 @pytest.fixture(scope="module")
 def learner(lane: Record) -> Learner:
     """Five parameters, all other numbers are known; with passes within the record."""
-    settings = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+    settings = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
     passes = RelinearisationSettings(lag=20, samples=150, first_pass_limit=0.01, pass_limit=0.05)
     truck = vehicle.get("cheng_cebon_2011")
     return Learner(truck, lane.signals, settings, learner=LearnerSettings(relinearisation=passes))

@@ -12,7 +12,8 @@ from fifthwheel.filters.initial_state import (
     random_steer_covariance,
     steady_initial_state,
 )
-from fifthwheel.identify import OneStage
+from fifthwheel.identify.statement import ROAD_BANK
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")
@@ -64,7 +65,7 @@ def test_the_covariance_under_random_steering(roll, speed):
 
 
 def test_the_prior_of_a_bank_is_that_of_an_identification():
-    assert initial_sigma("bank.road") == OneStage().bank_prior == 0.03
+    assert initial_sigma("bank.road") == quantity(ROAD_BANK).sigma == 0.03
 
 
 @pytest.mark.parametrize("bank", [None, 0.02])

@@ -2,14 +2,17 @@
 
 import csv
 import datetime
+from dataclasses import replace
 
 import fifthwheel as fw
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 DRIVE = "tractor.drive.cornering_stiffness"
 FIXED = ("tractor.front.cornering_stiffness", "semitrailer.yaw_inertia", "semitrailer.payload.height")
-FAST = fw.OneStage(fixed=FIXED, consider={}, tyres="linear")
+FAST = fw.OneStage(given=dict.fromkeys(("others", *FIXED), "exact"), tyres="linear")
 """Settings with few unknowns, for tests of the machinery; the logs are of the linear model too."""
+OTHER = replace(FAST, given={**FAST.given, DRIVE: "+- 31 %"})
+"""Settings that give about the same result."""
 
 
 def make_fleet(folder, *, trucks=2, trips=3, changed_from=None):

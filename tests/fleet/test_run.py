@@ -21,7 +21,7 @@ from fifthwheel.fleet.trips import TripJob, TripOutcome, log_knowledge
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
-from tests.fleet.make import DRIVE, FAST, TRUCK, make_fleet, write_manifest
+from tests.fleet.make import DRIVE, FAST, OTHER, TRUCK, make_fleet, write_manifest
 
 RUN = import_module("fifthwheel.fleet.run")
 
@@ -188,7 +188,7 @@ def test_other_settings_replace_a_trip_and_never_count_it_twice(tmp_path) -> Non
     manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
     run(manifest, out, settings=FAST, jobs=1)
     first = rows(out, "trucks")
-    other = run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
+    other = run(manifest, out, settings=OTHER, jobs=1)
     assert other.new == 2
     assert len(rows(out, "trips")) == 2
     assert rows(out, "trucks")[0]["trips"] == 2
@@ -251,7 +251,7 @@ def test_failed_trips_are_tried_again_when_they_may_succeed(tmp_path, monkeypatc
         raise OSError("No space left on device")
 
     monkeypatch.setattr("fifthwheel.fleet.trips.identify", full)
-    other = {"settings": fw.OneStage(**{**vars(FAST), "prior": 0.31}), "jobs": 1}
+    other = {"settings": OTHER, "jobs": 1}
     assert [run(manifest, out, **other).failed for _ in range(2)] == [1, 1]
     assert len(read) == 5, "the disk may have space again"
 
@@ -261,9 +261,9 @@ def test_trips_of_several_manifests(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=2), tmp_path / "out"
     header, first, second = manifest.read_text().splitlines()
 
-    def findings(*lines, prior=0.3):
+    def findings(*lines, settings=FAST):
         manifest.write_text("\n".join([header, *lines]))
-        run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": prior}), jobs=1)
+        run(manifest, out, settings=settings, jobs=1)
         return [item.text for item in report(out, tmp_path / "fleet.html")]
 
     missing = first.replace("truck0_0", "wrong name")
@@ -271,7 +271,7 @@ def test_trips_of_several_manifests(tmp_path) -> None:
     assert findings(first) == []
     assert findings(second) == []
     assert rows(out, "trucks")[0]["trips"] == 2
-    (text,) = findings(second, prior=0.31)
+    (text,) = findings(second, settings=OTHER)
     assert "truck0_0.parquet: processed with other settings" in text
     assert rows(out, "trucks")[0]["trips"] == 1
     assert findings(second) == []
@@ -292,7 +292,7 @@ def test_tables_of_two_runs_are_refused(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
     run(manifest, out, settings=FAST, jobs=1)
     earlier = (out / "fleet.json").read_bytes()
-    run(manifest, out, settings=fw.OneStage(**{**vars(FAST), "prior": 0.31}), jobs=1)
+    run(manifest, out, settings=OTHER, jobs=1)
     (out / "fleet.json").write_bytes(earlier)
     with pytest.raises(FifthwheelError, match=r"parquet: not of the run of fleet.json.*run the fleet again"):
         report(out, tmp_path / "fleet.html")
@@ -367,7 +367,7 @@ def test_why_a_band_does_not_narrow(changes, text) -> None:
 
 def test_load_height_beyond_a_limit(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
-    settings = fw.OneStage(consider={})
+    settings = fw.OneStage(given={"others": "exact"})
     run(manifest, out, settings=settings, fleet=FleetSettings(height_limit=0.5), jobs=1)
     (finding,) = report(out, tmp_path / "fleet.html")
     assert finding.kind == "load height"

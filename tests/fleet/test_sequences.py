@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 import fifthwheel as fw
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet import report, run, storage, trips
-from tests.fleet.make import FAST, make_fleet
+from tests.fleet.make import FAST, OTHER, make_fleet
 
-SETTINGS = {"fast": FAST, "other": fw.OneStage(**{**vars(FAST), "prior": 0.31})}
+SETTINGS = {"fast": FAST, "other": OTHER}
 LOGS = ("truck0_0", "truck0_1")
 LIMIT = "FIFTHWHEEL_READER_SAMPLES"
 

@@ -156,7 +156,9 @@ def one_stage_everyday() -> Any:
 
 @case()
 def one_stage_saturating() -> Any:
-    return identified([sine()], GUESS, fw.OneStage(tyres="saturating", friction=0.6), validate=[lane_changes()])
+    return identified(
+        [sine()], GUESS, fw.OneStage(tyres="saturating", given={"road.friction": 0.6}), validate=[lane_changes()]
+    )
 
 
 @case()
@@ -166,15 +168,21 @@ def prediction_error() -> Any:
 
 @case(fast=True)
 def exact_file_and_sensors() -> Any:
-    return identified([lane_changes()], GUESS, fw.OneStage(consider={}, nuisances=False))
+    return identified([lane_changes()], GUESS, fw.OneStage(given={"others": "exact", "sensors": "exact"}))
 
 
 @case()
 def priors_fixed_and_noise() -> Any:
     settings = fw.OneStage(
-        fixed=("tractor.drive.cornering_stiffness",),
-        priors={"roll_stiffness": 0.1, "tractor.yaw_inertia": 0.05},
-        consider={"vehicle_file": 0.5, "roll_damping": 0.2, "gyro_delay": 0.02},
+        given={
+            "others": "exact",
+            "tractor.drive.cornering_stiffness": "exact",
+            "roll_stiffness": "+- 10 %",
+            "tractor.yaw_inertia": "+- 5 %",
+            "roll_damping": "+- 20 %",
+            "semitrailer.mass": "+- 1 %",
+            "yaw_rate.*.delay": "+- 20 ms",
+        },
         noise={"yaw_rate.tractor": 4e-6},
         adapt_noise=False,
     )
@@ -320,7 +328,9 @@ def learner_saturating() -> Any:
 
 @case()
 def learner_everyday() -> Any:
-    settings = fw.OneStage(fixed=("tractor.front.cornering_stiffness",), nuisances=False)
+    settings = fw.OneStage(
+        given={"sensors": "exact", "road.bank": "exact", "tractor.front.cornering_stiffness": "exact"}
+    )
     return learned(only(everyday(), "yaw_rate", "articulation"), settings)
 
 

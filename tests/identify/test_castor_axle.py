@@ -7,22 +7,23 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.identify.doubts import DoubtKind
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow import apply_statements, parse_statement
 from tests.dynamics.test_steered_axles import LIFTED, with_axle
 
 PATH = "semitrailer.rear.self_steering"
 FIXED, CASTOR = with_axle({}), with_axle({"self_steering": 0.8})
 LINEAR = fw.OneStage(tyres="linear")
+EXACT = replace(LINEAR, given={"self_steering": "exact"})
 
 
 def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[float, float, UnknownKind]]:
     """Prior mean, sigma and kind of what steers itself."""
+    truck, settings = applied(truck, settings)
     found = one_stage_unknowns(truck, ["yaw_rate.tractor"], settings)
     assert all(0 <= u.lower < u.upper == 1 for u in found if u.name == PATH)
     return {u.name: (u.centre, u.scale, u.kind) for u in found if "self_steering" in u.name}
@@ -36,17 +37,17 @@ def test_a_last_axle_may_be_a_castor_axle() -> None:
     assert unknowns(FIXED.with_stated(dict.fromkeys(FIXED.parameters(), 0.0))) == {}
     assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.015, uncertain)}
     assert unknowns(with_axle({"steerable": True})) == unknowns(with_axle({"command_steering": 0.3})) == {}
-    without = {key: sigma for key, sigma in DEFAULT_CONSIDERED.items() if key != "fixed_axles"}
-    assert unknowns(FIXED, replace(LINEAR, consider=without)) == {}
+    assert unknowns(FIXED, EXACT) == {}
     assert set(unknowns(fw.vehicle("auburn_6x4"))) == {"semitrailer.rear.self_steering"}
 
 
 def test_a_castor_axle_of_the_file_is_uncertain() -> None:
     assert unknowns(CASTOR) == {PATH: (0.8, 0.1, UnknownKind.UNCERTAIN)}
     assert unknowns(CASTOR.with_stated({PATH: 0.03})) == {PATH: (0.8, 0.03, UnknownKind.UNCERTAIN)}
-    assert unknowns(CASTOR.with_stated({PATH: 0.0})) == unknowns(CASTOR, replace(LINEAR, fixed=(PATH,))) == {}
-    assert unknowns(CASTOR, replace(LINEAR, free=(PATH,)))[PATH][2] is UnknownKind.PARAMETER
-    assert len(unknowns(CASTOR, replace(LINEAR, priors={PATH: 0.2}))) == 1
+    assert unknowns(CASTOR.with_stated({PATH: 0.0})) == unknowns(CASTOR, EXACT) == {}
+    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"}))[PATH][2] is UnknownKind.PARAMETER
+    stated = unknowns(CASTOR, replace(LINEAR, given={PATH: "+- 20 %"}))
+    assert stated == {PATH: (0.8, pytest.approx(0.16), UnknownKind.UNCERTAIN)}
 
 
 def blamed(result: fw.Identification) -> list[str]:
@@ -84,16 +85,13 @@ def test_of_the_nonlinear_truck() -> None:
 def test_of_a_truck_with_fixed_axles() -> None:
     pytest.importorskip("mujoco")
     record = Plant(FIXED).drive(lane_changes(count=3)).record(seed=3)
-    without = {key: sigma for key, sigma in DEFAULT_CONSIDERED.items() if key != "fixed_axles"}
-    result, plain = (fw.identify([record], FIXED, s) for s in (fw.OneStage(), fw.OneStage(consider=without)))
+    result, plain = (fw.identify([record], FIXED, fw.OneStage(given=given)) for given in ({}, EXACT.given))
     assert blamed(result) == []
     ratios = [a.sigma / b.sigma for a, b in zip(result.parameters, plain.parameters, strict=True)]
     assert np.max(ratios) < 1.02
 
 
 def test_a_castor_axle_can_be_stated_without_a_file() -> None:
-    statements = [parse_statement(f"{PATH}=0.7 +- 0.05"), parse_statement("fixed_axles=exact")]
+    settings = replace(EXACT, given={**EXACT.given, PATH: "0.7 +- 0.05"})
     for truck in (FIXED, CASTOR):
-        stated, settings = apply_statements(truck, LINEAR, statements)
-        assert unknowns(stated, settings) == {PATH: (0.7, 0.05, UnknownKind.UNCERTAIN)}
-    assert unknowns(FIXED, apply_statements(FIXED, LINEAR, statements[1:])[1]) == {}
+        assert unknowns(truck, settings) == {PATH: (0.7, 0.05, UnknownKind.UNCERTAIN)}

@@ -58,7 +58,7 @@ def test_dataset(truck: Vehicle) -> None:
     speed[300:350] = 2.0
     other = simulate(truck, count=1, seed=2, name="other")
     given = slow.with_signals({"speed": speed})
-    dataset = prepare_dataset([given], truck, OneStage(fixed=("tractor.mass",), relaxation=False), [other])
+    dataset = prepare_dataset([given], truck, OneStage(given={"tractor.mass": "exact"}, relaxation=False), [other])
     (log,), (validation,) = dataset.logs, dataset.validation
     assert [len(segment) for segment in log.segments] == [300, len(slow) - 350]
     assert (log.name, validation.name, dataset.records) == ("slow", "other", (given,))
@@ -68,7 +68,7 @@ def test_dataset(truck: Vehicle) -> None:
     assert dataset.initial_vehicle.steer_signals() == truck.steer_signals()
     assert all(dataset.vehicle.parameters()[f"{path}.relaxation_length"] == 0 for path in truck.group_paths())
     assert any(REAR in note and "assumed to be 0" in note for note in dataset.notes)
-    assert "tractor.mass is fixed: no sigma includes its uncertainty." in dataset.notes
+    assert "tractor.mass: given as exact, so no sigma includes its uncertainty." in dataset.notes
     source = dataset.identified_vehicle({"semitrailer.yaw_inertia": 4.0e5}).source
     assert "identified from slow at 24.4 to 24.4 m/s" in source
     height = "semitrailer.sprung.cog_height"
@@ -154,7 +154,7 @@ def test_one_channel_of_any_unit_is_enough(truck: Vehicle, name: str, tyres: Tyr
         _, y = free_response(model, dynamics.all_parameters(locked, [name]), record.time, kept)
         kept[name] = y[:, 0] + np.random.default_rng(0).normal(scale=0.05, size=len(record))
     guess = truck.replace({path: 0.85 * truck.parameters()[path] for path in STIFFNESS_AND_INERTIA})
-    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres, consider={}))
+    result = identify([replace(record, signals=kept)], guess, OneStage(tyres=tyres, given={"others": "exact"}))
     for e in map(result.__getitem__, STIFFNESS_AND_INERTIA):
         assert e.verdict is Verdict.CONVERGED
         assert e.sigma is not None

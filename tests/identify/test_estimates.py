@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fifthwheel.channels import YAW_RATE
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.errors import SignalError
@@ -126,7 +127,7 @@ def test_sensor_errors_of_two_logs(truck: Vehicle) -> None:
         ("b", 0.0, "rad/s"),
     ]
     assert [(e.log, e.value) for e in errors if e.name == f"{STEER}.gain"] == [(None, 1.1)]
-    assert {e.sigma for e in errors if e.name == f"{RATE}.offset"} == {0.5 * TwoStage().rate_offset_prior}
+    assert {e.sigma for e in errors if e.name == f"{RATE}.offset"} == {0.5 * YAW_RATE.error("offset").prior}
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import OneStage
@@ -27,7 +27,7 @@ def test_derivative_by_z(truck: Vehicle, roll: bool) -> None:
     steered = truck.with_logged_steering(record.signals, "record")
     settings = TwoStage()
     unknowns = parameter_unknowns(steered, parameters.stage_1_names(steered), settings)
-    unknowns += parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
+    unknowns += sensor_unknowns(steered, OUTPUTS, settings)
     problem = DualProblem(vehicle=steered, outputs=OUTPUTS, roll=roll, unknowns=tuple(unknowns), settings=settings)
     names, scale, rows = problem.names, problem.scaling, problem.rows(record, {})
     z = np.random.default_rng(0).normal(size=len(names)) * 0.1
@@ -48,7 +48,7 @@ def test_derivative_by_values(truck: Vehicle) -> None:
     """Only parameters of the vehicle and steering offsets and gains move the steady state; the bank stays as it is."""
     record = simulate(truck, count=1).cut(1.5)
     steered = truck.with_logged_steering(record.signals, "record")
-    unknowns = parameters.one_stage_unknowns(steered, OUTPUTS, OneStage(initial_payload_height=None))
+    unknowns = parameters.one_stage_unknowns(steered, OUTPUTS, OneStage(given={"payload.height": "+- 0.75 m"}))
     model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
     inputs = {name: float(record.signals[name][0]) for name in model.inputs} | {"steer.tractor.front": 0.02}
     given = dynamics.all_parameters(steered, OUTPUTS, extended=True)

@@ -19,7 +19,7 @@ from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import get
 
 FULL_TRAILER = get("truck_full_trailer")
-KNOWN = OneStage(tyres="linear", priors={}, consider={}, nuisances=False)
+KNOWN = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"})
 """All parameters except the estimated ones are known exactly."""
 
 

@@ -34,7 +34,7 @@ TRUCK = steered(get("cheng_cebon_2011"))
 TRUE = with_lag(TRUCK, f"{LAG} s")
 STATE, PATH, SIDESLIP = "actuator.semitrailer", "steering.lag", "sideslip.semitrailer"
 STIFFNESSES = [name for name in TRUCK.parameters() if name.endswith("cornering_stiffness")]
-EXACT = OneStage(tyres="linear", consider={}, nuisances=False, check=False)
+EXACT = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}, check=False)
 """Everything but the estimated parameters and the noise is known."""
 
 
@@ -80,8 +80,6 @@ def test_a_lag_without_sigma_is_exact(record: Record, guess: Vehicle) -> None:
     result = identify([record], with_lag(guess, f"{LAG} s"), EXACT)
     assert PATH not in [e.name for e in result.parameters]
     assert all(abs(error) < 3 for error in errors(result).values())
-    with pytest.raises(VehicleError, match=r"steering\.lag: is estimated; give its prior in priors"):
-        identify([record], with_lag(guess, "0.1 s +- 0.05 s"), replace(EXACT, consider={PATH: 0.1}))
 
 
 def test_the_prior_of_a_number_that_may_be_negative_is_normal() -> None:
@@ -179,7 +177,7 @@ def test_an_own_state_can_be_measured(sensor: None, record: Record, guess: Vehic
 
 
 def test_a_learner_has_the_own_equations(record: Record) -> None:
-    learner = Learner(with_lag(TRUCK, "0.1 s +- 0.05 s"), record.signals, replace(EXACT, nuisances=True))
+    learner = Learner(with_lag(TRUCK, "0.1 s +- 0.05 s"), record.signals, replace(EXACT, given={"others": "exact"}))
     for k, time in enumerate(record.time):
         learner.push({"time": time} | {name: values[k] for name, values in record.signals.items()})
     lag = next(e for e in learner.parameters if e.name == PATH)

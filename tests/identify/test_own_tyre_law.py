@@ -24,7 +24,8 @@ from tyre_laws import magic_formula, simulated
 
 TRUCK = get("cheng_cebon_2011")
 STIFFNESSES = [name for name in TRUCK.parameters() if name.endswith("cornering_stiffness")]
-EXACT = OneStage(tyres=magic_formula, friction=0.5, consider={}, nuisances=False, check=False)
+KNOWN = {"others": "exact", "sensors": "exact"}
+EXACT = OneStage(tyres=magic_formula, given={**KNOWN, "road.friction": 0.5}, check=False)
 """Everything but the estimated parameters and the noise is known."""
 
 
@@ -70,8 +71,10 @@ def without_shape(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("without_shape")
 def test_the_built_in_law_in_other_words_gives_the_same(record: Record, guess: Vehicle) -> None:
     """The search begins at the prior, because this is enough friction for the log."""
-    built_in = identify([record], guess, replace(EXACT, tyres="saturating", friction=1.0))
-    own = identify([record], guess, replace(EXACT, tyres=same_law, friction=1.0))
+    given = {**KNOWN, "road.friction": 1.0}
+    built_in, own = (
+        identify([record], guess, replace(EXACT, tyres=tyres, given=given)) for tyres in ("saturating", same_law)
+    )
     assert SHAPE not in own.vehicle.parameters()
     for e in built_in.parameters:
         assert own[e.name].value == pytest.approx(e.value, rel=1e-7)

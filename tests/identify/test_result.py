@@ -16,6 +16,7 @@ from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.result import display
+from fifthwheel.identify.statement import with_values
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 
@@ -31,7 +32,7 @@ def result():
 
 @pytest.fixture(scope="module")
 def published():
-    return identify([RUN], GUESS, article(fixed=("tractor.front.cornering_stiffness",)))
+    return identify([RUN], GUESS, article(given={"tractor.front.cornering_stiffness": "exact"}))
 
 
 @pytest.mark.parametrize("name", ["result", "published"])
@@ -120,7 +121,8 @@ def test_an_observer_of_the_result(result):
 @pytest.mark.slow
 def test_a_learner_of_the_result(result):
     learner = result.learner()
-    direct = Learner(result.vehicle, RUN.signals, replace(result.settings, surroundings=result.surroundings))
+    given = with_values(result.settings.given, result.surroundings)
+    direct = Learner(result.vehicle, RUN.signals, replace(result.settings, given=given))
     learner.learn(RUN)
     direct.learn(RUN)
     assert learner.parameters == direct.parameters

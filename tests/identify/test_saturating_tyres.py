@@ -9,12 +9,14 @@ import pytest
 
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.free_run import _of_log
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.sensor_errors import log_sensors
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.open_loops import single_sine
@@ -31,7 +33,7 @@ TRUCK = get("cheng_cebon_2011")
 GYROS = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in ("tractor", "semitrailer")]
 SIDESLIP = ["sideslip.tractor", "sideslip.semitrailer"]
 STEER = "steer.tractor.front"
-EXACT = OneStage(tyres="saturating", consider={}, nuisances=False, check=False)
+EXACT = OneStage(tyres="saturating", given={"others": "exact", "sensors": "exact"}, check=False)
 """Everything but the estimated parameters and the noise is known."""
 
 
@@ -91,7 +93,7 @@ def test_a_grip_that_was_measured_is_a_bound(guess: Vehicle) -> None:
     """The friction is at least 0.8 times that which the lateral acceleration needs."""
     record = response(3.0, 0.75)
     used = largest_lateral_acceleration(record, "tractor") / STANDARD_GRAVITY
-    objective = solve_one_stage([record], guess, replace(EXACT, friction=0.1)).minimum.objective
+    objective = solve_one_stage([record], guess, replace(EXACT, given={**EXACT.given, FRICTION: 0.1})).minimum.objective
     assert objective.unknowns_by_name[FRICTION].lower == pytest.approx(0.8 * used)
 
 
@@ -112,7 +114,8 @@ def test_friction_needs_slip(guess: Vehicle) -> None:
     result = identify([response(0.3, 0.6)], guess, EXACT)
     assert result[FRICTION].verdict == Verdict.NOT_EXCITED
     assert result.friction == result[FRICTION].value
-    assert abs(np.log(result.friction / EXACT.friction)) < EXACT.friction_prior
+    prior = quantity(FRICTION)
+    assert abs(np.log(result.friction / prior.mean)) < prior.sigma
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters if e.name != FRICTION)
 
 
@@ -120,7 +123,7 @@ def test_friction_needs_slip(guess: Vehicle) -> None:
 def test_one_law_is_right_for_gentle_and_hard_runs(guess: Vehicle, acceleration: float, friction: float) -> None:
     """Tyres saturate; in a gentle run, or where tyres are almost linear, the law is nearly the linear one, and the
     friction is not informed."""
-    settings = replace(EXACT, tyres="auto", friction=0.75)
+    settings = replace(EXACT, tyres="auto")
     result = identify([response(acceleration, friction)], guess, settings)
     assert result.settings.tyres == "saturating"
     assert not [note for note in result.notes if note.startswith("tyres: ")]
@@ -206,7 +209,8 @@ def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
 @pytest.mark.parametrize("tyres", ["saturating", "auto"])
 def test_learner(guess: Vehicle, tyres: str) -> None:
     record = response(1.5, 0.3)
-    learner = Learner(guess, record.signals, replace(EXACT, tyres=tyres, friction=0.5, friction_prior=0.5))
+    settings = replace(EXACT, tyres=tyres, given={**EXACT.given, FRICTION: "0.5 +- 50 %"})
+    learner = Learner(guess, record.signals, settings)
     for repetition in range(3):
         learner.learn(replace(record, time=record.time + repetition * (record.span[1] + 1)))
     truth = TRUCK.parameters() | {FRICTION: 0.3}
@@ -237,25 +241,24 @@ def test_axle_loads_are_needed() -> None:
     ("changes", "message"),
     [
         ({"tyres": "brush"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law"),
-        ({"friction": 0.0}, "friction: expected between"),
-        ({"friction": 80.0}, "friction: expected between"),
-        ({"friction_prior": 0.0}, "friction_prior: expected a number above 0"),
+        ({"given": {FRICTION: 0.0}}, "friction: expected between 0.05 and 6, got 0; correct it"),
+        ({"given": {FRICTION: 80.0}}, "friction: expected between 0.05 and 6, got 80; correct it"),
     ],
 )
 def test_settings(changes, message: str) -> None:
-    with pytest.raises(SignalError, match=message):
-        OneStage(**changes)
+    with pytest.raises(FifthwheelError, match=message):
+        applied(TRUCK, OneStage(**changes))
 
 
 def test_options() -> None:
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="saturating", statements=("road.friction=0.3",)))
-    assert (settings.tyres, settings.friction) == ("saturating", 0.3)
+    assert (settings.tyres, settings.given) == ("saturating", {FRICTION: "0.3"})
     with pytest.raises(Exception, match=r"road\.friction=0\.3: linear tyres have no friction"):
         identification_settings(TRUCK, IdentifyOptions(tyres="linear", statements=("road.friction=0.3",)))
     with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
         identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", statements=("road.friction=exact",)))
-    assert settings.fixed == ("road.friction",)
+    assert settings.given == {FRICTION: "exact"}
 
 
 @pytest.mark.slow

@@ -9,7 +9,9 @@ import pytest
 
 from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.result.storage import _finite
-from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.statement import BANK_VARIATION
+from fifthwheel.identify.unknowns.quantities import quantity
+from fifthwheel.vehicle import get
 
 STEER, YAW, LATERAL = "steer.tractor.front", "yaw_rate.tractor", "lateral_acceleration.tractor"
 
@@ -23,6 +25,7 @@ class Fields(SimpleNamespace):
 
     friction = Identification.friction
     sensor_settings = Identification.sensor_settings
+    prior_of_sensor_error = Identification.prior_of_sensor_error
     _uncertainties = Identification._uncertainties
 
 
@@ -34,15 +37,17 @@ IDENTIFICATION: Any = Fields(
         error("time_base.trailer.delay", 0.1, None),
     ],
     logs=[
-        SimpleNamespace(name="first", noise={YAW: 1e-6}, bank=(0.01, 0.02), drive_axle_braking=(0.7, 0.1)),
+        SimpleNamespace(name="first", noise={YAW: 1e-6}, bank=None, drive_axle_braking=(0.7, 0.1)),
         SimpleNamespace(name="second", noise={YAW: 2e-6}, bank=None, drive_axle_braking=None),
     ],
-    settings=OneStage(nuisances=False),
+    signals=(STEER, YAW, LATERAL),
+    initial_vehicle=get("cheng_cebon_2011"),
+    settings=OneStage(given={"sensors": "exact", "road.bank": "exact"}),
     surroundings={"tyre.shape": 1.2, "body.half_track": 0.9},
     covariance=None,
 )
 
-VARYING = math.hypot(0.02, MODEL_ERRORS["bank_variation"])
+VARYING = math.hypot(0.02, quantity(BANK_VARIATION).sigma)
 """Standard deviation of the bank at a place of the first log, rad."""
 
 
@@ -56,7 +61,7 @@ def test_sensor_errors_and_noise_of_a_log(log: str | None, offset: float | None,
     own = {} if offset is None else {f"{YAW}.offset": offset}
     brakes = {} if log == "second" else {"brakes.drive_axle": 0.7 if log == "first" else 0.5}
     road = {"friction": None, "half_track": 0.9, "surroundings": {"tyre.shape": 1.2} | brakes}
-    exact = dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
+    exact = dict.fromkeys(("bank_mean", "bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
     assert settings == {"sensor_errors": {f"{STEER}.gain": 1.1, **own}, "noise": {YAW: noise}} | road | exact
 
 
@@ -74,7 +79,9 @@ def test_bank_and_offsets_of_a_log(log: str | None, joint: bool, bank_mean: floa
     """The joint covariance contains the offsets of a log that has them; other logs have the priors. The bank varies
     within a log."""
     sensors = [*IDENTIFICATION.sensors, *(error(f"{name}.offset", 0.004, "first") for name in (STEER, LATERAL))]
-    changes = {"sensors": sensors, "settings": OneStage(), "covariance": object() if joint else None}
+    first, *others = IDENTIFICATION.logs
+    logs = [SimpleNamespace(**{**vars(first), "bank": (0.01, 0.02)}), *others]
+    changes = {"sensors": sensors, "logs": logs, "settings": OneStage(), "covariance": object() if joint else None}
     identification: Any = Fields(**{**vars(IDENTIFICATION), **changes})
     settings = identification.sensor_settings(log)
     assert [settings[name] for name in ("bank_mean", "bank", "steer_offset")] == [bank_mean, bank, offset]

@@ -6,9 +6,11 @@ from dataclasses import replace
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import CommonSettings, OneStage, identify
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.online import Learner, LearnerSettings
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
@@ -25,14 +27,12 @@ from fifthwheel.vehicle import get
         (OneStage, {"iterations": 0}, "iterations: expected a number of 1 or more, got 0"),
         (
             OneStage,
-            {"priors": {"mass": -0.1}},
-            "mass: expected a finite number above 0, got .*; give a standard deviation as a fraction",
+            {"given": {"mass": "+-"}},
+            r"mass=\+-: expected a standard deviation .*; give it with a unit or in %",
         ),
-        (
-            OneStage,
-            {"consider": {"mass": float("inf")}},
-            "mass: expected a finite number above 0, got .*; give a standard deviation as a fraction",
-        ),
+        (OneStage, {"given": {"mass": None}}, "mass, float: expected a number, got None; give a number in SI"),
+        (OneStage, {"given": {"": "exact"}}, "=exact: expected NAME='VALUE"),
+        (OneStage, {"given": {"sensors": "+- 1 %"}}, "expected 'exact' for so many numbers, got '.*'; name fewer"),
     ],
 )
 def test_refused(kind: type[CommonSettings], changes: dict[str, object], message: str) -> None:
@@ -48,14 +48,13 @@ def test_article() -> None:
     assert article().forgetting == 0.999
 
 
-BOTH = "prior height_prior tolerance gate min_speed correlation_time"
-ONE_STAGE = f"{BOTH} roll_inertia_prior bank_prior outlier"
+BOTH = "tolerance gate min_speed"
 LEARNER = (
     "excitation_window high_pass_time max_lateral_acceleration discrepancy_time offset_time parameter_time "
     "max_innovation_ratio max_autocorrelation innovation_window max_steer max_steer_rate max_speed_change coast "
     "max_gap stop_excitation"
 )
-POSITIVE = {OneStage: ONE_STAGE, TwoStage: BOTH, LearnerSettings: LEARNER}
+POSITIVE = {OneStage: f"{BOTH} outlier", TwoStage: f"{BOTH} prior height_prior", LearnerSettings: LEARNER}
 
 
 @pytest.mark.parametrize(
@@ -83,10 +82,9 @@ def test_limits_of_other_settings() -> None:
         (OneStage, {"noise": {"yaw_rate.tractor": 1e-12}}, True),
         (OneStage, {"noise": {"yaw_rate.tractor": 0.0}}, False),
         (OneStage, {"noise": {"yaw_rate.tractor": math.inf}}, False),
-        (OneStage, {"priors": {"a": 1e-9}}, True),
-        (OneStage, {"priors": {"a": 0.0}}, False),
-        (OneStage, {"consider": {"a": math.inf}}, False),
-        (OneStage, {"consider": {"a": -1.0}}, False),
+        (OneStage, {"given": {"a": 1e-9}}, True),
+        (OneStage, {"given": {"a": "+- 5 %"}}, True),
+        (OneStage, {"given": {"a": "+-"}}, False),
         (LearnerSettings, {"discrepancy": {"a": 0.0}}, True),
         (LearnerSettings, {"discrepancy": {"a": -1e-9}}, False),
         (LearnerSettings, {"discrepancy": {"a": math.inf}}, False),
@@ -106,8 +104,9 @@ def test_the_settings_of_the_article() -> None:
     assert (settings.random_walk, settings.height_walk, settings.forgetting) == (0.001, 0.005, 0.999)
     assert (settings.initial_sigma, settings.initial_height_sigma) == (0.001, 0.005)
     assert (settings.passes, settings.rounds, settings.process_noise, settings.average) == (1, 1, 0.0, True)
-    switched_off = ("logarithmic", "consistent", "coupled", "restart", "relaxation", "nuisances", "adapt_noise")
+    switched_off = ("logarithmic", "consistent", "coupled", "restart", "relaxation", "adapt_noise")
     assert not any(getattr(settings, name) for name in switched_off)
+    assert settings.given == {"sensors": "exact"}
     assert settings.gate >= 1e6
     assert article(rounds=3) == replace(settings, rounds=3)
 
@@ -117,8 +116,7 @@ def test_the_settings_of_the_article() -> None:
     [
         (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
         (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 'round'"),
-        (OneStage, {"friction": 30.0}, "friction: expected between 0.05 and 6, got 30.0; a dry road has 0.75"),
-        (OneStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
+        (TwoStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
         (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
         (TwoStage, {"noise": {"yaw_rat.tractor": 1e-4}}, "noise, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
         (ObserverSettings, {"noise": {"speed.tractor": 1e-4}}, "noise, speed.tractor: .* belongs to the whole vehicle"),
@@ -136,11 +134,24 @@ def test_every_refused_setting_has_a_line() -> None:
         OneStage(tolerance=-1.0, iterations=0)
 
 
-def test_a_fixed_parameter_is_not_free() -> None:
-    with pytest.raises(SignalError, match=r"free, tractor\.yaw_inertia: expected a parameter that is not fixed"):
-        OneStage(free=("tractor.yaw_inertia",), fixed=("yaw_inertia",))
-    kept = OneStage(free=("cornering_stiffness",), fixed=("tractor.front.cornering_stiffness",))
-    assert kept.fixed == ("tractor.front.cornering_stiffness",)  # all but one
+def test_the_most_specific_statement_counts() -> None:
+    given = {"yaw_inertia": "exact", "tractor.yaw_inertia": "free", "cornering_stiffness": "exact"}
+    given |= {"*.drive.cornering_stiffness": "+- 5 %", "semitrailer.*": "exact", "payload.height": "free"}
+    estimated = estimated_parameters(get("cheng_cebon_2011"), OneStage(given=given, tyres="linear"))
+    assert set(estimated) == {"tractor.drive.cornering_stiffness", "tractor.yaw_inertia", "semitrailer.payload.height"}
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"semitrailer.mass": "+- -5 %"}, "expected a finite standard deviation, 0 or more"),
+        ({"semitrailer.mass": math.inf}, "semitrailer.mass: expected a finite number, got inf"),
+        ({"steer.*.gain": "+- -5 %"}, "expected a finite standard deviation, 0 or more"),
+    ],
+)
+def test_impossible_numbers_are_refused(given: dict[str, str | float], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        applied(get("cheng_cebon_2011"), OneStage(given=given))
 
 
 def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:
@@ -160,6 +171,6 @@ def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:
 
 
 def test_lists_and_whole_numbers_are_accepted() -> None:
-    settings = OneStage(fixed=["tractor.mass"], prior=1)
-    assert settings == OneStage(fixed=("tractor.mass",), prior=1.0)
-    assert isinstance(settings.prior, float)
+    settings = OneStage(given={"tractor.mass": 7000}, reported=["tractor.mass"])
+    assert settings == OneStage(given={"tractor.mass": 7000.0}, reported=("tractor.mass",))
+    assert isinstance(TwoStage(prior=1).prior, float)

@@ -20,6 +20,7 @@ from fifthwheel.report import write_report, write_states_report
 from fifthwheel.report.consistency import innovation_figure
 from fifthwheel.report.identification import _uncertain_numbers
 from fifthwheel.report.words import MARKS, spoken_verdict
+from fifthwheel.vehicle import changes
 from tests.report.conftest import NASTY, Page
 
 
@@ -59,17 +60,18 @@ def test_every_value_is_there(result, parsed):
     for error in result.identification.sensors:
         assert with_sigma(error.value, error.sigma, error.unit) in parsed.text
     assert result.identification.version in parsed.text
-    assert "correlation_time" in parsed.text
+    assert "process_noise" in parsed.text
 
 
 def test_uncertain_numbers_have_the_prior_of_the_settings(result):
     """Their sigma is that of the estimate: the prior times what remains of it."""
     identification = result.identification
-    wider = replace(identification.settings, consider={**identification.settings.consider, "vehicle_file": 5.0})
+    before, mass = identification.initial_vehicle, "semitrailer.mass"
+    (own,) = [change.slopes[mass] for change in changes(before) if change.name == mass]
     of_mass = []
-    for one in (identification, replace(identification, settings=wider)):
+    for one in (identification, replace(identification, initial_vehicle=before.with_stated({mass: 5 * own}))):
         (folded,) = _uncertain_numbers(one)
-        (row,) = [r for r in folded.blocks[1].rows if getattr(r[0], "hint", "").endswith("semitrailer.mass")]
+        (row,) = [r for r in folded.blocks[1].rows if getattr(r[0], "hint", "").endswith(mass)]
         of_mass.append(float("".join(str(row[2]).split())))
     assert of_mass[1] == pytest.approx(5 * of_mass[0], rel=0.05)
 

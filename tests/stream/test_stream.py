@@ -23,7 +23,7 @@ STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
 SIGNALS = ("speed", STEER, YAW)
 TRUCK = get("cheng_cebon_2011")
 LIMIT = steps.step_limit(TRUCK, True)
-PROBLEM = online_setup(TRUCK, SIGNALS, OneStage(priors={}, consider={}, nuisances=False))
+PROBLEM = online_setup(TRUCK, SIGNALS, OneStage(given={"others": "exact", "sensors": "exact"}))
 LEARNER = stream_settings(
     PROBLEM, LearnerSettings(hold=0.4, max_steer=0.9, max_steer_rate=2.0, max_speed_change=1.5, coast=0.6)
 )

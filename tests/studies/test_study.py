@@ -264,7 +264,7 @@ def test_states_of_a_known_truck_equal_the_observer(tmp_path: Path) -> None:
 
 def test_settings_are_estimators(tmp_path: Path) -> None:
     """A learner as a study calls it equals a learner that gets the record."""
-    five = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")  # quickly compiled
+    five = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")  # quickly compiled
     table = run(tmp_path / "study.parquet", {"recursive": Learned(settings=five)}, guess=exact_guess, seeds=[3])
     record = simulated(get(TRUCK), SHORT["short"]).record(3)
     learner = Learner(get(TRUCK), record.signals, five)

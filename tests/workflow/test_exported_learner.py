@@ -11,7 +11,7 @@ from fifthwheel.vehicle import get
 from fifthwheel.workflow import exported_learner
 
 TRUCK = get("cheng_cebon_2011")
-FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 
 
 @pytest.fixture(scope="module")

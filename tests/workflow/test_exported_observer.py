@@ -21,7 +21,7 @@ def test_default_signals() -> None:
 
 def test_of_an_identification() -> None:
     record = simulate(TRUCK, count=1, seed=1)
-    result = identify([record], TRUCK, OneStage(consider={}))
+    result = identify([record], TRUCK, OneStage(given={"others": "exact", "road.bank": "+- 0.03 rad"}))
     observer = exported_observer(result.vehicle, None, result)
     assert {*observer.inputs, *observer.outputs} == set(record.signals)
     assert observer.settings == result.observer_settings()

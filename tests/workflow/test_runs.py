@@ -76,7 +76,7 @@ def test_a_conclusion_with_remedies(run):
 
 
 def test_no_remedies_where_all_is_known():
-    settings = OneStage(consider={}, nuisances=False, tyres="linear")
+    settings = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
     exact = run_identification([simulate(TRUCK, count=6)], TRUCK, settings)
     assert {e.verdict for e in exact.identification.parameters} == {"converged"}
     assert exact.assessment is None

@@ -4,9 +4,10 @@ import pytest
 
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.vehicle import get
-from fifthwheel.workflow import SENSOR_PRIORS, chosen_one_stage
+from fifthwheel.workflow import chosen_one_stage, identification_settings
 
 TRUCK = get("cheng_cebon_2011")
 
@@ -23,43 +24,47 @@ def test_without_choices_they_are_the_defaults():
 def test_a_fraction_is_a_stated_sigma():
     vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=+- 20 %",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": pytest.approx(0.2 * 2.7e6)}
-    assert settings == OneStage()
+    assert settings == OneStage(given={"semitrailer.roll_stiffness": "+- 20 %"})
     vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=exact",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": 0.0}
-    assert settings.fixed == ("semitrailer.roll_stiffness",)
+    assert settings.given == {"semitrailer.roll_stiffness": "exact"}
 
 
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
-    _, settings = chosen(statements=("tractor.yaw_inertia=free", "semitrailer.payload.height=exact"), check=False)
-    assert settings.free == (
+    statements = ("tractor.yaw_inertia=free", "semitrailer.payload.height=exact")
+    vehicle, settings = chosen(statements=statements, tyres="linear", check=False)
+    assert estimated_parameters(vehicle, settings) == [
         "tractor.front.cornering_stiffness",
         "tractor.drive.cornering_stiffness",
         "semitrailer.cornering_stiffness",
         "semitrailer.yaw_inertia",
         "tractor.yaw_inertia",
-    )
-    assert settings.fixed == ("semitrailer.payload.height",)
+    ]
     assert not settings.check
 
 
 def test_any_load_estimates_the_laden_body():
-    _, settings = chosen(statements=("tractor.yaw_inertia=free",), any_load=True)
+    vehicle, settings = chosen(statements=("tractor.yaw_inertia=free",), any_load=True)
     assert not settings.uniform_payload
-    assert {"semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia"} < set(settings.free)
-    assert "semitrailer.payload.height" not in settings.free
+    estimated = estimated_parameters(vehicle, settings)
+    assert {"semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia", "tractor.yaw_inertia"} < {*estimated}
+    assert "semitrailer.payload.height" not in estimated
 
 
-def test_every_sensor_prior_is_a_setting():
-    priors = {name: 0.001 * (k + 1) for k, name in enumerate(SENSOR_PRIORS)}
-    units = {name: SENSOR_PRIORS[name].removesuffix("1") for name in priors}
-    _, settings = chosen(statements=tuple(f"{name}=+- {sigma!r} {units[name]}" for name, sigma in priors.items()))
-    assert {name: getattr(settings, f"{name}_prior") for name in SENSOR_PRIORS} == pytest.approx(priors)
+def test_statements_replace_those_of_the_base():
+    base = OneStage(given={"sensors": "exact", "road.bank": "+- 1 deg"})
+    _, settings = chosen_one_stage(TRUCK, IdentifyOptions(statements=("road.bank=exact",)), base=base)
+    assert settings.given == {"sensors": "exact", "road.bank": "exact"}
+
+
+def test_the_article_keeps_its_own_statements():
+    options = IdentifyOptions(method="article", statements=("tractor.front.cornering_stiffness=exact",))
+    _, settings = identification_settings(TRUCK, options)
+    assert settings.given == {"sensors": "exact", "tractor.front.cornering_stiffness": "exact"}
 
 
 def test_wrong_choices_are_refused():
     with pytest.raises(FifthwheelError, match="steer_lag"):
         chosen(statements=("steer_lag=+- 0.1 s",))
-    with pytest.raises(FifthwheelError, match="bank: expected a standard deviation above 0"):
-        chosen(statements=("bank=exact",))
     with pytest.raises(VehicleError, match=r"tractor\.colour"):
         chosen(statements=("tractor.colour=exact",))

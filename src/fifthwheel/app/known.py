@@ -5,18 +5,16 @@ from pathlib import Path
 
 from fifthwheel.app import runs, words
 from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
-from fifthwheel.channels import error_kinds
+from fifthwheel.channels import error_kinds, is_sensor_error
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.settings import MODEL_ERRORS
-from fifthwheel.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.identify.given import possible_names
+from fifthwheel.identify.setup import with_tyre_law
+from fifthwheel.identify.statement import Statement, parse
 from fifthwheel.settings import options_of
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
 from fifthwheel.workflow import IdentifyOptions
-from fifthwheel.workflow.statement import Statement, parse
-from fifthwheel.workflow.statements import SENSOR_PRIORS
 
 STATEMENTS = "statements"
 """The option whose texts `stated` turns into sentences."""
@@ -77,6 +75,6 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     signal_map = workspace.signal_map()
     signals = () if signal_map is None else tuple(signal_map.signals)
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
-    of_truck = (*estimated_parameters(truck, OneStage()), FRICTION, *truck.parameters(), *truck.moved_by_wheelbase())
-    names = (*of_truck, *errors, *SENSOR_PRIORS, *MODEL_ERRORS)
+    possible = possible_names(truck, with_tyre_law(truck, OneStage())[0])
+    names = (*(name for name in possible if not is_sensor_error(name)), *truck.moved_by_wheelbase(), *errors)
     return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}

@@ -32,8 +32,8 @@ def in_workbench(text: str) -> str:
 
     >>> in_workbench("Use tyres that saturate (--tyres saturating).")
     'Use tyres that saturate (“Tyres”: “Saturating at the friction of the road, which is estimated”).'
-    >>> in_workbench("--set tractor.mass=heavy: expected a number")
-    '“State a number” tractor.mass=heavy: expected a number'
+    >>> in_workbench("state it (--set)")
+    'state it (“State a number”)'
     """
     for cure in ELSEWHERE:
         text = text.replace(cure, "")

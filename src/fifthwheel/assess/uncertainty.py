@@ -10,15 +10,14 @@ from collections.abc import Collection, Mapping
 import numpy as np
 
 from fifthwheel.assess.truck import HALF_TRACK, Body
-from fifthwheel.identify import CommonSettings, Identification
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
-from fifthwheel.identify.unknowns.parameters import longest_matching_key
+from fifthwheel.identify import Identification
+from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end, quantity
 from fifthwheel.observe import Uncertainty
 from fifthwheel.vehicle import Vehicle, changes
 
 ASSUMED: Mapping[str, float] = {
-    **{name: fraction for name, fraction in DEFAULT_CONSIDERED.items() if name not in MODEL_ERRORS},
-    "cornering_stiffness": CommonSettings().prior,
+    **FRACTIONS,
+    "cornering_stiffness": quantity("cornering_stiffness").guess,
     "payload.height": 0.1,
     "payload.floor_height": 0.05,
 }
@@ -30,7 +29,7 @@ def assumed(vehicle: Vehicle) -> dict[str, float]:
     """Sigma, SI, of the parameters on which the vehicle file states nothing; the longest end of a path counts."""
     sigmas = {}
     for path, value in vehicle.parameters().items():
-        end = longest_matching_key(path, ASSUMED)
+        end = longest_end(path, ASSUMED)
         if end and value and path not in vehicle.stated:
             sigmas[path] = ASSUMED[end] * abs(value)
     moved = {path for change in changes(vehicle) for path in change.slopes}

@@ -315,12 +315,7 @@ def error_kinds(signal: str) -> tuple[str, ...]:
     channel = channel_of(signal)
     if channel is None or channel not in channels_with_errors():
         return ()
-    return (*(error.kind for error in channel.errors), *(("delay",) if channel in GYROS else ()))
-
-
-def sensor_error_settings() -> dict[str, str]:
-    """SI unit of every kind of sensor error by the name of its setting: {"steer_offset": "rad", ...}."""
-    return {error.setting: _ERROR_UNITS.get(error.kind, channel.unit) for channel in _ALL for error in channel.errors}
+    return tuple(error.kind for error in channel.errors)
 
 
 __all__ = [
@@ -375,7 +370,6 @@ __all__ = [
     "names_of",
     "own_channels",
     "register",
-    "sensor_error_settings",
     "si_unit",
     "split_header",
 ]

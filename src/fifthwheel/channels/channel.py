@@ -189,15 +189,14 @@ class ErrorKind:
 
     kind: str
     """offset, gain, delay, misalignment, load_sensitivity, play, position or height."""
-    setting: str = ""
-    """Its prior standard deviation is the field <setting>_prior of the settings; settings without it have no such
-    error, unless it has a `prior`."""
-    prior: float | None = None
-    """Prior standard deviation, SI, where the settings have no such field."""
+    prior: float
+    """Prior standard deviation, SI, where neither a user nor the class of the sensor states another one."""
     per_log: bool = False
     """Whether each log has its own."""
     positive: bool = False
     """Whether it is not below 0."""
+    uncertain: bool = False
+    """Whether it counts as a part of the model: a learner keeps it at its prior mean."""
 
 
 @dataclass(frozen=True, kw_only=True)

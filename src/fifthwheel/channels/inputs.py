@@ -1,5 +1,7 @@
 """The inputs of the model: speed of the vehicle, and angles of steered wheels."""
 
+import math
+
 import numpy as np
 
 from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, NamePattern, SignalLimits, TurnRelation
@@ -28,7 +30,7 @@ SPEED = Channel(
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
-    errors=(ErrorKind(kind="delay", setting="speed_delay"),),
+    errors=(ErrorKind(kind="delay", prior=0.1),),  # a CAN bus gives the speed of the truck 50 to 150 ms late
 )
 
 STEER = Channel(
@@ -60,9 +62,9 @@ STEER = Channel(
         part="front",
     ),
     errors=(
-        ErrorKind(kind="offset", setting="steer_offset", per_log=True),
-        ErrorKind(kind="gain", setting="steer_gain"),
-        ErrorKind(kind="delay", setting="steer_delay"),
-        ErrorKind(kind="play", setting="steer_play", positive=True),
+        ErrorKind(kind="offset", prior=0.01, per_log=True),
+        ErrorKind(kind="gain", prior=0.15),  # a nominal steering ratio may be wrong by this
+        ErrorKind(kind="delay", prior=0.05),
+        ErrorKind(kind="play", prior=math.radians(0.2), positive=True),  # at the wheels, of a sound steering
     ),
 )

@@ -50,11 +50,11 @@ LATERAL_ACCELERATION = Channel(
     large_offset=True,
     of_roll=True,
     errors=(
-        ErrorKind(kind="offset", setting="acceleration_offset", per_log=True),
-        ErrorKind(kind="gain", setting="acceleration_gain"),
-        ErrorKind(kind="delay", setting="acceleration_delay"),
-        ErrorKind(kind="position", setting="accelerometer_position"),
-        ErrorKind(kind="height", setting="accelerometer_height"),
+        ErrorKind(kind="offset", prior=0.3, per_log=True),  # with gravity by the tilt: 1 degree gives 0.17 m/s^2
+        ErrorKind(kind="gain", prior=0.03),
+        ErrorKind(kind="delay", prior=0.03),  # with that of the low-pass filter of the sensor
+        ErrorKind(kind="position", prior=0.5),
+        ErrorKind(kind="height", prior=0.3),
     ),
 )
 

@@ -1,5 +1,7 @@
 """Rotation of units: yaw rate, articulation angle, and roll rate and roll angle of the sprung body."""
 
+import math
+
 import numpy as np
 
 from fifthwheel._types import Array
@@ -21,9 +23,10 @@ AXIS_WORDS = "(ang[a-z]*|rotation[a-z]*)_?(vel[a-z]*|rate)"
 """Words for an angular rate, before the name of its axis."""
 
 GYRO_ERRORS = (
-    ErrorKind(kind="offset", setting="rate_offset", per_log=True),
-    ErrorKind(kind="gain", setting="rate_gain"),
-    ErrorKind(kind="misalignment", setting="misalignment"),
+    ErrorKind(kind="offset", prior=0.004, per_log=True),
+    ErrorKind(kind="gain", prior=0.005),
+    ErrorKind(kind="misalignment", prior=math.radians(1)),  # a bracket is square to 0.5 to 1 degree
+    ErrorKind(kind="delay", prior=0.01, uncertain=True),
 )
 
 YAW_RATE = Channel(
@@ -79,7 +82,7 @@ ARTICULATION = Channel(
         rate=lambda now, i, _: now.motion.r[i] - now.motion.r[i - 1],
         behind_coupling=True,
     ),
-    errors=(ErrorKind(kind="offset", setting="articulation_offset", per_log=True),),
+    errors=(ErrorKind(kind="offset", prior=0.01, per_log=True),),
 )
 """The heading of a unit less that of the unit in front of it."""
 

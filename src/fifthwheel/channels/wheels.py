@@ -42,10 +42,12 @@ WHEEL_SPEED_DIFFERENCE = Channel(
         needs_roll=True,
     ),
     errors=(
-        ErrorKind(kind="offset", setting="wheel_speed_offset", per_log=True),
-        ErrorKind(kind="gain", setting="wheel_speed_gain"),
-        ErrorKind(kind="load_sensitivity", setting="wheel_load_sensitivity"),
-        ErrorKind(kind="delay", setting="wheel_speed_delay"),
+        ErrorKind(kind="offset", prior=0.005, per_log=True),
+        ErrorKind(kind="gain", prior=0.03),
+        # Magic Formula files of two truck tyres give 0.001 and 0.017 for a laden trailer axle
+        ErrorKind(kind="load_sensitivity", prior=0.015),
+        # the control unit averages pulses over 20 to 60 ms, and a wheel follows the road within a relaxation length
+        ErrorKind(kind="delay", prior=0.05),
     ),
 )
 """Speed of the right wheel of an axle less that of the left one, divided by their mean: wheel_speed_difference.<unit>

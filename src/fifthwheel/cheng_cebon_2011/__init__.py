@@ -6,8 +6,5 @@ experiments, outcomes, comparison, table, figures     every published number bes
 
 from fifthwheel.cheng_cebon_2011.estimator import identify_two_stage
 from fifthwheel.cheng_cebon_2011.settings import TwoStage, article
-from fifthwheel.identify.identify import method
 
 __all__ = ["TwoStage", "article", "identify_two_stage"]
-
-method.register(TwoStage, lambda _: identify_two_stage)

@@ -23,7 +23,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import ROLL_RATE, is_of
 from fifthwheel.cheng_cebon_2011.dual import dual_step
 from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
-from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
 from fifthwheel.errors import SignalError, VehicleError
@@ -31,14 +31,15 @@ from fifthwheel.formatting import enumerated
 from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
 from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.result import Estimate, Fit, Identification
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
+from fifthwheel.identify.unknowns.parameters import known_of
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, still_moving
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.native import compile_in_background
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -79,6 +80,7 @@ def identify_two_stage(
 ) -> Identification:
     """Identify a vehicle in two stages; arguments and errors as in `identify`."""
     require_no_steering(vehicle.steering, "the identification in two stages")
+    vehicle, settings = applied(vehicle, settings)
     dataset = prepare_dataset(records, vehicle, settings, validate)
     for unit in unmeasured_units(dataset.yaw, dataset.vehicle):
         raise SignalError(f"yaw_rate.{unit}: in none of the logs; two stages need it, map it or use one stage")
@@ -189,7 +191,7 @@ class _TwoStages:
         state = self._stage(state, "stage 1", self.yaw, self.yaw.names, progress)
         if self.full is self.yaw:
             return state
-        roll = [n for n in self.full.names if ParameterPath.of(n).is_payload_height or is_of(n, ROLL_RATE)]
+        roll = [n for n in self.full.names if ends_with(n, "payload.height") or is_of(n, ROLL_RATE)]
         yaw = [n for n in self.full.names if n not in roll]
         state = self._stage(state, "stage 2", self.full, roll, progress)
         while state.rounds < self.settings.rounds:
@@ -261,11 +263,8 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     if dataset.sensors:
         notes.append(SENSORS_NOTE.format(", ".join(dataset.sensors)))
     stage_1 = parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings)
-    if not stage_1 and not settings.nuisances:
-        raise VehicleError(
-            "fixed: every parameter of stage 1 is fixed and no sensor error is estimated, so nothing is left to "
-            "estimate; leave one parameter free, or estimate the sensor errors (nuisances)"
-        )
+    if not stage_1 and not sensor_unknowns(vehicle, dataset.yaw, settings):
+        raise VehicleError("given: everything of stage 1 is exact, so nothing is left; leave one number uncertain")
     heights = []
     for name in parameters.stage_2_names(vehicle):
         unit = ParameterPath.of(name).unit
@@ -278,7 +277,7 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     stage_2 = parameter_unknowns(vehicle, heights, settings)
 
     def problem(outputs: Sequence[str], estimated: Sequence[Unknown], *, roll: bool) -> DualProblem:
-        unknowns = (*estimated, *sensor_error_unknowns(vehicle, outputs, settings))
+        unknowns = (*estimated, *sensor_unknowns(vehicle, outputs, settings))
         return DualProblem(vehicle=vehicle, outputs=tuple(outputs), roll=roll, unknowns=unknowns, settings=settings)
 
     yaw = full = problem(dataset.yaw, stage_1, roll=False)
@@ -339,7 +338,8 @@ def _estimates(
     for name in (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle)):
         stage = 2 if name in parameters.stage_2_names(vehicle) else 1
         if name not in unknowns:
-            verdict = Verdict.FIXED if name in settings.fixed else Verdict.NOT_EXCITED
+            exact = known_of(name, given[name], settings, reported=True).exact
+            verdict = Verdict.FIXED if exact else Verdict.NOT_EXCITED
             result.append(estimates.fixed_estimate(name, given[name], verdict, stage=stage))
             continue
         unknown, value, sigma, time = unknowns[name], state.values[name], sigma_z[name], None

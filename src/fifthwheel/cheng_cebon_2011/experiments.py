@@ -165,13 +165,13 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
         assumed = with_factor(truck, dict.fromkeys(group_paths(truck, "roll_stiffness"), ROLL_STIFFNESS_ERROR))
         sensors |= {name: replace(sensors[name], bias=bias) for name, bias in BIASES.items()}
     # the published noise of C1r, C2 and I2zz, 600, 1000 and 400, is 0.05 to 0.1 % of their values, equation (15)
-    preset = article(fixed=(FRONT,), forgetting=0.9995, random_walk=0.0007)
+    preset = article(given={FRONT: "exact"}, forgetting=0.9995, random_walk=0.0007)
     front = {FRONT: MANUFACTURER_FRONT_STIFFNESS}
     arms = [
         Arm(name="article", settings=preset, assumed=assumed, fixed=front),
         Arm(name="default", settings=TwoStage(), assumed=assumed),
         Arm(name="one stage", settings=OneStage(), assumed=assumed),
-        Arm(name="default, front fixed", settings=TwoStage(fixed=(FRONT,)), assumed=assumed, fixed=front),
+        Arm(name="default, front fixed", settings=TwoStage(given={FRONT: "exact"}), assumed=assumed, fixed=front),
     ]
     name = "test vehicle with errors" if errors else "test vehicle"
     run = Plant(truck).drive(lane_changes_on_test_track(count=repetitions), name=name)

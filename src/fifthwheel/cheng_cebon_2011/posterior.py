@@ -26,7 +26,7 @@ from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.noise_model import long_run_covariance
+from fifthwheel.identify.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.record import Record
 
 SINGULAR = 1e14
@@ -87,7 +87,7 @@ def evaluate_posterior(
         z[indices] = problem.z(fixed.values)
         for segment in log.segments:
             part = fixed.information(segment, gated=gated)
-            lags = max(int(problem.settings.correlation_time * segment.rate), 1)
+            lags = max(int(CORRELATION_TIME * segment.rate), 1)
             information[np.ix_(indices, indices)] += part.information
             score_covariance[np.ix_(indices, indices)] += long_run_covariance(part.scores, lags)
             gradient[indices] += part.gradient

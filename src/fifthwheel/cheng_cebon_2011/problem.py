@@ -8,42 +8,47 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import is_sensor_error
+from fifthwheel.channels import STEER, SensorErrorName, is_of, is_sensor_error
 from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, run_dual
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, variances
 from fifthwheel.filters.initial_state import initial_state, steady_initial_state
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.unknowns.parameters import stage_1_names, stage_2_names
+from fifthwheel.identify.unknowns.parameters import known_of, sensor_error_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown, height_unknown, logarithmic_unknown, scaling
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ends_with
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
+STEER_ERRORS, OTHER_ERRORS = ("offset", "gain", "delay"), ("offset",)
+"""Kinds of errors that two stages estimate of the steer angles, and of other sensors."""
+
 
 def parameter_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
-    """The unknowns for those of the named parameters that are not fixed; the vehicle has the prior means.
-
-    Raises:
-        VehicleError: the settings fix a parameter that no stage estimates.
-    """
-    possible = stage_1_names(vehicle) + stage_2_names(vehicle)
-    for name in settings.fixed:
-        if name not in possible:
-            raise VehicleError(
-                f"{name}: cannot be fixed, because two stages do not estimate it; they estimate {', '.join(possible)}"
-            )
+    """The unknowns for those of the named parameters that are not exact; the vehicle has the prior means."""
     values = vehicle.parameters()
-    return [_unknown(name, values[name], settings) for name in names if name not in settings.fixed]
+    return [
+        _unknown(name, values[name], settings)
+        for name in names
+        if not known_of(name, values[name], settings, reported=True).exact
+    ]
+
+
+def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage) -> list[Unknown]:
+    """The unknown sensor errors."""
+    unknowns = sensor_error_unknowns(vehicle, outputs, settings)
+    errors = [SensorErrorName.of(u.name) or SensorErrorName("", "") for u in unknowns]
+    kinds = [STEER_ERRORS if is_of(error.signal, STEER) else OTHER_ERRORS for error in errors]
+    return [u for u, error, chosen in zip(unknowns, errors, kinds, strict=True) if error.kind in chosen]
 
 
 def _unknown(name: str, value: float, settings: TwoStage) -> Unknown:
-    if ParameterPath.of(name).is_payload_height:
-        return height_unknown(name, value, settings)
+    if ends_with(name, "payload.height"):
+        initial = settings.initial_payload_height
+        return height_unknown(name, value if initial is None else initial, settings.height_prior)
     unknown = logarithmic_unknown(name, value, settings.prior)
     return unknown if settings.logarithmic else replace(unknown, logarithmic=False, scale=settings.prior * value)
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.settings import Count, Limits
+from fifthwheel.settings import Count, Limits, Positive
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,12 +13,20 @@ class TwoStage(CommonSettings):
 
     Example:
         >>> import fifthwheel as fw
-        >>> fw.TwoStage(fixed=("tractor.front.cornering_stiffness",)).preset
+        >>> fw.TwoStage(given={"tractor.front.cornering_stiffness": "exact"}).preset
         'default'
     """
 
     method = "two-stage"
 
+    preset: str = "default"
+    """Name of these settings in the result."""
+    prior: Positive = 0.3
+    """Prior standard deviation of a stiffness or inertia, as a fraction of its initial value."""
+    height_prior: Positive = 1.0
+    """Prior standard deviation of a payload height, m."""
+    initial_payload_height: float | None = 0.1
+    """Initial value of a payload height, m; None takes the value of the vehicle file."""
     initial_sigma: float | None = None
     """Initial standard deviation in the filter, P_p(0), as a fraction of the initial value; None takes the prior."""
     initial_height_sigma: float | None = None
@@ -73,9 +81,10 @@ def article(**changes: Any) -> TwoStage:
         restart=False,
         forgetting=0.999,
         relaxation=False,
-        nuisances=False,
+        given={"sensors": "exact"},
         adapt_noise=False,
         process_noise=0.0,
         gate=1e6,
     )
-    return replace(preset, **changes)
+    given = {**preset.given, **changes.pop("given", {})}
+    return replace(preset, given=given, **changes)

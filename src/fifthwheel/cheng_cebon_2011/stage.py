@@ -23,10 +23,10 @@ from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.noise_model import autocorrelation_factor
+from fifthwheel.identify.noise_model import CORRELATION_TIME, autocorrelation_factor
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ends_with
 
 FEWEST_INNOVATIONS = 20
 """A channel with at most so many accepted innovations keeps its noise."""
@@ -235,7 +235,7 @@ class _Stage:
             values = innovation[accepted[:, i] > 0, i]
             if len(values) > FEWEST_INNOVATIONS:
                 noise[name] = log.effective_variance(name) * float(np.clip(np.mean(values**2), 1e-3, 1e3))
-                factors[name] = autocorrelation_factor(values, int(self.settings.correlation_time * rate))
+                factors[name] = autocorrelation_factor(values, int(CORRELATION_TIME * rate))
         return replace(log, noise=noise, autocorrelation_factor=factors)
 
     def _rows(self, time: Array, z: Array, variance: Array) -> _Rows:
@@ -272,7 +272,7 @@ def filter_sigmas(unknown: Unknown, settings: TwoStage) -> tuple[float, float]:
     """Standard deviations of z at the start of the filter, and that z gains per sample."""
     if unknown.is_sensor_error:
         return 1.0, 0.0
-    if ParameterPath.of(unknown.name).is_payload_height:
+    if ends_with(unknown.name, "payload.height"):
         start, walk, prior = settings.initial_height_sigma, settings.height_walk, settings.height_prior
     else:
         start, walk, prior = settings.initial_sigma, settings.random_walk, settings.prior

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     "fifthwheel fleet run manifest.csv --out fleet",
     "fifthwheel fleet run manifest.csv --out fleet --jobs 1",
     "fifthwheel fleet run s3://depot/manifest.parquet --out s3://depot/fleet --scheduler tcp://10.0.0.5:8786",
-    "fifthwheel fleet run manifest.csv --set payload.height=exact --set steer_delay='+- 5 ms' --height-limit 2.4m",
+    "fifthwheel fleet run manifest.csv --set payload.height=exact --set 'steer.*.delay=+- 5 ms' --height-limit 2.4m",
     of=fleet_app,
 )
 def run(
@@ -58,14 +58,17 @@ def run(
     """
     from fifthwheel.fleet import run as run_fleet
     from fifthwheel.identify import OneStage
-    from fifthwheel.workflow.statement import parse
+    from fifthwheel.identify.statement import combined, parse
 
     with terminal.progress_bar(quiet=as_json) as progress:
         result = run_fleet(
             manifest,
             out,
-            settings=OneStage(check=identification.check, tyres=identification.tyres),
-            statements=[*map(parse, identification.statements)],
+            settings=OneStage(
+                check=identification.check,
+                tyres=identification.tyres,
+                given=combined(map(parse, identification.statements)),
+            ),
             fleet=chosen,
             scheduler=scheduler,
             jobs=jobs,

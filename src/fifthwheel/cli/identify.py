@@ -18,7 +18,7 @@ from fifthwheel.options import IdentifyOptions
     "fifthwheel identify bend.csv ramp.csv -v truck.toml -s signals.toml -o result",
     "fifthwheel identify run.csv -v truck.toml --validate other.csv",
     "fifthwheel identify run.csv -v truck.toml --exclude 12.5..14",
-    "fifthwheel identify run.csv -v truck.toml --set semitrailer.mass='33.4 t +- 0.5 %' --set steer_delay='+- 5 ms'",
+    "fifthwheel identify run.csv -v truck.toml --set semitrailer.mass='33.4 t +- 0.5 %' --set 'steer.*.delay=+- 5 ms'",
     "fifthwheel identify run.csv -v truck.toml --set tractor.yaw_inertia=free --set roll_stiffness='+- 5 %'",
     "fifthwheel identify snow.csv -v truck.toml --tyres saturating --set road.friction=snow",
     "fifthwheel identify later.csv --vehicle result -o result",

@@ -199,9 +199,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         options = [
             f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
         ]
-        if ParameterPath.of(name).is_payload_height and any(
-            ends_with(s, end) for s in sources for end in OF_SUSPENSION
-        ):
+        if ends_with(name, "payload.height") and any(ends_with(s, end) for s in sources for end in OF_SUSPENSION):
             message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
             options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
         yield Advice(message, "\n".join(options), parameters=(name,))

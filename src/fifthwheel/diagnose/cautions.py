@@ -30,8 +30,8 @@ from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
-from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
-from fifthwheel.names import ParameterPath, split_log
+from fifthwheel.identify.unknowns.quantities import quantity
+from fifthwheel.names import ends_with, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.masses import unusual_masses
@@ -109,7 +109,7 @@ def has_wide_sigma(estimate: Estimate) -> bool:
 
 def is_unusual(identification: Identification, error: SensorError) -> bool:
     """Whether a sensor error is far from its prior mean, or a steer gain far from 1."""
-    mean, sigma = sensor_error_prior(identification, error.name)
+    mean, sigma = identification.prior_of_sensor_error(error.name)
     signal, kind = SensorErrorName.of(error.name) or (error.name, "")
     if kind == "gain" and is_of(signal, STEER):
         return abs(error.value - mean) > max(thresholds.UNUSUAL_GAIN, 2 * error.sigma)
@@ -117,23 +117,17 @@ def is_unusual(identification: Identification, error: SensorError) -> bool:
     return far and (kind != "misalignment" or abs(error.value - mean) > 2 * error.sigma)
 
 
-def sensor_error_prior(identification: Identification, name: str) -> tuple[float, float]:
-    """Prior mean and standard deviation of a sensor error, SI."""
-    prior = prior_of_sensor_error(identification.initial_vehicle, name, identification.settings)
-    return prior or (0.0, identification.settings.steer_delay_prior)  # the delay of a time base
-
-
 def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
     for e in identification.parameters:
-        if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ParameterPath.of(e.name).is_payload_height:
+        if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ends_with(e.name, "payload.height"):
             continue
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.ESTIMATE and _concerns(d, e.name)]
         if identification.covariance is not None and not doubts:
             continue
         if e.name == FRICTION:  # roads differ
             continue
-        prior = e.prior / abs(e.initial) if e.prior and e.initial else identification.settings.prior
+        prior = e.prior / abs(e.initial) if e.prior and e.initial else quantity(e.name).guess
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
             message = (
@@ -149,7 +143,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
         filtered = is_of(signal, SPEED, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
-        expected = sensor_error_prior(identification, error.name)[0]
+        expected = identification.prior_of_sensor_error(error.name)[0]
         delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]
         tested = identification.covariance is not None  # then a doubt says whether it is unusual
@@ -166,7 +160,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
             cure = (
                 "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-                "(--set steer_delay='+- 5 ms') and identify again."
+                "(--set 'steer.*.delay=+- 5 ms') and identify again."
             )
         elif steer_gain:
             text = (

@@ -194,7 +194,7 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> records = {f"seed {seed}": fw.simulate(truck, count=1, seed=seed) for seed in (0, 1)}
         >>> runs = {name: fw.identify([record], truck, settings) for name, record in records.items()}
         >>> fw.compare(runs).parameters[0].name

@@ -13,7 +13,7 @@ from fifthwheel.formatting import approximate, digits, enumerated, percent, rela
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
-from fifthwheel.identify.unknowns.parameters import TIME_BASE
+from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import named
 from fifthwheel.vehicle.parameters import is_relative

@@ -9,8 +9,9 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.identify import Fit, Identification, OneStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import free_run_fits
-from fifthwheel.identify.sensor_priors import with_sensors
-from fifthwheel.identify.unknowns.parameters import TIME_BASE, one_stage_unknowns
+from fifthwheel.identify.given import with_sensors
+from fifthwheel.identify.statement import TIME_BASE
+from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

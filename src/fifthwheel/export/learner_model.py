@@ -17,8 +17,8 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
 from fifthwheel.identify.online.start import discrepancy_variances
 from fifthwheel.identify.online.steering import Excitation
-from fifthwheel.identify.unknowns.gross_errors import largest_possible
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
+from fifthwheel.identify.unknowns.quantities import largest_possible
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
@@ -93,7 +93,7 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
     numbers = {
         "SMALLEST_PLAY": SMALLEST_PLAY,
         "MAX_STATE": MAX_STATE,
-        "BANK_SIGMA": settings.bank_prior if chain.bank else 0.0,
+        "BANK_SIGMA": live.setup.bank_sigma if chain.bank else 0.0,
         "WHEELBASE": excitation.wheelbase,
         "UNDERSTEER": excitation.understeer,
         "START_EXCITATION": limits.start_excitation,

@@ -14,6 +14,7 @@ from fifthwheel.vehicle import Vehicle
 
 PROCESS_VARIANCE = {quantity: channel.state.process for quantity, channel in CHANNELS.items() if channel.state}
 """Process noise of each state per second, SI squared, for the estimation of parameters."""
+PROCESS_VARIANCE["bank"] = 0.002**2  # what the bank of the road gains in one second
 OBSERVER_PROCESS_VARIANCE = {q: channel.state.observer_process for q, channel in CHANNELS.items() if channel.state}
 """Process noise of each state per second, SI squared, for the observation of states."""
 

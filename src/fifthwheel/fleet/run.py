@@ -19,7 +19,6 @@ from fifthwheel.identify import OneStage
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.settings import Progress
 from fifthwheel.options import FleetSettings
-from fifthwheel.workflow.statement import Statement
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""
@@ -68,7 +67,6 @@ def run(
     out: str | Path,
     *,
     settings: OneStage | None = None,
-    statements: Sequence[Statement] = (),
     fleet: FleetSettings | None = None,
     scheduler: str | None = None,
     jobs: int | None = None,
@@ -86,7 +84,6 @@ def run(
         manifest: path of a CSV or Parquet file (`read_manifest`), or its trips.
         out: data set: a folder, or a prefix of an object store such as s3://bucket/fleet.
         settings: of the identification of each trip; by default `OneStage()`.
-        statements: on the vehicle and the sensors of every trip, as by `workflow.apply_statements`.
         fleet: of the combination.
         scheduler: address of a Dask scheduler, as of `fifthwheel.cluster.connected`; None starts a local cluster.
         jobs: processes of the local cluster, by default one per core; 1 computes in this process, without Dask.
@@ -114,7 +111,6 @@ def run(
         job = TripJob(
             folder=dataset.folder,
             settings=settings,
-            statements=tuple(statements),
             done=done,
             failures={} if retry else failures,
         )
@@ -132,7 +128,7 @@ def run(
         rows = _combined(dataset, list(batches(counting)), fleet, execute, progress)
         tables = {name: table_of(rows.tables[name], schema) for name, schema in SCHEMAS.items()}
         described = {"version": __version__, "fleet": fleet.as_dict(), "identification": settings.as_dict()}
-        described |= {"statements": list(map(str, statements)), "not combined": rows.failed}
+        described |= {"not combined": rows.failed}
         dataset.write(tables | {"trips": counting}, described)
     result.changes = len(rows.tables["changes"])
     result.errors += rows.failed.items()

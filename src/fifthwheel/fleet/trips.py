@@ -26,14 +26,13 @@ from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.manifest import Trip
 from fifthwheel.identify import Identification, OneStage, Verdict, identify
+from fifthwheel.identify.given import missing_sensors
 from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.readers.limits import DEFAULTS
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, catalogue
-from fifthwheel.workflow.statement import Statement
-from fifthwheel.workflow.statements import apply, missing_sensors
 
 MAX_ERROR = 2000
 """Characters of an error that are kept."""
@@ -102,12 +101,11 @@ class TripJob:
     settings: OneStage
     done: Any  # sorted digests of the trips that are done, an array of bytes
     failures: Mapping[str, str] = field(default_factory=dict)  # errors by digest of trips that are not tried again
-    statements: tuple[Statement, ...] = ()  # on every trip
 
     @property
     def settings_digest(self) -> str:
         """Digest of what the run states of every trip."""
-        return _hash(self.settings.as_dict(), list(map(str, self.statements)))
+        return _hash(self.settings.as_dict())
 
 
 def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
@@ -130,9 +128,8 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
             if (failure := _hash(digest, environment())) in job.failures:
                 return TripOutcome("failed", failure, job.failures[failure])
             record = read_log(path, _signal_map(trip.signals, map_text), name=storage.stem(trip.log))
-        vehicle, settings = apply(Vehicle.loads(vehicle_text), job.settings, job.statements)
-        notes = [*record.notes, *missing_sensors(settings, record)]
-        identification = identify([record], vehicle, settings)
+        notes = [*record.notes, *missing_sensors(job.settings, record)]
+        identification = identify([record], Vehicle.loads(vehicle_text), job.settings)
         content: dict[str, Any] = {"notes": notes, "date": date or _date(record, trip.log)} | trip_content(
             identification, record
         )

@@ -30,13 +30,14 @@ from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.filters.speed_curve import SpeedCurve
 from fifthwheel.identify.doubts import NONLINEAR_SPEED_RATE
+from fifthwheel.identify.given import common_sensors
 from fifthwheel.identify.grade import grade_notes, with_grade
 from fifthwheel.identify.longitudinal import drive_axle_braking
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.noise_model import NoiseModel
-from fifthwheel.identify.sensor_priors import common_sensors
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import simplified
+from fifthwheel.identify.statement import statement
 from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.record.record import parts_where, segments_above
@@ -178,7 +179,8 @@ def prepare_dataset(
         )
     if any(a == b for a, b in itertools.combinations(everything, 2)):
         raise SignalError("logs: two logs contain the same samples; give every log once")
-    notes += [f"{name} is fixed: no sigma includes its uncertainty." for name in settings.fixed]
+    exact = [name for name, text in settings.given.items() if statement(name, text).kind == "exact"]
+    notes += [f"{name}: given as exact, so no sigma includes its uncertainty." for name in exact]
     notes += _lone_axles(vehicle)
     if vehicle.assumed:
         notes.append(
@@ -209,7 +211,7 @@ def prepare_dataset(
     release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
-    unused = [c for c in IDENTIFIED if c.of_roll and not getattr(settings, "roll", True)]
+    unused = [c for c in IDENTIFIED if c.of_roll and not settings.roll]
     require_roll(steered.steering, not unused)
     roll = measured_signals(logged, units, [c for c in (ROLL_RATE,) if c not in unused])
     others = measured_signals(logged, units, [c for c in IDENTIFIED if c not in (*USUAL, *unused)])

@@ -12,7 +12,7 @@ from fifthwheel.identify.dataset import LogData, measured_columns
 from fifthwheel.identify.result import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -141,7 +141,7 @@ def wheelbases(
 def _is_body_parameter(name: str, unit: str) -> bool:
     path = ParameterPath.of(name)
     return path.unit == unit and (
-        path.is_payload_height or (path.component == "sprung" and path.quantity in DERIVED_UNITS)
+        ends_with(name, "payload.height") or (path.component == "sprung" and path.quantity in DERIVED_UNITS)
     )
 
 

@@ -1,7 +1,6 @@
 """Identification of a vehicle: all methods behind one function, chosen by the kind of settings."""
 
-from collections.abc import Callable, Sequence
-from functools import singledispatch
+from collections.abc import Sequence
 from typing import Any
 
 from threadpoolctl import threadpool_limits
@@ -10,9 +9,8 @@ from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import CommonSettings, OneStage, Progress
+from fifthwheel.identify.settings import CommonSettings, OneStage, Progress, imported, method_named
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -44,15 +42,14 @@ def identify(
 
     Raises:
         SignalError: a log cannot be used; the message names the signal and the remedy.
-        VehicleError: `vehicle` is not one, or a parameter in the settings does not exist or cannot be estimated or
-            fixed.
+        VehicleError: `vehicle` is not one, or a statement of the settings cannot be used.
 
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
         >>> guess = truck.replace({"tractor.front.cornering_stiffness": 4.0e5})
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> result = fw.identify([record], guess, settings)
         >>> front = result["tractor.front.cornering_stiffness"]
         >>> abs(front.value - 475e3) < 3 * front.sigma
@@ -69,14 +66,9 @@ def identify(
     of_truck = {name: value for name, value in of_truck.items() if value is not None}
     if of_truck and not isinstance(settings, OneStage):
         raise SignalError(f"{next(iter(of_truck))}: only one stage begins with what is known; give OneStage(), or none")
+    method = imported(method_named(settings.method).identify)
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
-        return method(settings)(records, vehicle, settings, validate=validate, progress=progress, **of_truck)
-
-
-@singledispatch
-def method(settings: CommonSettings) -> Callable[..., Identification]:
-    """The function that identifies with settings of a kind; each method registers its own."""
-    raise SignalError(f"settings: expected OneStage or TwoStage, got {type(settings).__name__}; give one of them")
-
-
-method.register(OneStage, lambda _: identify_one_stage)
+        identified: Identification = method(
+            records, vehicle, settings, validate=validate, progress=progress, **of_truck
+        )
+    return identified

@@ -21,6 +21,8 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.nelder_mead import nelder_mead
 
+CORRELATION_TIME = 3.0
+"""Longest time over which residuals may be autocorrelated, s; used for sigma."""
 LONGEST_TIME_CONSTANT = 10.0
 """Of the discrepancy, s; a slower one is not separable from a sensor's offset."""
 BINS = 60

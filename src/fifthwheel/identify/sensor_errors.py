@@ -6,20 +6,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fifthwheel.channels import is_sensor_error
+from fifthwheel.channels import GYROS, is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import block_diagonal
 from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
-from fifthwheel.identify.settings import MODEL_ERRORS, OneStage
+from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.statement import BANK_VARIATION, TIME_BASE
 from fifthwheel.identify.unknowns.parameters import given_parameters
+from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.parameters import FRICTION, unit_of
 
 OTHER_ROAD = 0.7
 """Standard deviation of ln friction from one road to another: half or twice as large."""
@@ -37,7 +39,7 @@ def estimate_sensor_errors(
     *,
     exact_friction: bool = False,
     tyres: Tyres = "saturating",
-    bank_variation: float = MODEL_ERRORS["bank_variation"],
+    bank_variation: float = quantity(BANK_VARIATION).sigma,
     surroundings: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
@@ -63,14 +65,14 @@ def estimate_sensor_errors(
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    consider = {"bank_variation": bank_variation} if bank_variation else {}
-    settings = OneStage(
-        free=(), priors={}, consider=consider, tyres="linear", check=False, surroundings=surroundings or {}
-    )
+    given: dict[str, str | float] = {"truck": "exact", BANK_VARIATION: f"+- {bank_variation!r} rad"}
+    given |= dict.fromkeys((TIME_BASE, *[f"{gyro.quantity}.*.delay" for gyro in GYROS]), "exact")  # small, to save time
+    given |= surroundings or {}
+    settings = OneStage(given=given, tyres="linear", check=False)
     if friction is not None:
-        exact = (FRICTION,) if exact_friction else ()
-        settings = replace(settings, tyres=tyres, friction=friction, friction_prior=OTHER_ROAD, fixed=exact)
-        settings = replace(settings, consider=consider | (_known_within(vehicle, known, settings) if known else {}))
+        given[FRICTION] = f"{friction!r} exact" if exact_friction else f"{friction!r} +- {OTHER_ROAD:.0%}"
+        settings = replace(settings, tyres=tyres, given=given)
+        settings = replace(settings, given=given | (_known_within(vehicle, known, settings) if known else {}))
     identification = identify_one_stage([record], vehicle, settings)
     estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)
     if known is None or sensors is None:
@@ -81,8 +83,8 @@ def estimate_sensor_errors(
     return estimated, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
 
 
-def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, float]:
-    """The uncertain parameters that the sensor errors depend on, each with its sigma as a fraction of its value.
+def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, str]:
+    """Statements on the uncertain parameters that the sensor errors depend on.
 
     If tyres saturate, a log informs the offset of the steering and the bank by the curvature of the tyre law, as far as
     the law is known.
@@ -90,7 +92,8 @@ def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> d
     values = given_parameters(vehicle, settings)
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
     uncertain = {n: s for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}
-    return {n: min(s / values[n], HARDLY_KNOWN) for n, s in uncertain.items()}
+    fractions = {n: min(s / values[n], HARDLY_KNOWN) for n, s in uncertain.items()}
+    return {n: f"{values[n]!r} {unit_of(n)} +- {100 * fraction!r} %" for n, fraction in fractions.items()}
 
 
 class LogSensors(NamedTuple):
@@ -120,7 +123,7 @@ def log_sensors(
     if exact and uncertainty is not None:
         uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
     friction = friction if exact else identification.friction
-    variation = getattr(identification.settings, "consider", MODEL_ERRORS).get("bank_variation", 0.0)
+    variation = prior_of(identification.settings.given, BANK_VARIATION)[1]
     if record.name not in {log.name for log in identification.logs}:
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:

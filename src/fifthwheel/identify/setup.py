@@ -1,5 +1,6 @@
 """What an estimation knows before it sees a sample: `identify`, the `Learner` and predictions begin with a `Setup`."""
 
+import itertools
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -10,20 +11,25 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.analysis import slowest_decay
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
+from fifthwheel.identify.statement import DISCREPANCY, ROAD_BANK
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
-    expand_names,
     given_parameters,
+    known_of,
     lacks_roll_rate,
     one_stage_unknowns,
+    reported_parameters,
     time_base_delays,
+    with_stated_values,
 )
+from fifthwheel.identify.unknowns.quantities import prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
 from fifthwheel.vehicle import Vehicle
 
@@ -40,7 +46,7 @@ def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
     require_units(vehicle, settings.noise)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in vehicle.group_paths()})
-    return vehicle if getattr(settings, "uniform_payload", True) else vehicle.lumped()
+    return vehicle if settings.uniform_payload else vehicle.lumped()
 
 
 def with_tyre_law(vehicle: Vehicle, settings: OneStage) -> tuple[OneStage, str]:
@@ -117,8 +123,20 @@ class Setup:
 
     @cached_property
     def fixed(self) -> tuple[str, ...]:
-        """Paths of the parameters that the settings fix."""
-        return tuple(expand_names(self.vehicle, self.settings.fixed, self.settings))
+        """Paths of the parameters that would be estimated, if the settings did not state that they are exact."""
+        names = [name for name in reported_parameters(self.vehicle, self.settings) if name not in self.estimated]
+        exact = [known_of(name, self.given[name], self.settings, reported=True).exact for name in names]
+        return tuple(itertools.compress(names, exact))
+
+    @cached_property
+    def bank_sigma(self) -> float:
+        """Prior standard deviation of the mean bank of a segment, rad; 0 if the road is level."""
+        return prior_of(self.settings.given, ROAD_BANK)[1]
+
+    @cached_property
+    def has_discrepancies(self) -> bool:
+        """Whether the model of a learner has a discrepancy: that it has none is stated."""
+        return prior_of(self.settings.given, DISCREPANCY)[1] > 0
 
     @cached_property
     def without_roll_rate(self) -> frozenset[str]:
@@ -152,7 +170,7 @@ class Setup:
             self.vehicle,
             self.outputs,
             roll=self.settings.roll,
-            bank=self.settings.nuisances,
+            bank=self.bank_sigma > 0,
             free=tuple(self._parameters),
             extended=True,
             tyres=self.settings.tyre_law,
@@ -206,7 +224,9 @@ class Setup:
     def given_to_model(self, outputs: Sequence[str]) -> dict[str, float]:
         """Every parameter of an extended model with these outputs before the estimation, by name, SI."""
         values = dynamics.all_parameters(self.vehicle, outputs, extended=True, tyres=self.settings.tyre_law)
-        return values | dict(self.settings.surroundings) | self.given
+        others = (*self.given, dynamics.TIME_SCALE)
+        beyond = {n: value for n, value in values.items() if n not in others and not is_sensor_error(n)}
+        return values | with_stated_values(beyond, self.settings) | self.given
 
     @cached_property
     def _parameters(self) -> Mapping[str, float]:

@@ -10,8 +10,8 @@ from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
-from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.parameters import is_relative
 
 
 class Verdict(StrEnum):
@@ -77,12 +77,9 @@ def remaining_fraction(unknown: Unknown, value: float, sigma_z: float) -> float:
 
 
 def is_stated(vehicle: Vehicle, settings: OneStage, name: str) -> bool:
-    """Whether a user has said how well a parameter is known: by a statement, or a payload height in the file.
-
-    It is STATED where the logs do not determine it.
-    """
-    in_file = name in vehicle.stated and name not in vehicle.assumed and ParameterPath.of(name).is_payload_height
-    return name in settings.stated_priors or in_file
+    """Whether a user has said how well a payload height or a position is known: it is STATED where the logs do not
+    determine it."""
+    return name in vehicle.stated and name not in vehicle.assumed and not is_relative(name)
 
 
 def estimate_verdict(

@@ -7,15 +7,16 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
+from fifthwheel.identify.given import with_sensors
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import LEARNER_FILE
-from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.live.learning import Learning
 from fifthwheel.live.outputs.recorder import BackgroundWriter
 from fifthwheel.vehicle import Vehicle
@@ -52,7 +53,7 @@ def make_learning(
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        settings, last = OneStage(fixed=tuple(locks), tyres=tyres), knowledge and knowledge.last
+        settings, last = OneStage(given=dict.fromkeys(locks, "exact"), tyres=tyres), knowledge and knowledge.last
         occasion = Occasion(trailer=trailer or "")
         if last and trailer in (None, last.trailer):
             occasion = Occasion(trailer=last.trailer, load=last.load)
@@ -65,10 +66,11 @@ def make_learning(
     _require_same(path, content, former, vehicle, signals)
     if content["settings"].get("tyres", "linear") != tyres:
         raise SignalError(f"{path}: was learned with other tyres; give its --tyres, or another --state")
-    before, stated = set(content["settings"]["fixed"]), with_sensors(vehicle, OneStage(), sensors)
+    before, stated = _locked(content), with_sensors(vehicle, OneStage(), sensors)
     learner = _with_locks(Learner.of_content(content, str(path), knowledge=knowledge), former, vehicle, before, locks)
     settings = learner.live.setup.settings
-    if (settings.stated_priors, settings.noise) != (stated.stated_priors, stated.noise):
+    of_sensors = {name: text for name, text in settings.given.items() if is_sensor_error(name)}
+    if (of_sensors, settings.noise) != (stated.given, stated.noise):
         raise SignalError(
             f"{path}: was learned with other sensor classes or uncertainties in signals.toml; give another --state"
         )
@@ -102,10 +104,14 @@ class Checkpoint:
             self._written = state
 
 
+def _locked(content: Mapping[str, Any]) -> set[str]:
+    return {name for name, text in content["settings"]["given"].items() if text == "exact"}
+
+
 def _require_same(
     path: Path, content: Mapping[str, Any], former: Vehicle, vehicle: Vehicle, signals: Collection[str]
 ) -> None:
-    locked = content["settings"]["fixed"]
+    locked = _locked(content)
     same = {name: value for name, value in vehicle.parameters().items() if name not in locked}
     if {name: value for name, value in former.parameters().items() if name not in locked} != same:
         raise SignalError(f"{path}: has the estimates of another vehicle file; give that one, or another --state")

@@ -42,7 +42,7 @@ def progress_bar(*, quiet: bool = False) -> "Iterator[Callable[[str, int, int], 
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> with fw.progress_bar() as progress:
         ...     result = fw.identify([fw.simulate(truck, count=1)], truck, settings, progress=progress)
     """

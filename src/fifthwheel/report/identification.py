@@ -10,7 +10,7 @@ from fifthwheel import pages
 from fifthwheel._arguments import expect, expect_each
 from fifthwheel.assess import Assessment
 from fifthwheel.channels import SensorErrorName, si_unit
-from fifthwheel.diagnose.cautions import is_unusual, sensor_error_prior
+from fifthwheel.diagnose.cautions import is_unusual
 from fifthwheel.diagnose.fit_quality import fit_quality
 from fifthwheel.diagnose.information_summary import ParameterInformation, information_summary
 from fifthwheel.diagnose.summaries import summarise_runs
@@ -19,7 +19,9 @@ from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.result import display
-from fifthwheel.identify.unknowns.parameters import TIME_BASE, softening_priors
+from fifthwheel.identify.statement import TIME_BASE, stated
+from fifthwheel.identify.unknowns.parameters import softening_priors
+from fifthwheel.identify.unknowns.quantities import prior_of
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.pages import page
@@ -180,10 +182,9 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
         left = remaining.pop(e.name, None)
         rows.append((pages.Hinted(spoken(e.name), e.name), *cells, "–" if left is None else percent(left)))
     together = {change.name: change.slopes for change in changes(identification.initial_vehicle)}
-    factor = getattr(identification.settings, "consider", {}).get("vehicle_file", 1.0)
     before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
     for name, kept in remaining.items():
-        slopes = {path: factor * abs(slope) for path, slope in together.get(name, {}).items() if path in before}
+        slopes = {path: abs(slope) for path, slope in together.get(name, {}).items() if path in before}
         if name == MASS_SCALE and slopes:
             masses = [path for path in slopes if ParameterPath.of(path).component == "" and path.endswith(".mass")]
             value, initial, prior = (sum(table[path] for path in masses) for table in (after, before, slopes))
@@ -200,16 +201,16 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
 
 def _prior_alone(identification: Identification, name: str) -> tuple[float, float, str]:
     """Prior mean and standard deviation, and SI unit, of an uncertain number that no vehicle file has."""
-    vehicle, consider = identification.initial_vehicle, getattr(identification.settings, "consider", {})
+    vehicle, given = identification.initial_vehicle, identification.settings.given
     if SensorErrorName.of(name):
-        return *sensor_error_prior(identification, name), sensor_error_unit(name)
-    if name == TIME_BASE:
-        return 1.0, consider[TIME_BASE], "1"
-    group, _, quantity = name.rpartition(".")
-    if quantity == "softening":
+        return *identification.prior_of_sensor_error(name), sensor_error_unit(name)
+    group, _, last = name.rpartition(".")
+    if last == "softening":
         mean, sigma = softening_priors(vehicle)[group]
-        return mean, consider["softening"] * sigma, "1/rad"
-    return 0.0, vehicle.stated.get(name, consider.get("fixed_axles", 0.0)), "1"
+        found = stated(given, name, "1/rad", mean)
+        return found.value, found.or_sigma(sigma), "1/rad"
+    mean, sigma = prior_of(given, name)
+    return (1.0 if name == TIME_BASE else mean), vehicle.stated.get(name, sigma), "1"
 
 
 def _change(value: float, sigma: float | None, initial: float, prior: float | None, unit: str) -> tuple[str, ...]:
@@ -229,7 +230,7 @@ def _sensor_errors(identification: Identification) -> pages.Table:
                 kind,
                 error.log if error.log is not None else "all logs",
                 with_sigma(error.value, error.sigma, error.unit),
-                with_sigma(*sensor_error_prior(identification, error.name), error.unit),
+                with_sigma(*identification.prior_of_sensor_error(error.name), error.unit),
                 pages.Mark("! unusual", "plain", row="warn") if is_unusual(identification, error) else "",
             )
         )

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from fifthwheel.errors import VehicleError, suggestion
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import ObserverOptions
 from fifthwheel.vehicle.component import SI_UNITS
 
@@ -21,8 +21,6 @@ COMBINED_SLIP = "tyre.combined_slip"
 DRAG_AREA = "body.drag_area"
 ROLLING_RESISTANCE = "tyre.rolling_resistance"
 DRIVE_AXLE_BRAKING = "brakes.drive_axle"
-MEAN_DRIVE_AXLE_BRAKING = 0.5
-"""Where nothing is known of who brakes."""
 
 
 class TyreParameter(NamedTuple):
@@ -94,7 +92,7 @@ def is_signed(path: str) -> bool:
 
 def is_relative(path: str) -> bool:
     """Whether a standard deviation of a parameter is shown as a fraction of its value, and not in its unit."""
-    return not (is_signed(path) or ParameterPath.of(path).is_payload_height)
+    return not (is_signed(path) or ends_with(path, "payload.height"))
 
 
 def size_of(path: str, value: float, prior: float) -> float:

@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from fifthwheel._atomic import write_text
 from fifthwheel.errors import SignalError, VehicleError, suggestion
+from fifthwheel.names import ends_with
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.axle_loads import axle_loads
@@ -212,6 +213,20 @@ class Vehicle(Component):
         that have no value."""
         return {path: (*location, key) for path, (_, location, key) in self._numbers().items()}
 
+    def paths(self, names: Iterable[str]) -> list[str]:
+        """Paths of the parameters that are named by their path or by the end of it, each once.
+
+        Raises:
+            VehicleError: a name is neither.
+        """
+        known, paths = self.parameters(), list[str]()
+        for name in names:
+            matching = [path for path in known if ends_with(path, name)]
+            if not matching:
+                raise VehicleError(f"{name}: no such parameter in {self.name}; {suggestion(name, known)}")
+            paths += matching
+        return list(dict.fromkeys(paths))
+
     def parameter_ranges(self) -> dict[str, tuple[float, float]]:
         """Lowest and highest value of every scalar that a vehicle file may have, SI, by its path."""
         return {path: kind.ranges.get(key, (-math.inf, math.inf)) for path, (kind, _, key) in self._numbers().items()}
@@ -278,7 +293,7 @@ class Vehicle(Component):
         return type(self)(**complete(fields | {"stated": stated, "assumed": {}}))
 
     def with_stated(self, sigmas: Mapping[str, float]) -> Self:
-        """The same vehicle with other stated standard deviations of some parameters.
+        """The same vehicle with other stated standard deviations of some parameters, which are then not assumed.
 
         Args:
             sigmas: by path, SI; 0 for an exact number.
@@ -286,7 +301,8 @@ class Vehicle(Component):
         Raises:
             VehicleError: a path does not exist, or a standard deviation is negative or not finite.
         """
-        return type(self)(**self.model_dump() | {"stated": {**self.stated, **sigmas}})
+        assumed = {path: source for path, source in self.assumed.items() if path not in sigmas}
+        return type(self)(**self.model_dump() | {"stated": {**self.stated, **sigmas}, "assumed": assumed})
 
     @property
     def is_exact(self) -> bool:

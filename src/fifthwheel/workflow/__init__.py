@@ -1,5 +1,6 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
+from fifthwheel.identify.given import require_signals
 from fifthwheel.identify.knowledge.storage import file_of as knowledge_file
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.time_bases import check_signals
@@ -40,24 +41,17 @@ from fifthwheel.workflow.results import (
 )
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
 from fifthwheel.workflow.start import starts_of
-from fifthwheel.workflow.statement import Statement
-from fifthwheel.workflow.statement import parse as parse_statement
-from fifthwheel.workflow.statements import SENSOR_PRIORS, require_signals
-from fifthwheel.workflow.statements import apply as apply_statements
 from fifthwheel.workflow.states import run_states
 
 __all__ = [
     "ASSESSMENT_FILES",
     "EVALUATION_FILES",
     "IDENTIFICATION_FILES",
-    "SENSOR_PRIORS",
     "STATES_FILES",
     "VALIDATION_FILES",
     "ChannelEvidence",
     "IdentifyOptions",
     "SignalEvidence",
-    "Statement",
-    "apply_statements",
     "axle_load_differences",
     "changed_numbers",
     "check_signals",
@@ -70,7 +64,6 @@ __all__ = [
     "identification_file",
     "identification_settings",
     "knowledge_file",
-    "parse_statement",
     "propose_signals",
     "read_knowledge",
     "read_records",

@@ -13,11 +13,11 @@ from fifthwheel.assess import Assessment, assess
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
+from fifthwheel.identify.given import applied, require_signals, with_sensors
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import Progress
 from fifthwheel.observe import Observer, ObserverSettings, States
 from fifthwheel.record import Record
@@ -25,7 +25,6 @@ from fifthwheel.report import Conclusion, conclude_identification
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow.note import Note
 from fifthwheel.workflow.start import Start
-from fifthwheel.workflow.statements import require_signals
 
 if TYPE_CHECKING:
     from fifthwheel.identify.design import ExperimentDesign
@@ -214,10 +213,11 @@ def design_run(
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 
-    settings, planning = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings().up_to(max_speed)
+    vehicle, settings = applied(vehicle, settings or OneStage())
+    settings, planning = with_sensors(vehicle, settings, sensors), DesignSettings().up_to(max_speed)
     planning = replace(planning, speeds=(speed,) if speed else planning.speeds, max_acceleration=max_acceleration)
     return design_experiment(
-        vehicle if settings.uniform_payload else vehicle.lumped(),
+        vehicle,
         targets,
         settings,
         channels=channels,

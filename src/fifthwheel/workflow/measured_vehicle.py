@@ -12,8 +12,7 @@ from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import enumerated, with_sigma
 from fifthwheel.identify.knowledge.load import laden_unit, with_payload
 from fifthwheel.identify.mass import GrossMass, contradiction, gross_mass, mass_of_file
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, MODEL_ERRORS
-from fifthwheel.identify.unknowns.parameters import longest_matching_key
+from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -283,11 +282,10 @@ def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
     Raises:
         VehicleError: the test is not plausible, or does not suit the vehicle.
     """
-    relative = {key: sigma for key, sigma in DEFAULT_CONSIDERED.items() if key not in MODEL_ERRORS}
     sigmas = {}
     for path, value in vehicle.parameters().items():
-        if (key := longest_matching_key(path, relative)) and value > 0:
-            sigmas[path] = relative[key] * value
+        if (key := longest_end(path, FRACTIONS)) and value > 0:
+            sigmas[path] = FRACTIONS[key] * value
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
     source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")

@@ -7,11 +7,11 @@ from typing import Any
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, OneStage
+from fifthwheel.identify.given import applied
+from fifthwheel.identify.statement import combined, parse
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.workflow.statement import parse
-from fifthwheel.workflow.statements import apply
 
 
 def identification_settings(
@@ -27,7 +27,7 @@ def identification_settings(
         base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
 
     Raises:
-        FifthwheelError: a statement that cannot be used (`statements.apply`), or an option of another method.
+        FifthwheelError: a statement that cannot be used (`identify.given`), or an option of another method.
         VehicleError: a parameter that does not exist.
     """
     one_stage = chosen.method == "one-stage"
@@ -39,8 +39,8 @@ def identification_settings(
     if one_stage:
         return chosen_one_stage(vehicle, chosen, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
-    settings = replace(preset, check=chosen.check, passes=chosen.passes or preset.passes)
-    return apply(vehicle, settings, map(parse, chosen.statements))
+    given = {**preset.given, **combined(map(parse, chosen.statements))}
+    return applied(vehicle, replace(preset, check=chosen.check, passes=chosen.passes or preset.passes, given=given))
 
 
 def chosen_one_stage(
@@ -52,7 +52,9 @@ def chosen_one_stage(
     """The same for one stage, whatever the method."""
     form: Any = chosen.form.replace("-", "_")
     of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
-    return apply(vehicle, replace(base or OneStage(), **of_options), map(parse, chosen.statements))
+    base = base or OneStage()
+    given = {**base.given, **combined(map(parse, chosen.statements))}
+    return applied(vehicle, replace(base, given=given, **of_options))
 
 
 _ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")

@@ -19,6 +19,7 @@ from fifthwheel.identify.design import (
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
@@ -27,7 +28,7 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle.uncertainty import MASS_SCALE
 from tests.identify.conftest import without
 
-EXACT = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+EXACT = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """The numbers of the simulated truck are exact, and its tyres are linear."""
 HEIGHT = "semitrailer.payload.height"
 FRONT = "tractor.front.cornering_stiffness"
@@ -62,7 +63,7 @@ def test_a_fit_gives_the_predicted_result(truck, record, quantities, settings):
     """Sigma, verdict and correlated unknowns; the fit estimates the noise, and linearises at its own estimate."""
     log = without(record, *quantities)
     before = predict_sigmas([log], truck, settings)
-    after = identify([log], truck, replace(settings, initial_payload_height=None))
+    after = identify([log], truck, settings)
     for predicted in before.parameters:
         estimate = after[predicted.name]
         assert (predicted.verdict, predicted.unit) == (estimate.verdict, estimate.unit)
@@ -126,46 +127,48 @@ def test_knowing_a_number_helps_as_predicted(truck, record, assessment):
     one, two = (r for r in predict_sigmas([record], truck, None, KEEN)[HEIGHT].remedies if r.kind == "know")
     assert one.known == two.known[:1] == ("semitrailer.roll_stiffness",)
     for remedy in (one, two):
-        after = predict_sigmas([record], truck, OneStage(fixed=remedy.known))[HEIGHT]
+        after = predict_sigmas([record], truck, OneStage(given=dict.fromkeys(remedy.known, "exact")))[HEIGHT]
         assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
         assert remedy.sigma < 0.9 * assessment[HEIGHT].sigma
     assert two.sigma < 0.9 * one.sigma
-    uncertain = OneStage(priors={"relaxation_length": 0.5}, consider={})
+    uncertain = OneStage(given={"others": "exact", "relaxation_length": "+- 50 %"})
     remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[FRONT])
-    after = predict_sigmas([record], truck, replace(uncertain, fixed=remedy.known))[FRONT]
+    known = uncertain.given | dict.fromkeys(remedy.known, "exact")
+    after = predict_sigmas([record], truck, replace(uncertain, given=known))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
 def test_stating_exact_axle_positions_helps_as_predicted(truck, record):
     """Where nothing else of the vehicle file is uncertain."""
-    positions = [name for name in truck.parameters() if name.startswith("semitrailer.") and name.endswith(".position")]
-    others = {name: 0.0 for name in truck.parameters() if name not in positions}
-    settings, measured = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
-    remedy = first_known(predict_sigmas([record], measured, settings, KEEN)[INERTIA])
+    positions = "semitrailer.*.position"
+    uncertain = replace(EXACT, given={**EXACT.given, positions: "+- 3 cm"})
+    remedy = first_known(predict_sigmas([record], truck, uncertain, KEEN)[INERTIA])
     assert remedy.known == ("semitrailer.axle_positions",)
-    after = predict_sigmas([record], measured.with_stated(dict.fromkeys(positions, 0.0)), settings)[INERTIA]
-    assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
+    known = replace(EXACT, given={**EXACT.given, positions: "exact"})
+    assert remedy.sigma == pytest.approx(predict_sigmas([record], truck, known)[INERTIA].sigma, rel=1e-6)
 
 
 def test_stating_exact_masses_helps_as_predicted(truck, record):
     """One remedy for the masses of all units: one scale weighs them."""
     masses = {f"{unit.name}.mass": 0.0 for unit in truck.units}
-    others = {name: 0.0 for name in truck.parameters() if not name.endswith("mass")}
-    settings, weighed = replace(EXACT, consider={"vehicle_file": 1.0}), truck.with_stated(others)
+    weighed = truck.with_stated({name: 0.0 for name in truck.parameters() if not name.endswith("mass")})
+    of_model = ("softening", "variation", "brakes.drive_axle", "discrepancy")
+    settings = replace(EXACT, given=dict.fromkeys(("sensors", "road.*", *of_model), "exact"))
     remedy = first_known(predict_sigmas([record], weighed, settings, KEEN)[FRONT])
     assert remedy.known == (MASS_SCALE,)
     after = predict_sigmas([record], weighed.with_stated(masses), settings)[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
-@pytest.mark.parametrize(("kind", "sigma"), [("gain", 0.15), ("play", 0.05)])
+@pytest.mark.parametrize(("kind", "sigma"), [("gain", "+- 15 %"), ("play", "+- 0.05 rad")])
 def test_knowing_a_sensor_error_helps_as_predicted(truck, record, kind, sigma):
     """Play or gain of the steering, where no other error limits the estimate."""
-    names = ("rate_gain_prior", "misalignment_prior", "steer_gain_prior", "steer_delay_prior")
-    settings = OneStage(free=(FRONT,), consider={}, **{**dict.fromkeys(names, 1e-9), f"steer_{kind}_prior": sigma})
-    remedy = first_known(predict_sigmas([record], truck, settings, KEEN)[FRONT])
-    assert remedy.known == (f"steer.tractor.front.{kind}",)
-    after = predict_sigmas([record], truck, replace(settings, **{f"steer_{kind}_prior": 1e-9}))[FRONT]
+    name = f"steer.tractor.front.{kind}"
+    exact = ("truck", "time_base", "*_rate.*.gain", "*_rate.*.delay", "misalignment", "steer.*.gain", "steer.*.delay")
+    given = {**dict.fromkeys(exact, "exact"), FRONT: "free", name: sigma}
+    remedy = first_known(predict_sigmas([record], truck, OneStage(given=given), KEEN)[FRONT])
+    assert remedy.known == (name,)
+    after = predict_sigmas([record], truck, OneStage(given={**given, name: "exact"}))[FRONT]
     assert remedy.sigma == pytest.approx(after.sigma, rel=1e-6)
 
 
@@ -193,7 +196,7 @@ def test_one_more_channel_helps_as_predicted(truck, record):
     without_roll = predict_sigmas([without(record, "roll_rate")], truck)
     height = without_roll[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
-    assert height.sigma < height.prior == OneStage().height_prior  # yaw rates inform it if the model is right
+    assert height.sigma < height.prior == quantity(HEIGHT).sigma  # yaw rates inform it if the model is right
     (remedy,) = height.remedies
     assert remedy.channel == "roll_rate.semitrailer"
     name = "roll_rate.semitrailer"
@@ -280,15 +283,17 @@ def test_the_noise_is_estimated_from_the_logs(truck, record):
 
 
 def test_estimated_and_fixed_parameters(truck, record):
-    assessment = predict_sigmas([record], truck, OneStage(free=("tractor.yaw_inertia",), fixed=(FRONT,)))
+    known = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact"}
+    free = {"tractor.yaw_inertia": "free"}
+    assessment = predict_sigmas([record], truck, OneStage(given=known | free))
     assert [p.name for p in assessment.parameters] == ["tractor.yaw_inertia"]
-    assert any(FRONT in note for note in assessment.notes)
+    assert any("cornering_stiffness" in note for note in assessment.notes)
     separate = predict_sigmas([record], truck, OneStage(uniform_payload=False))
     assert separate["semitrailer.sprung.cog_height"].value == pytest.approx(truck.derived()["semitrailer.cog_height"])
-    with pytest.raises(VehicleError, match="fixed: every parameter is fixed"):
-        predict_sigmas([record], truck, OneStage(fixed=("cornering_stiffness", "yaw_inertia", "payload.height")))
+    with pytest.raises(VehicleError, match="given: every parameter is exact"):
+        predict_sigmas([record], truck, OneStage(given=known))
     with pytest.raises(VehicleError, match="no such parameter"):
-        predict_sigmas([record], truck, OneStage(fixed=("tractor.colour",)))
+        predict_sigmas([record], truck, OneStage(given={"tractor.colour": "exact"}))
 
 
 def test_json(assessment):

@@ -201,7 +201,7 @@ def test_information_of_a_channel_that_misses_samples(truck, lanes) -> None:
     kept = {name: lanes.signals[name].copy() for name in ("speed", "steer.tractor.front", yaw, roll)}
     kept[yaw][:300], kept[roll][100:500] = np.nan, np.nan
     vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
-    predictor = InformationPredictor.of(vehicle, OneStage(consider={}), [20.0])
+    predictor = InformationPredictor.of(vehicle, OneStage(given={"others": "exact"}), [20.0])
     log = LogData(name="lanes", segments=[replace(lanes, signals=kept)], noise=dict(GYROS))
     run = predictor.run_information(log)
     assert run.logged.keys() == {yaw, roll}
@@ -248,7 +248,8 @@ def test_the_start_of_an_unstable_vehicle(truck, lanes) -> None:
     vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
     vehicle = vehicle.replace({"tractor.drive.cornering_stiffness": 3e5})
     axles = ["tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness"]
-    predictor = InformationPredictor.of(vehicle, OneStage(prior=0.2), [10.0, 20.0])
+    settings = OneStage(given={"cornering_stiffness": "+- 20 %", "yaw_inertia": "+- 20 %"})
+    predictor = InformationPredictor.of(vehicle, settings, [10.0, 20.0])
     assert list(predictor.start) == axles
     (z,) = set(predictor.start.values())
     assert z % 0.5 == 0
@@ -285,18 +286,18 @@ def test_the_noise_of_segments_is_weighted_by_their_length(truck) -> None:
 def test_the_speed_of_the_lane_change_that_is_a_remedy(truck, speed: float) -> None:
     """The median of the logs, but at least 15 m/s."""
     record = simulate(truck, count=1, seed=1, speed=speed)
-    settings = OneStage(free=("tractor.front.cornering_stiffness",), consider={})
+    settings = OneStage(given={"truck": "exact", "tractor.front.cornering_stiffness": "free"})
     assessment = predict_sigmas([record], truck, settings, AssessmentSettings(), checked=True)
     assert assessment.speed == max(float(np.median(record.signals["speed"])), 15.0)
 
 
 def test_a_parameter_with_a_target_is_estimated(truck) -> None:
     """With all others that the settings estimate."""
-    settings = OneStage(fixed=("tractor.front.cornering_stiffness",))
+    settings = OneStage(given={"tractor.front.cornering_stiffness": "exact"})
     usual = estimated_parameters(truck, settings)
     more = _with_targets_estimated(truck, {"tractor.yaw_inertia": 0.2, usual[0]: 0.1}, settings)
     assert estimated_parameters(truck, more) == [*usual, "tractor.yaw_inertia"]
-    assert more.fixed == settings.fixed
+    assert settings.given.items() < more.given.items()
     assert _with_targets_estimated(truck, {usual[0]: 0.1}, settings) == settings
 
 

@@ -30,7 +30,7 @@ from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.vehicle import Vehicle
 
 GYROS = article_gyro_variance(["tractor", "semitrailer"])
-EXACT = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+EXACT = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """The numbers of the simulated truck are exact, and its tyres are linear."""
 INERTIA, HEIGHT, FRONT = "semitrailer.yaw_inertia", "semitrailer.payload.height", "tractor.front.cornering_stiffness"
 WHITE = {name: NoiseModel(white=variance) for name, variance in GYROS.items()}
@@ -207,7 +207,7 @@ def test_default_targets_and_parameters_that_are_not_estimated_by_default(truck)
     assert sigmas_along(predictor, design.best) == pytest.approx(dict(design.best.sigma), rel=1e-3)
     other = design_experiment(truck, {"tractor.yaw_inertia": 0.2}, planning=QUICK)
     assert other.best.sigma["tractor.yaw_inertia"] > 0
-    fixed = design_experiment(truck, None, OneStage(fixed=(FRONT,)), planning=QUICK)
+    fixed = design_experiment(truck, None, OneStage(given={FRONT: "exact"}), planning=QUICK)
     assert FRONT not in fixed.targets
 
 
@@ -221,10 +221,11 @@ def test_uncertain_parameters_limit_the_sigma(truck):
     tested, measured = unmet.remedies
     assert tested.roll_test == "semitrailer"
     assert measured.known[0] in ("semitrailer.roll_axis_height", "semitrailer.roll_stiffness")
-    after = predict_sigmas([simulated(design)], truck, OneStage(fixed=measured.known))[HEIGHT]
+    known = OneStage(given=dict.fromkeys(measured.known, "exact"))
+    after = predict_sigmas([simulated(design)], truck, known)[HEIGHT]
     assert measured.sigma == pytest.approx(after.sigma / after.value, rel=0.1)
     assert max(tested.sigma, measured.sigma) < 0.9 * unmet.sigma
-    uncertain = OneStage(priors={"relaxation_length": 0.5})
+    uncertain = OneStage(given={"relaxation_length": "+- 50 %"})
     design = design_experiment(truck, {FRONT: 0.01}, uncertain, planning=QUICK)
     known = [name for remedy in design.unmet[0].remedies for name in remedy.known]
     assert known
@@ -259,7 +260,7 @@ def test_speeds_at_which_the_truck_is_unstable_are_left_out(truck):
     [
         ({"semitrailer.yaw_intertia": 0.1}, {}, r"yaw_intertia: no such parameter"),
         ({INERTIA: 0.0}, {}, r"yaw_inertia: expected a target sigma above 0"),
-        ({INERTIA: 0.1}, {"settings": OneStage(fixed=(INERTIA,))}, r"yaw_inertia: has a target but is fixed"),
+        ({INERTIA: 0.1}, {"settings": OneStage(given={INERTIA: "exact"})}, r"yaw_inertia: has a target but is exact"),
         (None, {"channels": ["roll_rate.tractor"]}, r"yaw_rate\.tractor: not among the channels"),
         (None, {"channels": ["sideslip.tractor"]}, r"sideslip\.tractor: not a channel that a fit uses"),
     ],
@@ -270,8 +271,9 @@ def test_impossible_designs_are_refused(truck, targets, more, message):
 
 
 def test_every_default_target_fixed(truck):
-    with pytest.raises(VehicleError, match=r"^targets: every cornering stiffness and yaw inertia is fixed"):
-        design_experiment(truck, None, OneStage(fixed=("cornering_stiffness", "yaw_inertia")), planning=QUICK)
+    known = OneStage(given={"cornering_stiffness": "exact", "yaw_inertia": "exact"})
+    with pytest.raises(VehicleError, match=r"^targets: every cornering stiffness and yaw inertia is exact"):
+        design_experiment(truck, None, known, planning=QUICK)
 
 
 @pytest.mark.parametrize(

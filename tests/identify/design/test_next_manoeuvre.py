@@ -79,7 +79,7 @@ def test_a_target_that_driving_does_not_reach_is_limited_by_what_varies(learner,
     plan = plan_manoeuvres(learner, candidates, {TRAILER: 0.02})
     assert plan.sigma[TRAILER] > 0.02
     assert plan.limits == {TRAILER: "semitrailer.cornering_stiffness.variation"}
-    exact = Learner(TRUCK, SIGNALS, OneStage(tyres="linear", consider={}))
+    exact = Learner(TRUCK, SIGNALS, OneStage(tyres="linear", given={"others": "exact"}))
     plan = plan_manoeuvres(exact, manoeuvre_information(exact, FEW), {TRAILER: 0.02})
     assert plan.sigma[TRAILER] <= 0.02
     assert plan.limits == {}

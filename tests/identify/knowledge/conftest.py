@@ -11,7 +11,8 @@ from fifthwheel.identify.knowledge.information import LogKnowledge
 TRUCK = fw.vehicle("cheng_cebon_2011")
 FRONT = "tractor.front.cornering_stiffness"
 REAR = "semitrailer.cornering_stiffness"
-SETTINGS = fw.OneStage(free=(FRONT, REAR, "semitrailer.yaw_inertia"), consider={}, tyres="linear")
+ESTIMATED = dict.fromkeys((FRONT, REAR, "semitrailer.yaw_inertia"), "free")
+SETTINGS = fw.OneStage(given={"truck": "exact", **ESTIMATED}, tyres="linear")
 DAY = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 
 

@@ -18,7 +18,7 @@ from fifthwheel.identify.unknowns.parameters import VARIATION
 TRUCK = fw.vehicle("cheng_cebon_2011")
 STEER = "steer.tractor.front"
 DATE = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
-SETTINGS = fw.OneStage(steer_delay_prior=0.02, tyres="linear")
+SETTINGS = fw.OneStage(given={"steer.*.delay": "+- 20 ms"}, tyres="linear")
 
 
 def record(k: int, *, late: float = 0.0, trailer: bool = False) -> fw.Record:

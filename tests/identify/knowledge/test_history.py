@@ -126,7 +126,7 @@ def test_doubts_are_kept_and_named_by_later_results(logs):
         record = fw.simulate(truck, count=1, seed=seed, name=f"run {seed}")
         return record.with_signals({steer: np.interp(record.time - 0.25, record.time, record.signals[steer])})
 
-    settings = fw.OneStage(free=(), consider={}, tyres="linear")
+    settings = fw.OneStage(given={"truck": "exact"}, tyres="linear")
     first = fw.identify([late(1)], truck, settings)
     (log,) = first.knowledge.logs
     assert first.doubts

@@ -17,7 +17,7 @@ TYRES = "semitrailer.cornering_stiffness"
 FRONT = "tractor.front.cornering_stiffness"
 LINEAR = fw.OneStage(tyres="linear")
 """The tyres of the simulated truck."""
-SMALL = fw.OneStage(free=(FRONT,), consider={}, tyres="linear", nuisances=False)
+SMALL = fw.OneStage(given={"*": "exact", FRONT: "free"}, tyres="linear")
 """Settings that are identified in a fraction of a second."""
 
 

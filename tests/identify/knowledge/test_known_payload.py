@@ -22,9 +22,8 @@ def assumed(truck: Vehicle) -> Vehicle:
 def test_a_known_payload_makes_the_next_payload_height_more_accurate(truck: Vehicle, assumed: Vehicle) -> None:
     """The known one has the same mass, and a height of 0.8 m."""
     low, record = fw.simulate(truck.replace({HEIGHT: 0.8}), count=1, seed=3), fw.simulate(truck, count=1, seed=4)
-    known = fw.identify(
-        [low], assumed.replace({HEIGHT: 0.8}), replace(LINEAR, fixed=(HEIGHT,)), occasion=fw.Occasion(load="a")
-    )
+    settings = replace(LINEAR, given={HEIGHT: "0.8 m exact"})
+    known = fw.identify([low], assumed, settings, occasion=fw.Occasion(load="a"))
     alone = fw.identify([record], assumed, LINEAR)[HEIGHT]
     after = fw.identify([record], assumed, LINEAR, knowledge=known.knowledge, occasion=fw.Occasion(load="b"))[HEIGHT]
     true = truck.parameters()[HEIGHT]

@@ -40,8 +40,9 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
     """All logs linearised at one point: with the prior N(0, I), the sums give estimate and covariance of all shared
     unknowns, of the masses and lengths of the vehicle file too. Linear tyres have no friction, which is the log's own;
     without gains there is no logarithm, and without play no bound."""
-    exact = {"steer_gain_prior": 0.0, "rate_gain_prior": 0.0, "steer_play_prior": 0.0}
-    settings = fw.OneStage(tyres="linear", guess_tail=1e6, **exact)
+    exact = dict.fromkeys(("steer.*.gain", "*_rate.*.gain", "play"), "exact")
+    normal = dict.fromkeys(("cornering_stiffness", "yaw_inertia"), "+- 30 %")
+    settings = fw.OneStage(tyres="linear", given=exact | normal)
     together = solve_one_stage([record(0), record(1)], GUESS, settings)
     first, second = (shared_information(linearised_alone(together, i)) for i in range(2))
     assert first.names == second.names
@@ -60,8 +61,7 @@ def test_single_logs_combine_to_the_identification_of_all() -> None:
     linearised at its own estimate, with a road of its own, which explains the rest of the difference, 0.16 sigma where
     all searches are exact: the sums are exact (test above), and the two logs alone differ by half a sigma."""
     records = [record(0, count=4), record(1, count=4)]
-    consider = {key: sigma for key, sigma in fw.OneStage().consider.items() if key != "softening"}  # quadratic in slip
-    settings = fw.OneStage(tyres="linear", consider=consider)
+    settings = fw.OneStage(tyres="linear", given={"softening": "exact"})  # it is quadratic in slip
     together = fw.identify(records, GUESS, settings)
     logs = []
     for k, one in enumerate(records):
@@ -86,7 +86,7 @@ def test_a_parameter_that_needs_a_missing_roll_rate_is_not_shared() -> None:
 def test_a_gain_is_shared_by_its_logarithm() -> None:
     """Also with a prior mean that is not 1; the vector is that of the estimates where the logs have no gradient."""
     steer = "steer.tractor.front.gain"
-    settings = fw.OneStage(tyres="linear", stated_priors={steer: (1.1, 0.05)})
+    settings = fw.OneStage(tyres="linear", given={steer: "1.1 +- 0.05"})
     outputs = ("yaw_rate.tractor", "yaw_rate.semitrailer")
     setup = Setup.of(TRUCK.with_logged_steering(["steer.tractor.front"], "log"), outputs, settings)
     names = [u.name for u in setup.unknowns]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.channels import LATERAL_ACCELERATION
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.diagnose.cautions import identification_cautions
 from fifthwheel.identify import Identification, OneStage, identify
@@ -16,8 +17,9 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.unit import Accelerometer
 
 NAME = "lateral_acceleration.tractor"
-EXACT = OneStage(tyres="linear", priors={}, consider={}, steer_gain_prior=0.05)
-"""The vehicle file is exact; all sensor errors are estimated."""
+STEERING = {"steer.*.gain": "+- 5 %"}
+EXACT = OneStage(tyres="linear", given={"others": "exact", "*_rate.*.delay": "exact", **STEERING})
+"""The vehicle file and the latency of gyros are exact; all other sensor errors are estimated."""
 TRUE_ERRORS = {"offset": 0.25, "gain": 1.03, "delay": 0.02, "position": -1.53, "height": 0.75}
 
 
@@ -63,8 +65,8 @@ def test_it_recovers_parameters_and_sensor_errors(result: Identification, truck:
     for kind, true in TRUE_ERRORS.items():
         assert abs(errors[kind].value - true) < 3 * errors[kind].sigma, kind
     assert [errors[kind].unit for kind in TRUE_ERRORS] == ["m/s^2", "1", "s", "m", "m"]
-    assert errors["position"].sigma < 0.1 * EXACT.accelerometer_position_prior
-    assert errors["delay"].sigma < 0.2 * EXACT.acceleration_delay_prior
+    assert errors["position"].sigma < 0.1 * LATERAL_ACCELERATION.error("position").prior
+    assert errors["delay"].sigma < 0.2 * LATERAL_ACCELERATION.error("delay").prior
     assert errors["offset"].log == "simulated"
     assert errors["gain"].log is None
 
@@ -77,7 +79,7 @@ def test_it_adds_information(result: Identification, without: Identification) ->
 
 
 def test_check_counts_its_information(log: Record, gyros_only: Record, truck: Vehicle) -> None:
-    fitted = identify([log], truck, OneStage(tyres="linear", initial_payload_height=None))
+    fitted = identify([log], truck, OneStage(tyres="linear", given={"payload.height": "+- 0.75 m"}))
     for predicted in predict_sigmas([log], truck).parameters:
         assert predicted.sigma == pytest.approx(fitted[predicted.name].sigma, rel=0.1)
     counted, without = (predict_sigmas([record], truck, EXACT) for record in (log, gyros_only))
@@ -103,7 +105,7 @@ def test_two_stages_do_not_use_it(log: Record, gyros_only: Record, guess: Vehicl
 def test_an_exact_place_is_not_estimated(log: Record, guess: Vehicle) -> None:
     there = placed(guess, TRUE_ERRORS["position"], TRUE_ERRORS["height"])
     stated = {"tractor.accelerometer.position": 0.0, "tractor.accelerometer.height": 0.1}
-    result = identify([log], there.with_stated(stated), EXACT)
+    result = identify([log], there.with_stated(stated), OneStage(tyres="linear", given=STEERING))
     height = next(e for e in result.sensors if e.name == f"{NAME}.height")
     assert f"{NAME}.position" not in [e.name for e in result.sensors]
     assert height.sigma < 0.1
@@ -113,7 +115,8 @@ def test_an_exact_place_is_not_estimated(log: Record, guess: Vehicle) -> None:
 def test_a_time_base_of_its_own(log: Record, guess: Vehicle) -> None:
     """The delay of the time base and that of the sensor add up."""
     late = replace(log, time_bases={NAME: "logger 2"})
-    result = identify([late], guess, replace(EXACT, acceleration_delay_prior=0.001))
+    settings = replace(EXACT, given={**EXACT.given, f"{NAME}.delay": "+- 1 ms"})
+    result = identify([late], guess, settings)
     delay = next(e for e in result.sensors if e.name == "time_base.logger 2.delay")
     assert abs(delay.value - TRUE_ERRORS["delay"]) < 3 * np.hypot(delay.sigma, 0.001)
     assert delay.sigma < 0.01

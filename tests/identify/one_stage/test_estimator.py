@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
+from fifthwheel.channels import STEER as STEER_ANGLE
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state
 from fifthwheel.identify.one_stage import estimator
-from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
+from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
+from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
@@ -28,8 +28,8 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import FRICTION
 from tests.identify.conftest import without
 
-EVERY_PARAMETER = ("cornering_stiffness", "yaw_inertia", "payload.height")
-KNOWN = OneStage(tyres="linear", priors={}, consider={}, nuisances=False)
+EVERY_PARAMETER = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
+KNOWN = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"})
 HEIGHT = "semitrailer.payload.height"
 STEER = "steer.tractor.front"
 BOUND = {
@@ -70,7 +70,7 @@ def test_one_lane_change_from_wrong_initial_values(truck: Vehicle, factors: tupl
     for name, error in errors(result, truck).items():
         if name in BOUND:
             assert abs(error) < 3.5 * BOUND[name], name
-    right = identify([record], truck, replace(KNOWN, initial_payload_height=None))
+    right = identify([record], truck, replace(KNOWN, given={**KNOWN.given, HEIGHT: "+- 0.75 m"}))
     for e in result.parameters:  # the prior mean has some weight
         assert abs(e.value - right[e.name].value) < 0.2 * e.sigma, e.name
 
@@ -135,14 +135,14 @@ def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:
     for i, offset in enumerate((0.003, -0.002)):
         record = simulate(truck, count=1, seed=i, name=f"log {i}")
         records.append(record.with_signals({"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + offset}))
-    result = identify(records, guess, replace(KNOWN, nuisances=True))
+    result = identify(records, guess, replace(KNOWN, given={"others": "exact"}))
     offsets = {(e.log, e.name): e.value for e in result.sensors}
     differences = [  # only the difference of the two gyros is identifiable
         offsets[log, "yaw_rate.tractor.offset"] - offsets[log, "yaw_rate.semitrailer.offset"]
         for log in ("log 0", "log 1")
     ]
     assert differences == pytest.approx([0.003, -0.002], abs=0.0006)
-    single = identify(records[:1], guess, replace(KNOWN, nuisances=True))
+    single = identify(records[:1], guess, replace(KNOWN, given={"others": "exact"}))
     assert all(result[e.name].sigma < e.sigma for e in single.parameters)
 
 
@@ -165,7 +165,7 @@ def test_robust_to_spikes_and_gaps(truck: Vehicle, guess: Vehicle, size: float, 
 
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
     result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess, OneStage(tyres="linear"))
-    given = guess.parameters() | {HEIGHT: OneStage().initial_payload_height}
+    given = guess.parameters() | {HEIGHT: quantity(HEIGHT).mean}
     for e in result.parameters:  # noise leaves the estimate within the prior
         assert e.verdict is Verdict.NOT_EXCITED, e.name
         assert abs(e.value - given[e.name]) < e.prior
@@ -174,7 +174,8 @@ def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None
 
 
 def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(tyres="linear"))
+    record = without(simulate(truck, count=3, seed=4), "roll_rate")
+    result = identify([record], guess, OneStage(tyres="linear"))
     height = result[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
     assert abs(height.value - truck.parameters()[HEIGHT]) < 2 * height.sigma
@@ -182,17 +183,14 @@ def test_without_roll_rates_the_payload_is_not_identifiable(truck: Vehicle, gues
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert [v for n, v in verdicts.items() if n != HEIGHT] == [Verdict.CONVERGED] * 4
     # the uncertainty of the height is part of the other sigmas
-    certain = identify(
-        [without(simulate(truck, count=3, seed=4), "roll_rate")], guess, OneStage(tyres="linear", fixed=(HEIGHT,))
-    )
+    certain = identify([record], guess, OneStage(tyres="linear", given={HEIGHT: "exact"}))
     assert result["semitrailer.cornering_stiffness"].sigma > certain["semitrailer.cornering_stiffness"].sigma
 
 
 def test_correlated_unknowns_are_named(truck: Vehicle, guess: Vehicle) -> None:
     """Front stiffness and an unknown steering gain in one lane change."""
     record = simulate(truck, count=1, seed=6)
-    loose = OneStage(tyres="linear", steer_gain_prior=2.0, prior=0.05, priors={}, consider={})
-    result = identify([record], guess, loose)
+    result = identify([record], guess, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 200 %"}))
     front = result["tractor.front.cornering_stiffness"]
     assert f"{STEER}.gain" in front.correlated_with
 
@@ -212,7 +210,8 @@ def test_payload_of_any_shape(truck: Vehicle, guess: Vehicle) -> None:
 def test_an_uncertain_number_that_the_log_does_not_inform_widens_sigma(truck: Vehicle, guess: Vehicle) -> None:
     record, soft = simulate(truck, count=2, seed=8), "semitrailer.roll_stiffness"
     certain = identify([record], guess, KNOWN)
-    result = identify([record], guess, replace(KNOWN, consider={soft: 0.1}))
+    settings = replace(KNOWN, given={**KNOWN.given, soft: "+- 10 %"})
+    result = identify([record], guess, settings)
     # an error of 10 % in the suspension stiffness moves the payload height by about 12 %
     assert 0.05 < result[HEIGHT].sigma / result[HEIGHT].value < 0.15
     (uncertain,) = result.uncertain
@@ -220,46 +219,49 @@ def test_an_uncertain_number_that_the_log_does_not_inform_widens_sigma(truck: Ve
     assert uncertain.sigma == pytest.approx(uncertain.prior, rel=0.3)
     assert abs(result[HEIGHT].value - certain[HEIGHT].value) < result[HEIGHT].sigma
     wrong = guess.replace({soft: 1.1 * truck.parameters()[soft]})
-    moved = identify([record], wrong, replace(KNOWN, consider={soft: 0.1}))[HEIGHT]
+    moved = identify([record], wrong, settings)[HEIGHT]
     assert abs(moved.value - result[HEIGHT].value) == pytest.approx(moved.sigma, rel=0.35)
 
 
 def test_an_uncertain_parameter_is_estimated(truck: Vehicle) -> None:
     initial = truck.replace({f"{path}.relaxation_length": 0.6 for path in ("tractor.front", "tractor.drive")})
-    result = identify([simulate(truck, count=10, seed=9)], initial, replace(KNOWN, priors={"relaxation_length": 0.3}))
+    settings = replace(KNOWN, given={**KNOWN.given, "relaxation_length": "+- 30 %"})
+    result = identify([simulate(truck, count=10, seed=9)], initial, settings)
     for e in result.uncertain:
         assert abs(e.value - 0.45) < 3.5 * e.sigma
         assert e.sigma < 0.5 * e.prior
 
 
-def test_fixed_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
+def test_exact_and_free_parameters(truck: Vehicle, guess: Vehicle) -> None:
     record, front = simulate(truck, count=2, seed=10), "tractor.front.cornering_stiffness"
-    result = identify([record], guess, replace(KNOWN, fixed=(front,)))
-    assert (result[front].verdict, result[front].sigma) == (Verdict.FIXED, None)
-    only = identify([record], truck, replace(KNOWN, free=("tractor.yaw_inertia", "semitrailer.mass")))
-    assert [e.name for e in only.parameters] == ["tractor.yaw_inertia", "semitrailer.mass"]
+
+    def result(given: dict[str, str], vehicle: Vehicle = guess, **settings: tuple[str, ...]) -> Identification:
+        return identify([record], vehicle, replace(KNOWN, given={**KNOWN.given, **given}, **settings))
+
+    fixed = result({front: "exact"})
+    assert (fixed[front].verdict, fixed[front].sigma) == (Verdict.FIXED, None)
+    uncertain = {"tractor.yaw_inertia": "free", "semitrailer.mass": "+- 30 %"}
+    only = result(EVERY_PARAMETER | uncertain, truck, reported=("semitrailer.mass",))
+    estimates = [e for e in only.parameters if e.verdict is not Verdict.FIXED]
+    assert {e.name for e in estimates} == uncertain.keys()
     assert max(np.abs(list(normalised_errors(only, truck).values()))) < 3.5
-    by_end = identify([record], guess, replace(KNOWN, fixed=("cornering_stiffness",)))
+    by_end = result({"cornering_stiffness": "exact"})
     assert [e.verdict for e in by_end.parameters].count(Verdict.FIXED) == 3
-    for wrong in ({"consider": {"roll_axis_hight": 0.1}}, {"priors": {"nonsense": 0.1}}):
-        with pytest.raises(VehicleError, match="no such parameter"):
-            identify([record], guess, replace(KNOWN, **wrong))
-    with pytest.raises(VehicleError, match="is estimated; give its prior in priors"):
-        identify([record], guess, replace(KNOWN, consider={"payload.height": 0.1}))
-    with pytest.raises(VehicleError, match=r"tractor\.yaw_inertai: no such parameter"):
-        identify([record], guess, replace(KNOWN, free=("tractor.yaw_inertai",)))
-    with pytest.raises(VehicleError, match="every parameter is fixed"):
-        identify([record], guess, replace(KNOWN, free=None, fixed=EVERY_PARAMETER, nuisances=False))
-    with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected above 0"):
-        identify([record], guess, replace(KNOWN, free=("fifth_wheel.roll_damping",)))
+    for wrong in ("roll_axis_hight", "nonsense", "tractor.yaw_inertai"):
+        with pytest.raises(VehicleError, match=f"{wrong}: no such parameter"):
+            result({wrong: "+- 10 %"})
+    with pytest.raises(VehicleError, match="given: everything is exact"):
+        result(EVERY_PARAMETER)
+    with pytest.raises(VehicleError, match=r"fifth_wheel\.roll_damping: expected a value above 0"):
+        result({"fifth_wheel.roll_damping": "free"})
 
 
 def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> None:
     record = simulate(truck, count=2, seed=11, name="a run")
-    result = identify([record], guess, OneStage(tyres="linear"))
+    result = identify([record], guess, OneStage(tyres="linear", given={"roll_stiffness": "+- 10 %"}))
     data = json.loads(result.to_json())
     assert data["method"] == "one-stage"
-    assert data["settings"]["consider"]["roll_stiffness"] == 0.1
+    assert data["settings"]["given"] == {"roll_stiffness": "+- 10 %"}
     assert len(data["uncertainty"]["names"]) == len(data["uncertainty"]["covariance"])
     own = result.uncertainty("a run")
     assert own is not None
@@ -267,7 +269,7 @@ def test_result_as_json_and_in_an_observer(truck: Vehicle, guess: Vehicle) -> No
     other = result.uncertainty("another")  # its sensor errors have their priors
     assert set(other.names) == set(own.names)
     i = other.names.index(f"{STEER}.offset")
-    assert np.sqrt(other.covariance[i, i]) == pytest.approx(result.settings.steer_offset_prior)
+    assert np.sqrt(other.covariance[i, i]) == pytest.approx(STEER_ANGLE.error("offset").prior)
     assert np.count_nonzero(other.covariance[i]) == 1
     observer = Observer(result.vehicle, record.signals, result.observer_settings("a run"))
     plain, wider = observer.batch(record), observer.batch(record, own)
@@ -303,8 +305,9 @@ def banked(record: Record, truck: Vehicle, bank: float) -> Record:
 def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck: Vehicle, guess: Vehicle) -> None:
     """A bank of 2 degrees moves the truck to the right."""
     record, true_bank = simulate(truck, count=3, seed=13), np.radians(2)
-    known = replace(KNOWN, nuisances=True, steer_offset_prior=1e-4, rate_offset_prior=1e-4)
-    result = identify([banked(record, truck, true_bank)], guess, known)
+    known = {"others": "exact", "road.bank": "+- 0.03 rad"}
+    known |= {"steer.*.offset": "+- 1e-4 rad", "*_rate.*.offset": "+- 1e-4 rad/s"}
+    result = identify([banked(record, truck, true_bank)], guess, replace(KNOWN, given=known))
     bank, sigma = result.logs[0].bank
     assert sigma < 0.02
     assert abs(bank - true_bank) < 3 * sigma
@@ -315,9 +318,11 @@ def test_the_bank_of_the_road_is_estimated_if_the_steering_offset_is_known(truck
 def test_states_allow_for_a_bank_that_varies_within_a_log(truck: Vehicle, guess: Vehicle) -> None:
     """The estimate of the mean bank stays as it is; what an observer gets has the variation too."""
     record = banked(simulate(truck, count=1, seed=13), truck, 0.02)
-    settings = OneStage(tyres="linear", consider={})
-    constant = identify([record], guess, settings)
-    varying = identify([record], guess, replace(settings, consider={"bank_variation": 0.02}))
+    given = {"others": "exact", "road.bank": "+- 0.03 rad"}
+    constant, varying = (
+        identify([record], guess, OneStage(tyres="linear", given=given | variation))
+        for variation in ({}, {"road.bank_variation": "+- 0.02 rad"})
+    )
     assert varying.logs[0].bank == constant.logs[0].bank
     mean, sigma = constant.logs[0].bank
     observer, uncertainty = varying.sensor_settings(record.name), varying.uncertainty(record.name)
@@ -330,43 +335,17 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
     """A truck in equilibrium on a banked road does not roll at the start, and an unknown steering offset explains its
     yaw rate: the bank keeps its prior, also with a vehicle file that is close to instability."""
     record = banked(simulate(truck, count=1, seed=13), truck, 0.06)
-    known = {name: sigma for name, sigma in OneStage().consider.items() if name != "softening"}
-    settings = OneStage(tyres="linear", consider=known)  # softening tyres would inform the bank
+    settings = OneStage(tyres="linear", given={"softening": "exact"})  # softening tyres would inform the bank
     for vehicle in (guess, guess.replace({"tractor.drive.cornering_stiffness": 6e5})):
         bank, sigma = identify([record], vehicle, settings).logs[0].bank
-        assert sigma > 0.9 * OneStage().bank_prior
+        assert sigma > 0.9 * quantity("road.bank").sigma
         assert abs(bank - 0.06) < 2.5 * sigma
-
-
-@pytest.mark.parametrize(
-    ("name", "largest"),
-    [
-        (f"{STEER}.offset@0", np.inf),
-        (f"{STEER}.gain", np.inf),
-        (f"{STEER}.delay", np.inf),
-        (f"{STEER}.play", 0.0),
-        ("speed.delay", 0.0),
-        ("yaw_rate.tractor.offset@0", np.inf),
-        ("yaw_rate.tractor.gain", 0.0),
-        ("yaw_rate.tractor.delay", 0.0),
-        ("semitrailer.mass", 2.0),
-        ("brakes.drive_axle@0", 2.0),
-        ("semitrailer.yaw_inertia", np.inf),
-        ("yaw_rate.tractor@0.0", np.inf),
-    ],
-)
-def test_the_range_of_the_first_fit(truck: Vehicle, name: str, largest: float) -> None:
-    """Far from the solution, gain and delay of a gyro and uncertain numbers would absorb errors of the parameters."""
-    setup = Setup.of(truck.with_logged_steering([STEER], ""), ("yaw_rate.tractor",), OneStage())
-    problem = Problem(setup, [LogData(name="a", segments=[simulate(truck, count=1).cut(0.0, 1.0)])])
-    assert name in problem.names
-    assert _first_range(problem, name) == largest
 
 
 @pytest.mark.parametrize(("friction", "raised"), [(0.2, True), (0.75, False)])
 def test_the_search_begins_with_enough_friction(truck: Vehicle, friction: float, raised: bool) -> None:
     """At the prior means, but for a friction of at least 2 a / g: other tyres may skid."""
-    record, settings = simulate(truck, count=1, seed=1), OneStage(tyres="saturating", friction=friction)
+    record, settings = simulate(truck, count=1, seed=1), OneStage(tyres="saturating", given={"road.friction": friction})
     found = estimator._estimator([record], truck, settings, (), None)
     problem = Problem(found.setup, found.dataset.logs)
     z = found._initial(problem)

@@ -40,7 +40,8 @@ def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
 def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
     """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found. An unknown delay
     of the steering would explain much of that of the tractor."""
-    result = identify([late(clean, 0.07, gyro)], truck, replace(LINEAR, steer_delay_prior=0.005))
+    settings = replace(LINEAR, given={"steer.*.delay": "+- 5 ms"})
+    result = identify([late(clean, 0.07, gyro)], truck, settings)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     cause = doubt.causes[0]
     assert cause.name == f"{gyro}.delay"
@@ -90,7 +91,7 @@ def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
 def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
     """A bias of ten standard deviations. The two yaw rates do not show which of them is biased, so both are named."""
     biased = clean.with_signals({YAW: clean.signals[YAW] + 0.04})
-    result = identify([biased], truck, OneStage(tyres="linear", consider={}))
+    result = identify([biased], truck, OneStage(tyres="linear", given={"others": "exact"}))
     (doubt,) = result.doubts
     assert doubt.kind is DoubtKind.ASSUMPTION
     causes = {cause.name: cause for cause in doubt.causes}
@@ -105,8 +106,8 @@ def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicl
     """Those that differ by more than half a sigma if the gain of the steering is unknown."""
     steer = "steer.tractor.front"
     scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
-    result = identify([scaled], truck, OneStage(tyres="linear", consider={}, steer_gain_prior=0.018))
-    unknown = identify([scaled], truck, OneStage(tyres="linear", consider={}, steer_gain_prior=0.5))
+    result = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 1.8 %"}))
+    unknown = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 50 %"}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.ASSUMPTION, f"{steer}.gain")
     moved = {e.name: abs(unknown[e.name].value - e.value) / e.sigma for e in result.parameters}
@@ -119,7 +120,7 @@ def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicl
 def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
     """A stiffness of 30 % of the true value in the vehicle file is doubtful, and no other one."""
     wrong = truck.replace({FRONT: 0.3 * truck.parameters()[FRONT]})
-    result = identify([clean], wrong, OneStage(tyres="linear", consider={}))
+    result = identify([clean], wrong, OneStage(tyres="linear", given={"others": "exact"}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, (FRONT,))
     (cause,) = doubt.causes
@@ -133,7 +134,7 @@ def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
 def test_a_log_beyond_the_linear_range(truck: Vehicle, clean: Record) -> None:
     fast = {n: 1.6 * values for n, values in clean.signals.items() if n != "speed"}
     hard = replace(clean.with_signals(fast), name="hard")
-    result = identify([clean, hard], truck, OneStage(tyres="linear", consider={}))
+    result = identify([clean, hard], truck, OneStage(tyres="linear", given={"others": "exact"}))
     (doubt,) = result.doubts
     assert (doubt.kind, doubt.log, doubt.causes) == (DoubtKind.RANGE, "hard", ())
     mean = np.convolve(hard.signals["speed"] * hard.signals[YAW], np.ones(50) / 50, mode="valid")

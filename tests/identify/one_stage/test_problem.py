@@ -13,6 +13,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters import tangent
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.likelihood import gradient_and_information, scores
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
@@ -23,9 +24,11 @@ from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
+AROUND_TRUTH = {"payload.height": "+- 0.75 m"}
+
 
 def problem(truck: Vehicle, records: list[Record], settings: OneStage, further: Sequence[Unknown] = ()) -> Problem:
-    truck = truck.with_logged_steering(records[0].signals, "the records")
+    truck, settings = applied(truck.with_logged_steering(records[0].signals, "the records"), settings)
     outputs = tuple(sorted((n for n in records[0].signals if "rate" in n), reverse=True))  # as in an identification
     setup = Setup.of(truck, outputs, settings)
     logs = [LogData(name=r.name, segments=segments_above(r, 5.0)) for r in records]
@@ -44,7 +47,8 @@ def records(truck: Vehicle) -> list[Record]:
 @pytest.mark.parametrize("form", ["output_error", pytest.param("prediction_error", marks=pytest.mark.slow)])
 def test_gradient(truck: Vehicle, records: list[Record], form: str) -> None:
     """By all unknowns: parameters, sensor errors, initial states and bank."""
-    p = problem(truck, records, OneStage(form=form, initial_payload_height=1.0, rate_gain_prior=0.05))
+    given = {"*_rate.*.gain": "+- 5 %", "payload.height": "1.0 m +- 0.75 m"}
+    p = problem(truck, records, OneStage(form=form, given=given))
     rng = np.random.default_rng(4)  # no innovation is at the gate of the filter, where the cost has a step
     z = 0.1 * rng.normal(size=len(p.names))
     positive = [p.names.index(name) for name in ("steer.tractor.front.play", "semitrailer.rear.self_steering")]
@@ -70,7 +74,7 @@ def test_derivatives_by_model_errors(truck: Vehicle) -> None:
     outputs = tuple(name for name in record.signals if "rate" in name)
     trailer = {name: "trailer" for name in outputs if "semitrailer" in name}
     further = time_base_delays(trailer, "", outputs, OneStage())
-    p = problem(truck, [record], OneStage(initial_payload_height=1.0), further)
+    p = problem(truck, [record], OneStage(given={"payload.height": "1.0 m +- 0.75 m"}), further)
     kinds = ("softening", "play", "delay", "misalignment", "time_base", "drive_axle@0")
     chosen = [name for name in p.names if name.rpartition(".")[2] in kinds]
     # axle groups, steering, delays of inputs, gyros and trailer, gyros, time, brakes
@@ -106,7 +110,7 @@ def test_the_log_likelihood_is_that_of_coloured_noise(truck: Vehicle) -> None:
 
 
 def test_cost_is_smallest_at_the_true_delay(truck: Vehicle) -> None:
-    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(initial_payload_height=None, consider={}))
+    p = problem(truck, [simulate(truck, count=1, seed=1)], OneStage(given={"others": "exact", **AROUND_TRUTH}))
     i = p.names.index("steer.tractor.front.delay")
     costs = []
     for delay in (-0.03, 0.0, 0.03):
@@ -139,7 +143,7 @@ def test_names_of_logs_and_segments(truck: Vehicle, records: list[Record]) -> No
 
 def test_hessian_is_the_information(truck: Vehicle) -> None:
     """The covariance of the scores of many logs is the Hessian at the true parameters, without the prior."""
-    settings = OneStage(priors={}, consider={}, nuisances=False, initial_payload_height=None, outlier=100.0)
+    settings = OneStage(given={"others": "exact", "sensors": "exact", **AROUND_TRUTH}, outlier=100.0)
     scores = []
     for seed in range(60):
         p = problem(truck, [simulate(truck, count=1, seed=seed).cut(0.5, 4.5)], settings)
@@ -178,9 +182,9 @@ def test_a_short_segment_of_a_shortened_problem_is_kept(truck: Vehicle) -> None:
 def test_noise_estimate_is_robust_to_spikes(truck: Vehicle) -> None:
     record = simulate(truck, count=1, seed=4)
     gyro = record.signals["yaw_rate.tractor"].copy()
-    clean = problem(truck, [record], OneStage(initial_payload_height=None))
+    clean = problem(truck, [record], OneStage(given=AROUND_TRUTH))
     gyro[::97] += 2.0
-    spiked = problem(truck, [record.with_signals({"yaw_rate.tractor": gyro})], OneStage(initial_payload_height=None))
+    spiked = problem(truck, [record.with_signals({"yaw_rate.tractor": gyro})], OneStage(given=AROUND_TRUTH))
     for _ in range(8):
         clean, spiked = (p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=False) for p in (clean, spiked))
     estimate, expected = (p.logs[0].noise["yaw_rate.tractor"] for p in (spiked, clean))
@@ -193,11 +197,11 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     record, name = simulate(truck, count=1, seed=4), "yaw_rate.semitrailer"
     rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.2)
     slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
-    few = {"priors": {}, "consider": {}, "nuisances": False, "initial_payload_height": None}
+    few = {"others": "exact", "sensors": "exact", **AROUND_TRUTH}
     factors = []
     for size in (0.0, 0.01):
         noisy = record.with_signals({name: record.signals[name] + size * slow})
-        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", **few))
+        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", given=few))
         p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         factors.append(p.logs[0].autocorrelation_factor[name])
         assert not p.logs[0].noise_models
@@ -213,7 +217,7 @@ def test_the_noise_of_a_slow_channel_is_fitted_at_its_own_rate(truck: Vehicle) -
     models = []
     for step in (1, 5):
         values = np.where(np.arange(len(record)) % step == 0, record.signals[name] + 0.01 * slow, np.nan)
-        p = problem(truck, [record.with_signals({name: values})], OneStage(initial_payload_height=None))
+        p = problem(truck, [record.with_signals({name: values})], OneStage(given=AROUND_TRUTH))
         p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         models.append(p.logs[0].noise_models[name])
     assert [model.time_constant for model in models] == pytest.approx([0.4, 0.4], rel=0.3)
@@ -224,7 +228,7 @@ def test_a_slow_channel_has_the_least_discrepancy_of_its_motion(truck: Vehicle) 
     """A hundredth of the amplitude, also where no two successive rows have a value."""
     record, name = simulate(truck, count=5, seed=4), "yaw_rate.tractor"
     values = np.where(np.arange(len(record)) % 2 == 0, record.signals[name], np.nan)
-    settings = OneStage(initial_payload_height=None, consider={**OneStage().consider, "discrepancy": 0.3})
+    settings = OneStage(given={**AROUND_TRUTH, "discrepancy": "+- 30 %"})
     p = problem(truck, [record.with_signals({name: values})], settings)
     p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
     motion = np.nanvar(values) - 0.000016
@@ -232,7 +236,7 @@ def test_a_slow_channel_has_the_least_discrepancy_of_its_motion(truck: Vehicle) 
 
 
 def test_a_problem_does_not_change(truck: Vehicle) -> None:
-    settings = OneStage(initial_payload_height=None)
+    settings = OneStage(given=AROUND_TRUTH)
     first = problem(truck, [simulate(truck, count=1, seed=4)], settings)
     given = first.logs[0].noise["yaw_rate.tractor"]
     z = np.zeros(len(first.names))

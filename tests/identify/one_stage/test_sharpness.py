@@ -43,7 +43,7 @@ def test_more_information_never_enlarges_a_sigma(logs: list[Record], wrong: Vehi
     usual = sigmas(logs[:1], wrong, settings)
     better = {
         "second log": sigmas(logs, wrong, settings),
-        "steer gain": sigmas(logs[:1], wrong, replace(settings, steer_gain_prior=0.02)),
+        "steer gain": sigmas(logs[:1], wrong, replace(settings, given={**settings.given, "steer.*.gain": "+- 2 %"})),
     }
     for name in ("semitrailer.cog", "semitrailer.roll_stiffness"):
         measured = wrong.replace({name: true[name]}).with_stated({name: 0.002 * abs(true[name])})

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.identify import OneStage, identify
+from fifthwheel.identify.one_stage import solution
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -11,17 +12,18 @@ from fifthwheel.vehicle import Vehicle
 UNITS = ("tractor", "semitrailer")
 
 
-def test_sigma_of_residuals_that_scatter_more_than_their_variance(truck: Vehicle) -> None:
+def test_sigma_of_residuals_that_scatter_more_than_their_variance(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """With a 25th of the true noise variance, the scores of every log widen sigma by 5, of two logs as of one."""
+    monkeypatch.setattr(solution, "CORRELATION_TIME", 0.02)
     right = dict(article_gyro_variance(UNITS))
     wrong = {name: variance / 25 for name, variance in right.items()}
     logs = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2)]
     common = {
-        "consider": {},
-        "nuisances": False,
+        "given": {"others": "exact", "sensors": "exact"},
         "adapt_noise": False,
         "outlier": 100.0,
-        "correlation_time": 0.02,
         "tyres": "linear",
     }
     expected = identify(logs, truck, OneStage(noise=right, **common))
@@ -33,7 +35,7 @@ def test_sigma_of_residuals_that_scatter_more_than_their_variance(truck: Vehicle
 
 def test_the_history_covers_all_logs(truck: Vehicle) -> None:
     logs = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2, 3)]
-    result = identify(logs, truck, OneStage(tyres="linear", consider={}, nuisances=False))
+    result = identify(logs, truck, OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}))
     history = result.histories["one stage"]
     assert (np.diff(history.time) > 0).all()
     assert 150 < len(history.time) < 250

@@ -7,7 +7,7 @@ import fifthwheel as fw
 from fifthwheel import dynamics
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.sensor_priors import with_sensors
+from fifthwheel.identify.given import with_sensors
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -34,7 +34,8 @@ def log_with_late_speed(truck: Vehicle) -> Record:
 def results() -> list[fw.Identification]:
     """With and without the delay among the unknowns."""
     truck = fw.vehicle("cheng_cebon_2011")
-    settings = [OneStage(tyres="linear", consider={}, speed_delay_prior=prior) for prior in (0.1, 0.0)]
+    known = {"others": "exact", "*_rate.*.delay": "exact"}
+    settings = [OneStage(tyres="linear", given=given) for given in (known, known | {"speed.delay": "exact"})]
     return [fw.identify([log_with_late_speed(truck)], truck, each) for each in settings]
 
 
@@ -56,7 +57,7 @@ def test_without_it_the_estimates_are_wrong(results: list[fw.Identification]) ->
 def test_it_may_be_stated_in_the_signal_map() -> None:
     stated = fw.SignalMap.parse('[signals.speed]\ncolumn = "v"\ndelay = "50 ms +- 10 ms"').sensors
     settings = with_sensors(fw.vehicle("cheng_cebon_2011"), OneStage(), stated)
-    assert settings.stated_priors == {"speed.delay": (0.0, 0.01)}  # the map has applied the 50 ms
+    assert settings.given == {"speed.delay": "0.0 s +- 0.01 s"}  # the map has applied the 50 ms
 
 
 def test_observers_do_not_correct_it(results: list[fw.Identification]) -> None:

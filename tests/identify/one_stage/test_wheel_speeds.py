@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.channels import SignalName
+from fifthwheel.channels.wheels import WHEEL_SPEED_DIFFERENCE
 from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.design import predict_sigmas
@@ -20,7 +21,7 @@ from fifthwheel.plant.sensors import Sensor
 AXLE, NAME = "semitrailer.middle", "wheel_speed_difference.semitrailer.middle"
 DIFFERENCE = 0.006
 """Of the radii, right less left."""
-EXACT = OneStage(tyres="saturating", priors={}, consider={}, steer_gain_prior=0.03)
+EXACT = OneStage(tyres="saturating", given={"others": "exact", "steer.*.gain": "+- 3 %"})
 """The vehicle file is exact."""
 
 
@@ -51,7 +52,7 @@ def test_it_finds_the_difference_of_the_radii(result: Identification) -> None:
     assert errors.keys() == {"offset", "gain", "load_sensitivity", "delay"}
     offset = errors["offset"]
     assert abs(offset.value - DIFFERENCE) < 3 * offset.sigma
-    assert offset.sigma < 0.2 * EXACT.wheel_speed_offset_prior
+    assert offset.sigma < 0.2 * WHEEL_SPEED_DIFFERENCE.error("offset").prior
     assert offset.log == result.logs[0].name
     assert errors["load_sensitivity"].value > 3 * errors["load_sensitivity"].sigma
     assert [e.unit for e in errors.values()] == ["1", "1", "1", "s"]

@@ -1,13 +1,15 @@
 """One stage with `roll=False`: the yaw model, without the signals that contain roll."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from fifthwheel.errors import SignalError
+from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.design import predict_sigmas
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.online import Learner
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.record import Record
@@ -15,7 +17,7 @@ from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import get
 
 TRUCK = get("cheng_cebon_2011")
-YAW = OneStage(roll=False, tyres="linear", consider={}, nuisances=False)
+YAW = OneStage(roll=False, tyres="linear", given={"others": "exact", "sensors": "exact"})
 HEIGHT = "semitrailer.payload.height"
 
 
@@ -64,24 +66,18 @@ def test_an_observer_without_roll_has_the_yaw_model(record: Record) -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "key"),
-    [
-        ({"free": (HEIGHT,)}, "free"),
-        ({"priors": {"payload.height": 0.2}}, "priors"),
-        ({"stated_priors": {"semitrailer.sprung.cog_height": (1.5, 0.2)}}, "stated_priors"),
-    ],
+    ("name", "text"),
+    [(HEIGHT, "free"), ("payload.height", "+- 20 %"), ("semitrailer.sprung.cog_height", "1.5 m +- 0.2 m")],
 )
-def test_contradictions_are_refused_with_key_and_cure(settings, key: str) -> None:
-    with pytest.raises(SignalError, match=rf"{key}, .*: expected a parameter of the yaw motion, .*; remove it, or use"):
-        OneStage(roll=False, **settings)
+def test_contradictions_are_refused_with_name_and_cure(name: str, text: str) -> None:
+    expected = "expected a number of the yaw motion, because roll=False; remove it, or use roll=True"
+    with pytest.raises(VehicleError, match=re.escape(f"{name}={text}: {expected}")):
+        applied(TRUCK, OneStage(roll=False, tyres="linear", given={name: text}))
 
 
-@pytest.mark.parametrize("given", [{"height_prior": 0.2}, {"roll_inertia_prior": 0.2}, {"uniform_payload": False}])
-def test_what_would_be_dropped_is_refused(given) -> None:
-    with pytest.raises(
-        SignalError, match=rf"{next(iter(given))}: expected the default, .*; remove it, or use roll=True"
-    ):
-        OneStage(roll=False, **given)
+def test_what_would_be_dropped_is_refused() -> None:
+    with pytest.raises(SignalError, match=r"uniform_payload: expected the default, .*; remove it, or use roll=True"):
+        OneStage(roll=False, uniform_payload=False)
 
 
 def test_earlier_logs_may_have_had_roll(record: Record, result: Identification) -> None:

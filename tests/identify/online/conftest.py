@@ -13,9 +13,9 @@ from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
 
-FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 """Five parameters; all other numbers are known, and the tyres are linear as in the logs."""
-CONSIDERING = replace(FIVE, consider={"roll_axis_height": 0.1})
+CONSIDERING = replace(FIVE, given={**FIVE.given, "roll_axis_height": "+- 10 %"})
 """The same, with two considered numbers."""
 HEIGHT = "semitrailer.payload.height"
 

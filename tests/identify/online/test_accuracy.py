@@ -9,6 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify import identify
 from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.settings import OneStage
@@ -34,7 +35,7 @@ def errors_and_bound(truck: Vehicle, seeds: range, settings: OneStage) -> tuple[
         guess = truck.replace({name: truth[name] * f for name, f in zip(names, factors, strict=True)})
         errors.append([e.value / truth[e.name] - 1 for e in learn(guess, record, settings).parameters])
     record = simulate(truck, count=1, seed=0)
-    steered = truck.with_logged_steering(record.signals, "record")
+    steered, settings = applied(truck.with_logged_steering(record.signals, "record"), settings)
     setup = Setup.of(steered, GYROS, settings)
     unknowns = setup.unknowns
     problem = Problem(setup, [LogData(name="log", segments=segments_above(record, 5.0))])
@@ -54,9 +55,12 @@ def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle, seeds: 
 
 @pytest.mark.slow
 def test_sigma_agrees_with_the_errors(truck: Vehicle, guess: Vehicle) -> None:
+    """The vehicle file, the latency of the gyros and the rate of the log are exact."""
     normalised = []
+    given = dict.fromkeys(("others", "*_rate.*.delay", "time_base"), "exact")
+    given |= {"road.bank": "+- 0.03 rad", "discrepancy": "+- 1.5 %"}
     for seed in range(8):
-        learner = learn(guess, simulate(truck, count=2, seed=seed), replace(FIVE, nuisances=True))
+        learner = learn(guess, simulate(truck, count=2, seed=seed), replace(FIVE, given=given))
         for estimate in learner.parameters:
             normalised.append((estimate.value - truck.parameters()[estimate.name]) / estimate.sigma)
     assert 0.5 < np.std(normalised) < 1.5
@@ -66,8 +70,7 @@ def test_sigma_agrees_with_the_errors(truck: Vehicle, guess: Vehicle) -> None:
 def test_estimates_agree_with_the_fit_of_the_log(truck: Vehicle, guess: Vehicle) -> None:
     """With default settings, and the tyres of the logs. The fit estimates the uncertain numbers that the learner
     considers; they are right here, so that the difference is less than a sigma of the fit."""
-    consider = {key: sigma for key, sigma in LINEAR.consider.items() if key != "softening"}  # the truck is linear
-    differences, settings = [], replace(LINEAR, consider=consider)
+    differences, settings = [], replace(LINEAR, given={"softening": "exact"})  # the truck is linear
     for seed in range(6):
         record = simulate(truck, count=1, seed=seed)
         fit, learner = identify([record], guess, replace(settings, adapt_noise=False)), learn(guess, record, settings)
@@ -125,7 +128,7 @@ def test_a_vehicle_of_three_units(guess: Vehicle) -> None:
     fields["couplings"] = (*fields["couplings"], coupling)
     combination = Vehicle(**fields)
     record = simulate(combination, count=1, speed=15.0, seed=1)
-    learner = learn(combination, record, replace(FIVE, initial_payload_height=None))
+    learner = learn(combination, record, replace(FIVE, given={**FIVE.given, "payload.height": "+- 0.75 m"}))
     assert {e.name.split(".")[0] for e in learner.parameters} == {"tractor", "semitrailer", "second"}
     assert all(np.isfinite([e.value, e.sigma]).all() for e in learner.parameters)
 

@@ -121,12 +121,12 @@ def test_a_roll_rate_without_samples_counts_as_absent(guess: Vehicle, lanes: Rec
 def test_on_a_straight_road_nothing_is_learned(truck: Vehicle, guess: Vehicle) -> None:
     record = simulate(truck, manoeuvre="straight", duration=20.0, seed=3)
     steer = record.signals["steer.tractor.front"] + 0.01 + 2e-4 * np.random.default_rng(0).normal(size=len(record))
-    learner = Learner(guess, record.signals, OneStage(priors={}, consider={}, tyres="linear"))
+    learner = Learner(guess, record.signals, OneStage(given={"others": "exact"}, tyres="linear"))
     answers = [learner.push(sample) for sample in samples(record.with_signals({"steer.tractor.front": steer}))]
     assert not any(answer["learning"] for answer in answers)
     z, Pz = estimates(learner)
     np.testing.assert_array_equal(z, 0.0)
-    np.testing.assert_array_equal(Pz, np.eye(len(z)))
+    np.testing.assert_array_equal(Pz, np.eye(len(Pz)))
     assert {e.verdict for e in (*learner.parameters, *learner.sensors)} == {Verdict.NOT_EXCITED}
     assert learner.vehicle().parameters() == pytest.approx(guess.parameters())  # not the initial payload height
 
@@ -329,8 +329,8 @@ def test_a_record_without_the_signals_is_refused(guess: Vehicle, lanes: Record) 
 
 
 def test_nothing_to_learn_is_refused(guess: Vehicle, lanes: Record) -> None:
-    with pytest.raises(SignalError, match="fixed: no unknown is left to estimate"):
-        Learner(guess, lanes.signals, replace(FIVE, fixed=tuple(guess.parameters())))
+    with pytest.raises(SignalError, match="given: no unknown is left to estimate"):
+        Learner(guess, lanes.signals, replace(FIVE, given={"*": "exact"}))
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import vehicle
+from fifthwheel.channels import YAW_RATE
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.online import Learner, LearnerSettings
 from fifthwheel.identify.settings import OneStage
@@ -102,14 +103,14 @@ def filter_sigmas(learner: Learner) -> dict[str, float]:
 
 
 def test_sensor_errors_belong_to_the_unit_of_the_sensor(guess: Vehicle, lanes: Record) -> None:
-    learner = learn(guess, lanes, OneStage(priors={}, consider={}, tyres="linear"))
+    learner = learn(guess, lanes, OneStage(given={"others": "exact"}, tyres="linear"))
     before = {e.name: e for e in learner.sensors}
     learner.couple("empty", guess)
     after = {e.name: e for e in learner.sensors}
     for name in ("steer.tractor.front.offset", "yaw_rate.tractor.offset", "roll_rate.tractor.gain"):
         assert (after[name].value, after[name].sigma) == pytest.approx((before[name].value, before[name].sigma))
     offset = after["yaw_rate.semitrailer.offset"]
-    assert (offset.value, offset.sigma) == pytest.approx((0.0, OneStage().rate_offset_prior))
+    assert (offset.value, offset.sigma) == pytest.approx((0.0, YAW_RATE.error("offset").prior))
 
 
 def test_a_known_trailer_name_with_another_vehicle_file_is_refused(guess: Vehicle, lanes: Record) -> None:

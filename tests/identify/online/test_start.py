@@ -15,11 +15,11 @@ from fifthwheel.vehicle import Vehicle
 FIRST = {"speed": 21.0, "steer.tractor.front": 0.03}
 SIGNALS = (*FIRST, "yaw_rate.tractor")
 LINEAR = OneStage(tyres="linear")
-FIVE = OneStage(priors={}, consider={}, nuisances=False, tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
 
 
 def model(setup: Setup) -> OnlineModel:
-    return model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
+    return model_of(setup, setup.outputs, discrepancies=setup.has_discrepancies)
 
 
 def derivative(setup: Setup, z: Array) -> Array:

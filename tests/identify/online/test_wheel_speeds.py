@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from fifthwheel.channels.wheels import WHEEL_SPEED_DIFFERENCE
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.record import Record
@@ -14,7 +15,7 @@ NAME, YAW, STEER = "wheel_speed_difference.semitrailer.middle", "yaw_rate.tracto
 WHEELS = ("wheel_speed.semitrailer.middle.left", "wheel_speed.semitrailer.middle.right")
 NOISE = {YAW: 0.004**2, NAME: 0.001**2}
 OFFSET = 0.006
-SETTINGS = OneStage(priors={}, consider={}, tyres="linear", noise=NOISE)
+SETTINGS = OneStage(given={"others": "exact"}, tyres="linear", noise=NOISE)
 TRAILER = "semitrailer.cornering_stiffness"
 
 
@@ -41,7 +42,7 @@ def test_it_finds_the_difference_of_the_radii(learner: Learner) -> None:
     assert learner.live.setup.outputs == (YAW, NAME)
     offset = learner[f"{NAME}.offset"]
     assert abs(offset.value - OFFSET) < 3 * offset.sigma
-    assert offset.sigma < 0.3 * SETTINGS.wheel_speed_offset_prior
+    assert offset.sigma < 0.3 * WHEEL_SPEED_DIFFERENCE.error("offset").prior
 
 
 def test_it_adds_information(learner: Learner, guess: Vehicle, truck: Vehicle, log: Record) -> None:

@@ -5,28 +5,27 @@ import math
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns, sensor_unknowns
 from fifthwheel.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import OneStage, identify
 from fifthwheel.identify.design import design_experiment, predict_sigmas
-from fifthwheel.identify.settings import MODEL_ERRORS
+from fifthwheel.identify.estimates import sensor_error_unit
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.unknowns.parameters import (
     ROAD_FRICTION,
     SOFTENING,
     SOFTENING_PRIOR,
     estimated_parameters,
-    expand_names,
     lacks_roll_rate,
-    longest_matching_key,
     one_stage_unknowns,
-    sensor_error_unknowns,
     softening_priors,
     stage_1_names,
     stage_2_names,
     time_base_delays,
 )
+from fifthwheel.identify.unknowns.quantities import longest_end
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
@@ -37,32 +36,40 @@ HEIGHT = "semitrailer.payload.height"
 RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
 
 
+def in_vehicle(
+    truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES
+) -> tuple[Vehicle, tuple[str, ...], OneStage]:
+    """Arguments of `one_stage_unknowns` with what the settings state of the vehicle."""
+    vehicle, settings = applied(truck, settings)
+    return vehicle, outputs, settings
+
+
 def test_the_vehicle_file_replaces_a_default_that_is_considered(truck: Vehicle) -> None:
     def sigma(settings: OneStage, stated: float) -> float | None:
         vehicle = truck.with_stated({"semitrailer.roll_stiffness": stated})
-        unknowns = {u.name: u for u in one_stage_unknowns(vehicle, RATES, settings)}
+        unknowns = {u.name: u for u in one_stage_unknowns(*in_vehicle(vehicle, settings))}
         return unknowns["semitrailer.roll_stiffness"].scale if "semitrailer.roll_stiffness" in unknowns else None
 
     value = truck.parameters()["semitrailer.roll_stiffness"]
     assert sigma(OneStage(), 0.03 * value) == pytest.approx(0.03)
     assert sigma(OneStage(), 0.0) is None
-    assert sigma(OneStage(consider={"roll_stiffness": 0.2}), 0.03 * value) == 0.2
+    assert sigma(OneStage(given={"others": "exact", "roll_stiffness": "+- 20 %"}), 0.03 * value) == 0.2
 
 
-def test_longest_matching_key() -> None:
+def test_longest_end() -> None:
     table = {"roll_stiffness": 0.1, "front.roll_stiffness": 0.2, "tractor.front.roll_stiffness": 0.3, "stiffness": 0.4}
-    assert longest_matching_key("tractor.front.roll_stiffness", table) == "tractor.front.roll_stiffness"
-    assert longest_matching_key("other.front.roll_stiffness", table) == "front.roll_stiffness"
-    assert longest_matching_key("tractor.drive.roll_stiffness", table) == "roll_stiffness"
-    assert longest_matching_key("tractor.drive.tyre_roll_stiffness", table) is None
+    assert longest_end("tractor.front.roll_stiffness", table) == "tractor.front.roll_stiffness"
+    assert longest_end("other.front.roll_stiffness", table) == "front.roll_stiffness"
+    assert longest_end("tractor.drive.roll_stiffness", table) == "roll_stiffness"
+    assert longest_end("tractor.drive.tyre_roll_stiffness", table) is None
 
 
-def test_expand_names(truck: Vehicle) -> None:
+def test_paths_by_their_end(truck: Vehicle) -> None:
     stiffnesses = [name for name in stage_1_names(truck) if name.endswith(".cornering_stiffness")]
-    assert expand_names(truck, ["cornering_stiffness", stiffnesses[0]], OneStage()) == stiffnesses
-    assert expand_names(truck, ["payload.height"], OneStage()) == [HEIGHT]
+    assert truck.paths(["cornering_stiffness", stiffnesses[0]]) == stiffnesses
+    assert truck.paths(["payload.height"]) == [HEIGHT]
     with pytest.raises(VehicleError, match=r"ering_stiffness: no such parameter in .*cheng"):
-        expand_names(truck, ["ering_stiffness"], OneStage())
+        truck.paths(["ering_stiffness"])
 
 
 @pytest.mark.parametrize(
@@ -82,9 +89,14 @@ def test_lacks_roll_rate(name: str, expected: bool) -> None:
 
 def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
     settings = OneStage(
-        fixed=("tractor.yaw_inertia",), priors={"relaxation_length": 0.3}, consider={"roll_damping": 0.2}
+        given={
+            "others": "exact",
+            "sensors": "exact",
+            "relaxation_length": "+- 30 %",
+            "roll_damping": "+- 20 %",
+        }
     )
-    unknowns = one_stage_unknowns(truck, RATES, settings)
+    unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
     names = [u.name for u in unknowns]
     assert len(set(names)) == len(names)
     estimated = [
@@ -101,15 +113,15 @@ def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
     """Its CoG height is uncertain. Its roll inertia acts like the payload height; by its full path it is uncertain."""
 
     def uncertain(settings: OneStage) -> set[str]:
-        unknowns = one_stage_unknowns(truck, RATES, settings)
+        unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
         return {u.name for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
 
     assert "tractor.sprung.cog_height" in uncertain(OneStage())
     assert "semitrailer.sprung.cog_height" in uncertain(OneStage())
     inertia = "semitrailer.sprung.roll_inertia"
     assert inertia not in uncertain(OneStage())
-    assert inertia in uncertain(OneStage(fixed=(HEIGHT,)))
-    assert uncertain(OneStage(consider={inertia: 0.1})) == {inertia}
+    assert inertia in uncertain(OneStage(given={HEIGHT: "exact"}))
+    assert uncertain(OneStage(given={"others": "exact", "sensors": "exact", inertia: "+- 10 %"})) == {inertia}
 
 
 def test_priors(truck: Vehicle) -> None:
@@ -122,21 +134,16 @@ def test_priors(truck: Vehicle) -> None:
 
 
 def test_sensor_errors(truck: Vehicle) -> None:
-    unknowns = sensor_error_unknowns(truck, RATES, TwoStage())
+    unknowns = sensor_unknowns(truck, RATES, TwoStage())
     names = {u.name for u in unknowns}
     assert {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")} <= names
     assert {f"{rate}.offset" for rate in RATES} <= names
     assert {u.name for u in unknowns if u.per_log} == {name for name in names if name.endswith(".offset")}
-    assert sensor_error_unknowns(truck, RATES, TwoStage(nuisances=False)) == []
-
-
-def test_two_stages_fix_only_what_they_estimate(truck: Vehicle) -> None:
-    with pytest.raises(VehicleError, match=r"tractor\.mass: cannot be fixed"):
-        parameter_unknowns(truck, stage_1_names(truck), TwoStage(fixed=("tractor.mass",)))
+    assert sensor_unknowns(truck, RATES, TwoStage(given={"sensors": "exact"})) == []
 
 
 def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
-    return {u.name: u for u in one_stage_unknowns(truck, outputs, settings)}
+    return {u.name: u for u in one_stage_unknowns(*in_vehicle(truck, settings, outputs))}
 
 
 def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
@@ -154,7 +161,7 @@ def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
 
 
 def test_a_small_sigma_of_the_softening_keeps_its_mean(truck: Vehicle) -> None:
-    u = by_name(truck, OneStage(tyres="linear", consider={"softening": 0.01}))["tractor.front.softening"]
+    u = by_name(truck, OneStage(tyres="linear", given={"softening": "+- 0.01 1/rad"}))["tractor.front.softening"]
     assert u.centre == softening_priors(truck)["tractor.front"][0]
     assert u.lower < u.centre < u.upper
 
@@ -168,23 +175,13 @@ def test_softening_without_static_loads(truck: Vehicle) -> None:
     assert set(softening_priors(undetermined).values()) == {tuple(SOFTENING * x for x in SOFTENING_PRIOR)}
 
 
-def test_what_the_model_lacks_is_scaled(truck: Vehicle) -> None:
-    """`consider` gives factors of the vehicle file and of the softening, the latency of a gyro in s, and so on."""
-    full = by_name(truck, OneStage())
-    half = by_name(truck, OneStage(consider={name: sigma / 2 for name, sigma in MODEL_ERRORS.items()}))
+def test_all_but_the_reported_parameters_can_be_exact(truck: Vehicle) -> None:
     gyros = {f"{rate}.delay" for rate in RATES}
-    scaled = {
-        name: u
-        for name, u in full.items()
-        if name in gyros or name.endswith(".softening") or (u.kind is UnknownKind.UNCERTAIN and not u.centre)
-    }
+    full = {name for name, u in by_name(truck, OneStage()).items() if u.kind is UnknownKind.UNCERTAIN}
     variation = "semitrailer.cornering_stiffness.variation"
-    assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= set(scaled)
-    for name, u in scaled.items():
-        for path, slope in u.slopes.items():
-            assert half[name].slopes[path] * half[name].scale == pytest.approx(slope * u.scale / 2), name
-    without = by_name(truck, OneStage(consider={})).values()
-    assert not [u for u in without if u.kind is UnknownKind.UNCERTAIN or u.name in gyros]
+    assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= full
+    others = by_name(truck, OneStage(given={"others": "exact"})).values()
+    assert {u.name for u in others if u.kind is UnknownKind.UNCERTAIN} == {"time_base", *gyros}
 
 
 def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -> None:
@@ -196,7 +193,11 @@ def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -
 
 
 def test_an_exact_sensor_has_no_latency(truck: Vehicle) -> None:
-    assert not [name for name in by_name(truck, OneStage(nuisances=False)) if name.endswith((".delay", ".play"))]
+    assert not [
+        name
+        for name in by_name(truck, OneStage(given={"sensors": "exact", "road.bank": "exact"}))
+        if name.endswith((".delay", ".play"))
+    ]
 
 
 def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle) -> None:
@@ -205,7 +206,7 @@ def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle
     assert {"tractor.mass", "semitrailer.mass", "tractor.sprung.mass"} <= set(moved)
     assert "semitrailer.yaw_inertia" not in moved  # estimated
     assert "tractor.yaw_inertia" not in moved  # has an unknown of its own
-    fixed = by_name(truck, OneStage(fixed=("tractor.mass", "tractor.cog")))
+    fixed = by_name(truck, OneStage(given={"tractor.mass": "exact", "tractor.cog": "exact"}))
     assert "tractor.mass" not in fixed["mass_scale"].slopes
     assert "tractor.cog" not in fixed
 
@@ -229,50 +230,52 @@ def test_delays_of_time_bases(truck: Vehicle) -> None:
     (main,) = by_imu
     assert main.name == "time_base.main.delay"
     assert set(main.slopes) == {"yaw_rate.semitrailer.delay", "roll_rate.semitrailer.delay"}
-    assert time_base_delays(bases, "", RATES, OneStage(nuisances=False)) == []
-    (prior,) = {u.prior_sigma for u in time_base_delays(bases, "", RATES, OneStage(time_base_delay_prior=0.02))}
+    assert time_base_delays(bases, "", RATES, OneStage(given={"sensors": "exact", "road.bank": "exact"})) == []
+    (prior,) = {
+        u.prior_sigma for u in time_base_delays(bases, "", RATES, OneStage(given={"time_base.*.delay": "+- 0.02 s"}))
+    }
     assert prior == 0.02
 
 
 STEER, ACCELERATION = "steer.tractor.front", "lateral_acceleration.tractor"
 GYRO, HITCH = "yaw_rate.tractor", "articulation.semitrailer"
 WHEELS = "wheel_speed_difference.semitrailer"
-SENSOR_PRIORS = {
-    # name: setting, prior mean, of one log, estimated by both methods
-    "speed.delay": ("speed_delay_prior", 0.0, False, False),
-    f"{STEER}.offset": ("steer_offset_prior", 0.0, True, True),
-    f"{STEER}.gain": ("steer_gain_prior", 1.0, False, True),
-    f"{STEER}.delay": ("steer_delay_prior", 0.0, False, True),
-    f"{STEER}.play": ("steer_play_prior", 0.0, False, False),
-    f"{GYRO}.offset": ("rate_offset_prior", 0.0, True, True),
-    "roll_rate.tractor.offset": ("rate_offset_prior", 0.0, True, True),
-    f"{HITCH}.offset": ("articulation_offset_prior", 0.0, True, True),
-    f"{GYRO}.gain": ("rate_gain_prior", 1.0, False, False),
-    f"{GYRO}.misalignment": ("misalignment_prior", 0.0, False, False),
-    f"{ACCELERATION}.offset": ("acceleration_offset_prior", 0.0, True, False),
-    f"{ACCELERATION}.gain": ("acceleration_gain_prior", 1.0, False, False),
-    f"{ACCELERATION}.delay": ("acceleration_delay_prior", 0.0, False, False),
-    f"{WHEELS}.offset": ("wheel_speed_offset_prior", 0.0, True, False),
-    f"{WHEELS}.gain": ("wheel_speed_gain_prior", 1.0, False, False),
-    f"{WHEELS}.load_sensitivity": ("wheel_load_sensitivity_prior", 0.0, False, False),
-    f"{WHEELS}.delay": ("wheel_speed_delay_prior", 0.0, False, False),
+SENSOR_ERRORS = {
+    # name: prior mean, of one log, estimated by both methods
+    "speed.delay": (0.0, False, False),
+    f"{STEER}.offset": (0.0, True, True),
+    f"{STEER}.gain": (1.0, False, True),
+    f"{STEER}.delay": (0.0, False, True),
+    f"{STEER}.play": (0.0, False, False),
+    f"{GYRO}.offset": (0.0, True, True),
+    "roll_rate.tractor.offset": (0.0, True, True),
+    f"{HITCH}.offset": (0.0, True, True),
+    f"{GYRO}.gain": (1.0, False, False),
+    f"{GYRO}.misalignment": (0.0, False, False),
+    f"{ACCELERATION}.offset": (0.0, True, False),
+    f"{ACCELERATION}.gain": (1.0, False, False),
+    f"{ACCELERATION}.delay": (0.0, False, False),
+    f"{WHEELS}.offset": (0.0, True, False),
+    f"{WHEELS}.gain": (1.0, False, False),
+    f"{WHEELS}.load_sensitivity": (0.0, False, False),
+    f"{WHEELS}.delay": (0.0, False, False),
 }
 OUTPUTS = (GYRO, "roll_rate.tractor", HITCH, ACCELERATION, WHEELS)
 
 
-@pytest.mark.parametrize("name", SENSOR_PRIORS)
-def test_each_sensor_error_has_the_prior_of_its_setting(truck: Vehicle, name: str) -> None:
+@pytest.mark.parametrize("name", SENSOR_ERRORS)
+def test_each_sensor_error_has_the_stated_prior(truck: Vehicle, name: str) -> None:
     """And bounds at eight times its standard deviation."""
-    setting, mean, per_log, both = SENSOR_PRIORS[name]
-    unknown = by_name(truck, OneStage(**{setting: 0.0123}), OUTPUTS)[name]
+    (mean, per_log, both), unit = SENSOR_ERRORS[name], sensor_error_unit(name).removesuffix("1")
+    unknown = by_name(truck, OneStage(given={name: f"+- 0.0123 {unit}"}), OUTPUTS)[name]
     assert (unknown.scale, unknown.centre, unknown.per_log, unknown.logarithmic) == (0.0123, mean, per_log, False)
     assert (unknown.kind, unknown.is_sensor_error) == (UnknownKind.SENSOR, True)
     bounds = (0.0 if name.endswith("play") else mean - 8 * 0.0123, mean + 8 * 0.0123)
     assert (unknown.lower, unknown.upper) == pytest.approx(bounds)
-    two_stage = {u.name: u for u in sensor_error_unknowns(truck, OUTPUTS, TwoStage())}
+    two_stage = {u.name: u for u in sensor_unknowns(truck, OUTPUTS[:3], TwoStage())}
     assert (name in two_stage) == both
     if both:
-        assert two_stage[name].scale == getattr(TwoStage(), setting)
+        assert two_stage[name].scale == by_name(truck, OneStage(), OUTPUTS)[name].scale
 
 
 def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
@@ -280,22 +283,21 @@ def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
     names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.kind is UnknownKind.SENSOR}
     roll = {f"roll_rate.tractor.{kind}" for kind in ("gain", "misalignment")}
     places = {f"{ACCELERATION}.{kind}" for kind in ("position", "height")}
-    assert names == set(SENSOR_PRIORS) | roll | places
+    assert names == set(SENSOR_ERRORS) | roll | places
     assert {"mass_scale", f"{GYRO}.delay"} <= {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage())}
 
 
 def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
     """By the vehicle file; its stated standard deviation replaces that of the settings, and an exact place is known."""
     place = truck.unit("tractor").accelerometer_place
-    settings = OneStage(accelerometer_position_prior=0.4, accelerometer_height_prior=0.2)
-    unknowns = by_name(truck, settings, OUTPUTS)
-    for kind, sigma in (("position", 0.4), ("height", 0.2)):
+    unknowns = by_name(truck, OneStage(given={"lateral_acceleration.*.position": "+- 0.4 m"}), OUTPUTS)
+    for kind, sigma in (("position", 0.4), ("height", 0.3)):
         unknown = unknowns[f"{ACCELERATION}.{kind}"]
         assert (unknown.centre, unknown.scale, unknown.per_log) == (getattr(place, kind), sigma, False)
     stated = {f"tractor.accelerometer.{kind}": sigma for kind, sigma in (("position", 0.03), ("height", 0.0))}
     tractor = truck.unit("tractor").model_copy(update={"accelerometer": place})
     there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
-    unknowns = by_name(there.with_stated(stated), settings, OUTPUTS)
+    unknowns = by_name(there.with_stated(stated), OneStage(), OUTPUTS)
     assert unknowns[f"{ACCELERATION}.position"].scale == 0.03
     assert f"{ACCELERATION}.height" not in unknowns
 
@@ -317,21 +319,32 @@ def test_the_places_of_several_accelerometers(truck: Vehicle) -> None:
 def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
     """Stiffness and inertia by a fraction, between an eighth and eight times the value; heights in metres."""
     values = truck.parameters()
-    unknowns = by_name(truck, OneStage(prior=0.21, height_prior=0.7, initial_payload_height=0.3))
+    unknowns = by_name(
+        truck,
+        OneStage(
+            given={"cornering_stiffness": "+- 21 %", "yaw_inertia": "+- 21 %", "payload.height": "0.3 m +- 0.7 m"}
+        ),
+    )
     stiffness, height = unknowns["tractor.front.cornering_stiffness"], unknowns[HEIGHT]
     value = values["tractor.front.cornering_stiffness"]
     assert (stiffness.centre, stiffness.scale, stiffness.logarithmic) == (value, 0.21, True)
     assert (stiffness.lower, stiffness.upper) == pytest.approx((value / 8, value * 8))
     assert (height.centre, height.scale, height.logarithmic) == (0.3, 0.7, False)
     assert (height.lower, height.upper) == (0.01, 3.5)
-    assert by_name(truck, OneStage(initial_payload_height=None))[HEIGHT].centre == values[HEIGHT]
+    assert by_name(truck, OneStage(given={"payload.height": "+- 0.75 m"}))[HEIGHT].centre == values[HEIGHT]
     body = "semitrailer.sprung.roll_inertia"
-    separate = by_name(truck.lumped(), OneStage(uniform_payload=False, roll_inertia_prior=0.55, prior=0.21))
+    separate = by_name(
+        truck.lumped(),
+        OneStage(
+            uniform_payload=False,
+            given={"sprung.roll_inertia": "+- 55 %", "sprung.cog_height": "+- 21 %"},
+        ),
+    )
     assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
-    own = by_name(truck, OneStage(priors={"semitrailer.yaw_inertia": 0.05}))
+    own = by_name(truck, OneStage(given={"semitrailer.yaw_inertia": "+- 5 %"}))
     assert own["semitrailer.yaw_inertia"].scale == 0.05
     assert own["semitrailer.yaw_inertia"].kind is UnknownKind.PARAMETER
-    damping = by_name(truck, OneStage(priors={"roll_damping": 0.05}))["semitrailer.roll_damping"]
+    damping = by_name(truck, OneStage(given={"roll_damping": "+- 5 %"}))["semitrailer.roll_damping"]
     assert damping.kind is UnknownKind.UNCERTAIN
 
 
@@ -348,7 +361,7 @@ def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> N
     assert {filter_sigmas(u, TwoStage()) for u in usual} == {(1.0, 0.0)}
     linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
-    fixed = parameter_unknowns(truck, names, TwoStage(fixed=names[:1]))
+    fixed = parameter_unknowns(truck, names, TwoStage(given={**dict.fromkeys(names[:1], "exact")}))
     assert [u.name for u in fixed] == [HEIGHT]
 
 
@@ -384,33 +397,42 @@ def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
         brakes = by_name(truck, OneStage(tyres=tyres))["brakes.drive_axle"]
         assert (brakes.centre, brakes.scale, brakes.lower, brakes.upper, brakes.per_log) == (0.5, 0.4, 0.0, 1.0, True)
         assert brakes.kind is UnknownKind.UNCERTAIN
-    few = {name: sigma for name, sigma in MODEL_ERRORS.items() if name != "drive_axle_braking"}
-    assert "brakes.drive_axle" not in by_name(truck, OneStage(consider=few))
+    assert "brakes.drive_axle" not in by_name(truck, OneStage(given={"brakes.drive_axle": "exact"}))
 
 
 PRODUCT = "tractor.sprung.roll_yaw_product"
 
 
 def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
-    """It is estimated with the standard deviation of the file or of every file; without one the error says so."""
+    """It is reported with the standard deviation of the file or of every file; without one the error says so."""
     zero = truck.replace({PRODUCT: 0.0})
     stated = zero.with_stated({PRODUCT: 500.0})
     for vehicle, name, centre, scale in (
         (stated, PRODUCT, 0.0, 500.0),
         (truck, "tractor.cog", truck.parameters()["tractor.cog"], 0.05),
     ):
-        u = by_name(vehicle, OneStage(free=(name,)))[name]
+        u = by_name(vehicle, OneStage(reported=(name,)))[name]
         assert (u.kind, u.logarithmic, u.centre) == (UnknownKind.PARAMETER, False, centre)
         assert u.scale == pytest.approx(scale)
     u = by_name(stated, OneStage())[PRODUCT]
     assert (u.kind, u.logarithmic, u.centre, u.scale) == (UnknownKind.UNCERTAIN, False, 0.0, 500.0)
-    with pytest.raises(VehicleError, match="state it in the vehicle file, such as roll_yaw_product = '0 kg m"):
-        by_name(zero, OneStage(free=(PRODUCT,)))
+    with pytest.raises(VehicleError, match="product: nothing is known of its uncertainty; state it"):
+        by_name(zero, OneStage(reported=(PRODUCT,)))
+    with pytest.raises(VehicleError, match="product: may be 0; give its standard deviation"):
+        by_name(zero, OneStage(given={PRODUCT: "free"}))
+    with pytest.raises(VehicleError, match="percent of 0 is 0"):
+        by_name(zero, OneStage(given={PRODUCT: "+- 30 %"}))
 
 
-def test_a_fraction_of_zero_is_refused(truck: Vehicle) -> None:
-    with pytest.raises(VehicleError, match="expected above 0"):
-        by_name(truck.replace({PRODUCT: 0.0}), OneStage(priors={PRODUCT: 0.3}))
+def test_what_is_reported_keeps_its_prior(truck: Vehicle) -> None:
+    name = "tractor.yaw_inertia"
+    uncertain, listed = by_name(truck, OneStage())[name], by_name(truck, OneStage(reported=("yaw_inertia",)))[name]
+    assert (uncertain.kind, listed.kind) == (UnknownKind.UNCERTAIN, UnknownKind.PARAMETER)
+    assert (uncertain.centre, uncertain.scale) == (listed.centre, listed.scale)
+    assert by_name(truck, OneStage(given={name: "free"}))[name].scale == 0.3
+    assert name not in by_name(truck, OneStage(reported=(name,), given={name: "exact"}))
+    with pytest.raises(VehicleError, match=r"yaw_inerta: no such parameter.*yaw_inertia"):
+        by_name(truck, OneStage(reported=("yaw_inerta",)))
 
 
 def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
@@ -419,7 +441,8 @@ def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
     zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
     shown = {e.name: e for e in identify([record], zero, OneStage(tyres="linear")).uncertain}[PRODUCT]
     assert 0 < shown.sigma <= 500.0
-    settings = OneStage(free=(PRODUCT, front), tyres="linear")
+    given = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact", front: "free"}
+    settings = OneStage(given=given, reported=(PRODUCT,), tyres="linear")
     assert 0 < predict_sigmas([record], zero, settings)[PRODUCT].relative_sigma <= 1
     best = design_experiment(zero, {front: 0.1}, settings).best
     assert 0 < best.sigma[PRODUCT] <= 1

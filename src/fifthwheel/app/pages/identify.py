@@ -12,10 +12,10 @@ from nicegui import ui
 from fifthwheel.app import inputs, jobs, known, layout, result_files, runs, words
 from fifthwheel.app.workspace import VEHICLE, Workspace
 from fifthwheel.errors import FifthwheelError, printable
+from fifthwheel.identify.statement import parse
 from fifthwheel.settings import options_of
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import IdentifyOptions, starts_of
-from fifthwheel.workflow.statement import parse
 
 KEY = "identify"
 """Of the job."""

@@ -16,9 +16,9 @@ from fifthwheel.export import project
 from fifthwheel.export.c_text import table
 from fifthwheel.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.identify import OneStage
-from fifthwheel.identify.unknowns.parameters import estimated_parameters, expand_names
+from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ends_with
 from fifthwheel.native import c_code
 from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
@@ -50,7 +50,7 @@ def truck_model(
     """Inputs are the speed, the steer angles and the bank of the road; arguments and errors as in `export_fmu`."""
     expect("vehicle", vehicle, Vehicle)
     vehicle = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
-    free = estimated_parameters(vehicle, OneStage()) if tunable is None else expand_names(vehicle, tunable, OneStage())
+    free = estimated_parameters(vehicle, OneStage()) if tunable is None else vehicle.paths(tunable)
     names = tuple(dict.fromkeys(default_outputs(vehicle) if outputs is None else outputs))
     if BANK in names:
         raise SignalError(f"{BANK}: an input of the truck; leave it out of the outputs")
@@ -114,7 +114,7 @@ def truck_model(
 def _parameter(path: str, value: float) -> Variable:
     if not value > 0:
         raise FifthwheelError(f"{path}: expected above 0 to be tunable, got {value:g}; leave it out of the parameters")
-    is_height = ParameterPath.of(path).is_payload_height
+    is_height = ends_with(path, "payload.height")
     limits = HEIGHT_BOUNDS if is_height else (value / BOUND_FACTOR, value * BOUND_FACTOR)
     words = " ".join(path.replace("_", " ").split("."))
     return Variable(name=path, role=Role.TUNABLE, unit=unit_of(path), description=words, start=value, limits=limits)

@@ -16,9 +16,9 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.given import applied, with_sensors
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
-from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.verdict import Verdict, is_stated
 from fifthwheel.names import split_log
@@ -148,13 +148,13 @@ def predict_sigmas(
 
     Raises:
         SignalError: a fit cannot use one of the logs; the message lists all findings.
-        VehicleError: a parameter cannot be estimated or fixed; or the truck is unstable at the speeds of the logs.
+        VehicleError: a statement of the settings cannot be used; or the truck is unstable at the speeds of the logs.
 
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> assessment = fw.predict_sigmas([record], truck, settings)
         >>> [str(parameter.verdict) for parameter in assessment.parameters]
         ['converged']
@@ -162,7 +162,8 @@ def predict_sigmas(
     expect_each("records", records, Record)
     expect("vehicle", vehicle, Vehicle)
     expect_optional("settings", settings, OneStage)
-    settings, assessment = settings or OneStage(), assessment or AssessmentSettings()
+    vehicle, settings = applied(vehicle, settings or OneStage())
+    assessment = assessment or AssessmentSettings()
     findings = [] if checked else [(r.name, finding) for r in records for finding in check_signals(r, vehicle)]
     findings += [] if checked else [(str(finding.log), finding) for finding in mass_findings(records, vehicle)]
     findings.sort(key=lambda item: item[1].severity)

@@ -19,9 +19,11 @@ from fifthwheel.identify.design.predict import InformationPredictor, possible_ch
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
 from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates, stable_speeds
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns import parameters
+from fifthwheel.identify.unknowns.parameters import known_of
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
@@ -151,7 +153,7 @@ def design_experiment(
 
     Raises:
         SignalError: a fit cannot use the channels.
-        VehicleError: a target is no parameter, belongs to a fixed parameter or is not above zero; or the truck is
+        VehicleError: a target is no parameter, is that of an exact parameter or not above zero; or the truck is
             unstable at every speed.
 
     Example:
@@ -220,19 +222,19 @@ def _usable_channels(vehicle: Vehicle, channels: Sequence[str]) -> tuple[str, ..
 
 
 def default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
-    """`DEFAULT_TARGET` by parameter; a VehicleError if each of these parameters is fixed."""
+    """`DEFAULT_TARGET` by parameter; a VehicleError if each of these parameters is exact."""
     estimated = parameters.estimated_parameters(vehicle, settings)
     names = [name for name in parameters.stage_1_names(vehicle) if name in estimated]
     if not names:
-        raise VehicleError("targets: every cornering stiffness and yaw inertia is fixed; give a target (--target)")
+        raise VehicleError("targets: every cornering stiffness and yaw inertia is exact; give a target (--target)")
     return dict.fromkeys(names, DEFAULT_TARGET)
 
 
 def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], settings: OneStage) -> OneStage:
     """The settings with every parameter estimated that has a target."""
     for name, target in targets.items():
-        if name in settings.fixed:
-            raise VehicleError(f"{name}: has a target but is fixed; leave out the target, or do not fix it")
+        if name in vehicle.parameters() and known_of(name, 1.0, settings).exact:
+            raise VehicleError(f"{name}: has a target but is exact; leave out the target, or the statement")
         if not isinstance(target, Real) or not 0 < target <= 1:
             raise VehicleError(
                 f"{name}: expected a target sigma above 0, up to 1, got {target!r}; give a fraction of the value, such "
@@ -242,9 +244,10 @@ def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], sett
     missing = [name for name in targets if name not in estimated]
     if not missing:
         return settings
-    settings = replace(settings, free=(*estimated, *missing))
-    parameters.estimated_parameters(vehicle, settings)  # raises an error for a name that is no parameter
-    return settings
+    known = [name for name in missing if vehicle.stated.get(name)]
+    free = {name: "free" for name in missing if name not in known}
+    _, settings = applied(vehicle, replace(settings, given={**settings.given, **free}))
+    return replace(settings, reported=(*settings.reported, *known))
 
 
 def _prepared_vehicle(vehicle: Vehicle, channels: Sequence[str], settings: OneStage) -> Vehicle:

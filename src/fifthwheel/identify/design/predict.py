@@ -35,7 +35,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
-from fifthwheel.names import split_log
+from fifthwheel.names import ends_with, split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -160,13 +160,15 @@ class InformationPredictor:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
                 axles behind the first are.
         """
-        settings = replace(settings, form="output_error", initial_payload_height=None, tyres="linear")
+        settings = replace(settings, form="output_error", tyres="linear")
         setup = Setup.of(vehicle, possible_channels(vehicle, logged, roll=settings.roll), settings)
-        superposed = (replace(u, centre=0.0) if u.name.endswith(".softening") else u for u in setup.unknowns)
-        setup = replace(setup, unknowns=tuple(superposed))  # responses superpose where tyres do not soften
+        # responses superpose where tyres do not soften, and payload heights are those of the vehicle file
+        centre = {u.name: 0.0 for u in setup.unknowns if u.name.endswith(".softening")}
+        centre |= {n: value for n, value in setup.given.items() if ends_with(n, "payload.height")}
+        setup = replace(setup, unknowns=tuple(replace(u, centre=centre.get(u.name, u.centre)) for u in setup.unknowns))
         if not setup.estimated:
             raise VehicleError(
-                "fixed: every parameter is fixed, so none is left to estimate; leave out one of them (--set)"
+                "given: every parameter is exact, so none is left to estimate; leave out one of these statements"
             )
         z = setup.stiffened(np.zeros(len(setup.unknowns)), speeds)
         if not setup.is_stable(z, speeds):

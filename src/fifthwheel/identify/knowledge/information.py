@@ -12,7 +12,8 @@ from fifthwheel._arguments import expect_optional
 from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
-from fifthwheel.identify.unknowns.parameters import TIME_BASE, unit_of_unknown
+from fifthwheel.identify.statement import TIME_BASE
+from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record

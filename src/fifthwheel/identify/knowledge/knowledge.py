@@ -65,7 +65,7 @@ class Knowledge(ComparedByContents):
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> first, second = (fw.simulate(truck, count=1, seed=seed, name=f"run {seed}") for seed in (1, 2))
         >>> once = fw.identify([first], truck, settings)
         >>> twice = fw.identify([second], truck, settings, knowledge=once.knowledge)

@@ -8,6 +8,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.identify import estimates
 from fifthwheel.identify.doubts import PriorTest
@@ -20,8 +21,9 @@ from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
+from fifthwheel.identify.statement import BANK_VARIATION
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.gross_errors import is_possible
+from fifthwheel.identify.unknowns.quantities import is_possible, prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import (
     Verdict,
@@ -56,8 +58,8 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     values = problem.model_values(problem.without_variation(minimum.z), 0)
     changed = {name for u in problem.unknowns if not u.is_sensor_error for name in u.slopes}
     vehicle_values = {name: values[name] for name in own if name in changed}
-    around = changed - {*own, FRICTION, DRIVE_AXLE_BRAKING}
     of_truck = dynamics.all_parameters(dataset.vehicle, (), tyres=problem.model.tyres)
+    around = {n for n in of_truck if n in changed or values[n] != of_truck[n]} - {*own, FRICTION, DRIVE_AXLE_BRAKING}
     sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     left = causes.left if evaluation.trusted or causes.likely else problem.relative_discrepancy
@@ -95,7 +97,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),
-        surroundings={**settings.surroundings, **{name: values[name] for name in of_truck if name in around}},
+        surroundings={name: values[name] for name in of_truck if name in around and not is_sensor_error(name)},
         covariance=covariance,
         doubts=tuple(doubts),
         variance_budget=_variance_budget(problem, posterior, solution.estimated),
@@ -189,7 +191,7 @@ def _summary(solution: Solution, posterior: ScaledPosterior, i: int) -> LogSumma
     _, error, variance = problem.residuals(minimum.z, i, whitened=False)
     accepted = (np.abs(error) / np.sqrt(variance) <= settings.gate).astype(float)
     if problem.model.bank and problem.output_error:
-        index, prior = problem.layout.initial_states[i][0][-1], settings.bank_prior
+        index, prior = problem.layout.initial_states[i][0][-1], problem.setup.bank_sigma
         bank = float(minimum.z[index] * prior), float(posterior.sigma[index] * prior)
     for u, index in zip(problem.unknowns, problem.layout.unknowns[i], strict=True):
         if u.name == DRIVE_AXLE_BRAKING:
@@ -243,12 +245,12 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
                         row[index] += slope * factor
         if banked:
             row = rows.setdefault(f"{BANK}@{log.name}", np.zeros(len(problem.names)))
-            row[problem.layout.initial_states[i][0][-1]] = problem.settings.bank_prior
+            row[problem.layout.initial_states[i][0][-1]] = problem.setup.bank_sigma
     others = {u.name: u.scale for u in problem.unknowns if u.per_log and not u.moves}
-    others |= {BANK: problem.settings.bank_prior} if banked else {}
+    others |= {BANK: problem.setup.bank_sigma} if banked else {}
     map_to_si = np.array(list(rows.values())).reshape(len(rows), len(problem.names))
     of_logs = map_to_si @ covariance @ map_to_si.T
-    variation = problem.settings.consider.get("bank_variation", 0.0)
+    _, variation = prior_of(problem.settings.given, BANK_VARIATION)
     of_logs += np.diag([variation**2 if name.startswith(f"{BANK}@") else 0.0 for name in rows])
     k = len(rows)
     in_si = np.diag([*[0.0] * k, *[sigma**2 for sigma in others.values()]])

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
+from fifthwheel.identify.given import applied
 from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import OUTLYING, UNSURE, Knowledge, LogChange, tyre_change
@@ -45,6 +46,7 @@ def identify_one_stage(
     progress: Progress = lambda *_: None,
 ) -> Identification:
     """Identify a vehicle in one stage; arguments and errors as in `identify`."""
+    vehicle, settings = applied(vehicle, settings)
     settings, note = with_tyre_law(vehicle, settings)
     occasion, before = occasion or Occasion(), (knowledge or Knowledge()).without_records(records)
     occasion = replace(occasion, date=occasion.date_of(records))

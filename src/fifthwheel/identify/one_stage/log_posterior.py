@@ -40,12 +40,12 @@ def log_posterior(
 
     Raises:
         SignalError: the settings are not those of one stage, or a log cannot be used.
-        VehicleError: a parameter in the settings does not exist or cannot be estimated or fixed.
+        VehicleError: a statement of the settings cannot be used.
 
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> density = fw.log_posterior([fw.simulate(truck, count=1)], truck, settings)
         >>> density(density.mean) > density({"tractor.front.cornering_stiffness": 4e5})
         True
@@ -77,7 +77,7 @@ class LogPosterior:
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> density = fw.log_posterior([fw.simulate(truck, count=1)], truck, settings)
         >>> density.names[0]
         'tractor.front.cornering_stiffness'

@@ -41,7 +41,7 @@ from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
-from fifthwheel.identify.noise_model import autocorrelation_factor, fit_noise_model
+from fifthwheel.identify.noise_model import CORRELATION_TIME, autocorrelation_factor, fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.layout import ProblemLayout
@@ -49,6 +49,8 @@ from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 from fifthwheel.identify.one_stage.segment_run import SegmentRun
 from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.statement import DISCREPANCY
+from fifthwheel.identify.unknowns.quantities import prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
@@ -263,8 +265,8 @@ class Problem:
         if self.output_error:
             if self.model.bank:
                 slope = steady_state_bank_slope(self.model, self.vehicle, rows.first, values)
-                factor = np.column_stack([factor[:, :-1], self.settings.bank_prior * slope])
-                bank = float(self.settings.bank_prior * z[initial[-1]])
+                factor = np.column_stack([factor[:, :-1], self.setup.bank_sigma * slope])
+                bank = float(self.setup.bank_sigma * z[initial[-1]])
             x0 = x0 + factor @ z[initial]
         if not differentiated:
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
@@ -290,8 +292,8 @@ class Problem:
             indices=indices,
         )
         if not self.output_error:
-            table = variances.PROCESS_VARIANCE | {"bank": self.settings.bank_walk**2}
-            process = variances.process_covariance(self.model.states, table, max(self.settings.process_noise, 1e-9))
+            multiple = max(self.settings.process_noise, 1e-9)
+            process = variances.process_covariance(self.model.states, variances.PROCESS_VARIANCE, multiple)
             return run.innovations(
                 self.model, Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
             )
@@ -362,7 +364,7 @@ class Problem:
 
     def _residual_noise(self, z: Array, i: int, autocorrelated: bool) -> LogData:
         log, limit = self.logs[i], self.settings.outlier
-        least = self.settings.consider.get("discrepancy", 0.0) ** 2
+        least = prior_of(self.settings.given, DISCREPANCY)[1] ** 2
         noise, factors, models = dict(log.noise), dict(log.autocorrelation_factor), dict(log.noise_models)
         _, error, spread = self.residuals(z, i, whitened=False)
         ends = np.cumsum([len(segment) for segment in log.segments])[:-1]
@@ -379,7 +381,7 @@ class Problem:
                 fitted = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
                 models[name] = fitted.with_discrepancy(least * self._signal_variance(i, name))
             elif autocorrelated:
-                factors[name] = autocorrelation_factor(size, int(self.settings.correlation_time / dt))
+                factors[name] = autocorrelation_factor(size, int(CORRELATION_TIME / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)
 
     @property
@@ -434,7 +436,7 @@ class Problem:
     def _initial_factor(self, segment: Record) -> Array:
         inputs = {name: segment.input(name) for name in ("speed", *self.model.vehicle.steer_signals())}
         first = {name: float(v[0]) for name, v in inputs.items()}
-        bank = self.settings.bank_prior if self.model.bank else None
+        bank = self.setup.bank_sigma if self.model.bank else None
         _, P0 = initial_state(self.vehicle, first, {}, roll=self.model.roll, steer_sigma=steer_sigma(inputs), bank=bank)
         return initial_factor(P0)
 

@@ -10,7 +10,7 @@ from fifthwheel._types import Array
 from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import PriorTest, prior_tests
 from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.noise_model import long_run_covariance
+from fifthwheel.identify.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.identify.one_stage.layout import Indices
@@ -100,7 +100,7 @@ def _linearise(solution: Solution) -> Linearisation:
     logs = [_nothing(problem, i) for i in range(len(problem.logs))]
     for i, j in problem.segments():
         segment = problem.logs[i].segments[j]
-        lags = max(int(settings.correlation_time * segment.rate), 1)
+        lags = max(int(CORRELATION_TIME * segment.rate), 1)
         size = max(lags // SUMS_PER_LAG, 1)
         scores, samples = np.zeros((-(-len(segment.time) // size), k)), 0
         for block in problem.blocks(z, i, j):

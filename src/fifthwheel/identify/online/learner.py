@@ -21,6 +21,7 @@ from fifthwheel.channels import CHANNELS
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
+from fifthwheel.identify.given import applied, with_sensors
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online.learned import LearnedLog, find_doubts
@@ -29,7 +30,6 @@ from fifthwheel.identify.online.online_model import online_setup
 from fifthwheel.identify.online.persistence import LEARNER_FILE, EstimateBlock, combine_blocks
 from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
-from fifthwheel.identify.sensor_priors import with_sensors
 from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
@@ -63,8 +63,8 @@ class Learner:
         vehicle: what is known of the truck.
         signals: names of the measured signals; speed, a steer angle and a yaw rate must be among them. A
             learner uses `channels.LEARNED`, and wheel speeds of both sides of an axle that is not driven.
-        settings: estimated, considered and fixed parameters, priors, noise and limits, as for `identify`; settings of
-            the search have no effect. A delay of the steer angle is compensated to first order, by its slope.
+        settings: what is known of numbers, noise and limits, as for `identify`; settings of the search have no effect.
+            A delay of the steer angle is compensated to first order, by its slope.
         sensors: what is stated of them by signal, such as `SignalMap.sensors` or `Record.sensors`.
         learner: when it learns, and how it treats faults of the signals.
         trailer: name under which the estimates of the units behind the first are kept; by default that of the
@@ -76,7 +76,7 @@ class Learner:
     Raises:
         SignalError: a necessary signal is missing, no unknown is left to estimate, or the vehicle has another load than
             the knowledge.
-        VehicleError: a parameter cannot be estimated or fixed, or the knowledge is of another truck.
+        VehicleError: a statement of the settings cannot be used, or the knowledge is of another truck.
 
     Example:
         >>> import fifthwheel as fw
@@ -111,9 +111,10 @@ class Learner:
         if knowledge is not None:
             knowledge.require_same_truck(vehicle)
             knowledge.require_same_load(vehicle, occasion)
+        vehicle, settings = applied(vehicle, settings or OneStage(tyres="linear"))
         self._vehicle_file, self._signals, self._knowledge = vehicle, frozenset(signals), knowledge
         expect_known("sensors", sensors, sorted(self._signals))
-        settings = with_sensors(vehicle, settings or OneStage(tyres="linear"), sensors)
+        settings = with_sensors(vehicle, settings, sensors)
         setup = online_setup(vehicle, self._signals, settings)
         start = combine_blocks(setup.unknowns, [], knowledge.prior(setup, occasion) if knowledge else None)
         self._live = LiveFilter(setup, learner or LearnerSettings(), *start)
@@ -341,7 +342,8 @@ class Learner:
             VehicleError: a parameter cannot be fixed.
         """
         live, setup = self._live, self._live.setup
-        settings = replace(setup.settings, fixed=tuple(values))
+        known = {name: text for name, text in setup.settings.given.items() if name not in vehicle.parameters()}
+        settings = replace(setup.settings, given=known | dict.fromkeys(values, "exact"))
         fixed = Learner(vehicle.replace(values), self._signals, settings, learner=live.learner, trailer=self._trailer)
         unknowns = fixed._live.setup.unknowns
         block = self._block_of(range(len(setup.unknowns))).restricted(unknowns)

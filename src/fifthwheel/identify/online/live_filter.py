@@ -48,7 +48,7 @@ class LiveFilter:
         self.considered = Considered.of(z[n:], covariance[n:, n:])
         """What is known of the considered unknowns."""
         self._scaling = self.considered.scaling(setup)
-        self.model = model_of(setup, setup.outputs, discrepancies=setup.settings.nuisances)
+        self.model = model_of(setup, setup.outputs, discrepancies=setup.has_discrepancies)
         self.filter = _relinearised_filter(setup, self.model, learner, self._scaling, self.considered)
         self.set_estimate(z, covariance)
         self.began = self.filter.estimate()
@@ -198,7 +198,7 @@ class LiveFilter:
     def _is_worse_than_a_start(self) -> bool:
         """Whether the bank of the road is less certain than at a start: lane changes hardly separate it from the offset
         of the steering, so that without new starts the errors of both grow from one to the next."""
-        return self.view.bank_sigma() > self.setup.settings.bank_prior
+        return self.view.bank_sigma() > self.setup.bank_sigma
 
     def _play(self) -> list[float]:
         """Estimates of the plays of the steerings, rad."""
@@ -319,10 +319,9 @@ def _relinearised_filter(
     setup: Setup, model: OnlineModel, learner: LearnerSettings, scaling: Scaling, considered: Considered
 ) -> RelinearisedFilter:
     settings, vehicle = setup.settings, setup.vehicle
-    table = variances.PROCESS_VARIANCE | {"bank": settings.bank_walk**2}
     factor = max(settings.process_noise, MIN_PROCESS_NOISE)
     discrepancies = discrepancy_variances(setup, learner)
-    of_states = variances.process_covariance(model.chain.states, table, factor)
+    of_states = variances.process_covariance(model.chain.states, variances.PROCESS_VARIANCE, factor)
     process = block_diagonal(of_states, np.diag(2 / learner.discrepancy_time * discrepancies))
     noise = Noise(
         process=process,

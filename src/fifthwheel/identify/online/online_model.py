@@ -14,13 +14,14 @@ from fifthwheel.dynamics import ChainModel
 from fifthwheel.dynamics.symbolic import Matrix, transition_matrix
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import SignalError
-from fifthwheel.identify.settings import DEFAULT_CONSIDERED, OneStage
+from fifthwheel.identify.given import applied
+from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
-from fifthwheel.identify.unknowns.parameters import VARIATION, longest_matching_key
+from fifthwheel.identify.statement import stated
+from fifthwheel.identify.unknowns.parameters import VARIATION, fixed_last_axles
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
 
-VARIES = "stiffness_variation"
 LINEAR_TYRES = 0.06
 """Default variation of the cornering stiffness of a linear tyre from drive to drive, as a fraction: slip, load and
 longitudinal force change it, and differ in each drive."""
@@ -70,11 +71,12 @@ class OnlineModel:
 
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
     """The setup of a learner; arguments and errors are those of `Learner`. The estimated unknowns come first."""
-    consider = {key: sigma for key, sigma in settings.consider.items() if key != "fixed_axles"}  # to save time
+    vehicle, settings = applied(vehicle, settings)
     settings = with_tyre_law(vehicle, settings)[0]
-    if settings.tyre_law == "linear" and consider.get(VARIES) == DEFAULT_CONSIDERED[VARIES]:  # not stated
-        consider[VARIES] = LINEAR_TYRES
-    settings = replace(settings, consider=consider)
+    if settings.tyre_law == "linear":
+        names = [f"{path}.cornering_stiffness{VARIATION}" for path in vehicle.group_paths()]
+        more = [name for name in names if stated(settings.given, name, "1", 0.0).sigma is None]
+        settings = replace(settings, given={**settings.given, **dict.fromkeys(more, f"+- {LINEAR_TYRES!r}")})
     if not settings.roll:
         raise SignalError("roll: expected True, because a learner models roll, got False; leave it out")
     if "speed" not in signals:
@@ -85,19 +87,20 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name != dynamics.SPEED_DELAY))
+    axles = [name for name in fixed_last_axles(vehicle) if name not in vehicle.stated]
+    left_out = {dynamics.SPEED_DELAY, *axles}  # to save time
+    setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})
     if not setup.estimated_unknowns:
-        raise SignalError("fixed: no unknown is left to estimate; fix fewer parameters, or use an Observer")
+        raise SignalError("given: no unknown is left to estimate; state fewer as exact, or use an Observer")
     return replace(setup, unknowns=(*setup.estimated_unknowns, *setup.considered_unknowns))
 
 
 def _considered(setup: Setup) -> set[str]:
-    """Unknowns that a learner considers, to save time: uncertain ones without a prior of the settings. What varies from
-    log to log is estimated, so that no estimate becomes less certain than it was at the start."""
+    """Unknowns that a learner considers, to save time: uncertain ones. What varies from log to log is estimated, so
+    that no estimate becomes less certain than it was at the start."""
     varying = {u.name for u in setup.unknowns if u.name.endswith(VARIATION)}
-    uncertain = {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN} - varying
-    return {n for n in uncertain if longest_matching_key(n, setup.settings.priors) is None}
+    return {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN} - varying
 
 
 def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> OnlineModel:
@@ -107,7 +110,7 @@ def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> On
         setup.vehicle,
         outputs,
         roll=True,
-        bank=setup.settings.nuisances,
+        bank=setup.bank_sigma > 0,
         extended=True,
         free=tuple(dict.fromkeys(name for u in setup.unknowns for name in u.slopes if name in parameters)),
         tyres=setup.settings.tyre_law,

@@ -41,7 +41,7 @@ class LearnerSettings(Settings):
         default_factory=lambda: {channel.quantity: channel.discrepancy for channel in LEARNED}
     )
     """Standard deviation of the discrepancy of a channel by quantity, SI: the part of its signal that the linear model
-    does not describe, a first-order process. Without sensor errors (`nuisances`) the model has none."""
+    does not describe, a first-order process. The model has none if `OneStage.given` has "discrepancy" as exact."""
     discrepancy_time: Positive = 3.0
     """Time constant of the discrepancies, s."""
     offset_time: Positive = 3600.0

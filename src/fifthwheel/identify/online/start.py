@@ -67,7 +67,7 @@ def start_state(
     vehicle, unknowns = setup.vehicle, setup.unknowns
     p = scaling.to_p(with_prior_means(z, len(unknowns)))
     values = setup.changed_model(dict(zip([u.name for u in unknowns], p.tolist(), strict=True)))
-    bank = setup.settings.bank_prior if model.chain.bank else None
+    bank = setup.bank_sigma if model.chain.bank else None
     x, P = initial_state(vehicle, first, values, roll=True, steer_sigma=TYPICAL_STEER_SIGMA, bank=bank)
     _, m = steady_initial_state(vehicle, first, values, roll=True)
     n, inputs = len(m.A) - 1, [first[name] for name in setup.inputs]
@@ -82,7 +82,7 @@ def start_state(
 
 def discrepancy_variances(setup: Setup, learner: LearnerSettings) -> Array:
     """Of each discrepancy among the states, SI squared."""
-    names = setup.outputs if setup.settings.nuisances else ()
+    names = setup.outputs if setup.has_discrepancies else ()
     return np.array([learner.discrepancy.get(SignalName.of(name).quantity, 0.0) ** 2 for name in names])
 
 

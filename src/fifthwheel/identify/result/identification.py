@@ -13,18 +13,15 @@ from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.channels import (
     LATERAL_ACCELERATION,
-    ROLL_RATE,
     SPEED,
     STEER,
     WHEEL_SPEED_DIFFERENCE,
     Channel,
     is_of,
     is_sensor_error,
-    names_of,
 )
 from fifthwheel.dynamics.chain import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
-from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
@@ -33,14 +30,16 @@ from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.result.posterior import Posterior
 from fifthwheel.identify.settings import OneStage, require_own_functions
-from fifthwheel.identify.unknowns.parameters import TIME_BASE
+from fifthwheel.identify.statement import BANK_VARIATION, ROAD_BANK, TIME_BASE, with_values
+from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
+from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK, MEAN_DRIVE_AXLE_BRAKING, unit_of
+from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK, unit_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -54,7 +53,7 @@ class Identification(IdentificationData):
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
         >>> record = fw.simulate(truck, count=1)
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> result = fw.identify([record], truck, settings)
         >>> result
         Identification(cheng_cebon_2011, one-stage method, 1 of 1 parameters converged, from simulated)
@@ -90,16 +89,17 @@ class Identification(IdentificationData):
         has.
         """
         settings = self.settings
-        if not isinstance(settings, OneStage) or settings.tyre_law == "linear":
+        if settings.tyre_law == "linear":
             return None
-        estimated = next((e.value for e in self.parameters if e.name == FRICTION), settings.friction)
+        estimated = next((e.value for e in self.parameters if e.name == FRICTION), None)
+        estimated = prior_of(settings.given, FRICTION)[0] if estimated is None else estimated
         return min(max(estimated, FRICTION_RANGE[0]), FRICTION_RANGE[1])
 
     @property
     def models_roll(self) -> bool:
         """Whether the method modelled yaw and roll, and not yaw only: one stage unless `roll=False`, two stages if a
         roll rate is measured."""
-        return getattr(self.settings, "roll", bool(names_of(ROLL_RATE, self.signals)))
+        return self.settings.models_roll(self.signals)
 
     @property
     def model(self) -> str:
@@ -120,8 +120,8 @@ class Identification(IdentificationData):
         noise = next((summary.noise for summary in self.logs if summary.name == log), self.logs[0].noise)
         law = self.settings.tyre_law
         own_law = {} if isinstance(law, str) else {"tyres": law}
-        yaw_only = {} if getattr(self.settings, "roll", True) else {"roll": False}
-        unseen = (MEAN_DRIVE_AXLE_BRAKING, 0.0) if self.settings.brakes else None
+        yaw_only = {} if self.settings.roll else {"roll": False}
+        unseen = (quantity(DRIVE_AXLE_BRAKING).mean, 0.0) if self.settings.brakes else None
         brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), unseen)
         around = {**self.surroundings} | ({DRIVE_AXLE_BRAKING: brakes[0]} if brakes else {})
         road = {"friction": self.friction, "surroundings": around} | self._uncertainties(log)
@@ -131,29 +131,33 @@ class Identification(IdentificationData):
     def _uncertainties(self, log: str | None) -> dict[str, float]:
         """Mean and sigma of the bank, and sigmas of the offsets, as arguments of `ObserverSettings`."""
         settings = self.settings
-        if not settings.nuisances:
-            return dict.fromkeys(("bank", "steer_offset", "acceleration_offset", "wheel_speed_offset"), 0.0)
-        prior = getattr(settings, "bank_prior", initial_sigma("bank.road"))
+        _, prior = prior_of(settings.given, ROAD_BANK)
         estimates = [each.bank for each in self.logs if each.name == log and each.bank]
-        variation = getattr(settings, "consider", {}).get("bank_variation", 0.0)
+        _, variation = prior_of(settings.given, BANK_VARIATION)
         mean, bank = (estimates[0][0], math.hypot(estimates[0][1], variation)) if estimates else (0.0, prior)
         own = [error for error in self.sensors if error.log is not None and error.log == log]
 
-        def offset(channel: Channel, prior: float) -> float:
+        def offset(channel: Channel) -> float:
+            measured = [signal for signal in self.signals if is_of(signal, channel)] or [channel.quantity]
+            priors = [self.prior_of_sensor_error(f"{signal}.offset") for signal in measured]
+            prior = max(sigma for _, sigma in priors)
             offsets = [error for error in own if is_sensor_error(error.name, "offset")]
             sigmas = [error.sigma for error in offsets if is_of(error.name, channel)]
             known = self.covariance is not None and sigmas  # it contains them
             return 0.0 if known else max(sigmas, default=prior)
 
-        acceleration = getattr(settings, "acceleration_offset_prior", ObserverSettings.acceleration_offset)
-        wheels = getattr(settings, "wheel_speed_offset_prior", ObserverSettings.wheel_speed_offset)
         return {
             "bank_mean": mean,
             "bank": bank,
-            "steer_offset": offset(STEER, settings.steer_offset_prior),
-            "acceleration_offset": offset(LATERAL_ACCELERATION, acceleration),
-            "wheel_speed_offset": offset(WHEEL_SPEED_DIFFERENCE, wheels),
+            "steer_offset": offset(STEER),
+            "acceleration_offset": offset(LATERAL_ACCELERATION),
+            "wheel_speed_offset": offset(WHEEL_SPEED_DIFFERENCE),
         }
+
+    def prior_of_sensor_error(self, name: str) -> tuple[float, float]:
+        """Prior mean and standard deviation of an error of a sensor or a time base, SI."""
+        own = prior_of_sensor_error(self.initial_vehicle, name, self.settings)
+        return own or prior_of(self.settings.given, name)
 
     @property
     def posterior(self) -> Posterior:
@@ -212,7 +216,7 @@ class Identification(IdentificationData):
         """
         settings = None
         if isinstance(self.settings, OneStage):
-            settings = replace(self.settings, surroundings=self.surroundings)
+            settings = replace(self.settings, given=with_values(self.settings.given, self.surroundings))
         return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:

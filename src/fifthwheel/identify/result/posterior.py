@@ -43,7 +43,7 @@ class Posterior(ComparedByContents):
     Example:
         >>> import fifthwheel as fw
         >>> truck = fw.vehicle("cheng_cebon_2011")
-        >>> settings = fw.OneStage(free=("tractor.front.cornering_stiffness",), consider={}, tyres="linear")
+        >>> settings = fw.OneStage(given={"*": "exact", "tractor.front.cornering_stiffness": "free"}, tyres="linear")
         >>> posterior = fw.identify([fw.simulate(truck, count=1)], truck, settings).posterior
         >>> front = posterior.among(["tractor.front.cornering_stiffness"])
         >>> front.sample(1000, seed=0).shape

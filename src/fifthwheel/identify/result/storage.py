@@ -17,7 +17,7 @@ from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, LogSummary, SensorError
-from fifthwheel.identify.settings import settings_class
+from fifthwheel.identify.settings import imported, method_named
 from fifthwheel.input_files import read_json, require_regular
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
@@ -108,7 +108,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
                 for k, fit in enumerate(contents["fit"])
             ],
         ),
-        settings=parts(settings_class(contents["method"]), [contents["settings"]])[0],
+        settings=parts(imported(method_named(contents["method"]).settings), [contents["settings"]])[0],
         log_likelihood=contents["log_likelihood"],
         rounds=int(contents["rounds"]),
         findings=parts(Finding, contents["findings"]),

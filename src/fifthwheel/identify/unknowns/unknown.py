@@ -11,7 +11,6 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.formatting import percent
-from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle.parameters import POSITIONS
 
@@ -132,18 +131,10 @@ def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     return replace(unknown, centre=mean, lower=0.0, upper=1.0).within(0.0, 1.0)
 
 
-def height_unknown(name: str, value: float, settings: CommonSettings) -> Unknown:
-    """A payload height, m; a value of the settings replaces that of the vehicle."""
-    initial = settings.initial_payload_height
+def height_unknown(name: str, mean: float, sigma: float) -> Unknown:
+    """A payload height, m."""
     lower, upper = HEIGHT_BOUNDS
-    return Unknown(
-        name=name,
-        centre=value if initial is None else initial,
-        scale=settings.height_prior,
-        lower=lower,
-        upper=upper,
-        kind=UnknownKind.PARAMETER,
-    )
+    return Unknown(name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=UnknownKind.PARAMETER)
 
 
 def logarithmic_unknown(
