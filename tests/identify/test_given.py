@@ -348,6 +348,8 @@ LINEAR: dict[str, str] = {
     "steer.*.delay=+- 5 deg": "expected s .* got 'deg'",
     "steer.*.delay=free": "is estimated already",
     "road.bank=+- 1 m": "expected rad .* got 'm'",
+    "road.bank=1 deg +- 1 deg": "has the mean 0; state only its standard deviation",
+    "time_base=0.1 +- 1 %": "has the mean 0; state only its standard deviation",
     "others=+- 5 %": "expected 'exact' for so many numbers",
     "*=free": "expected 'exact' for so many numbers",
     "road.friction=wet": "linear tyres have no friction.*--tyres saturating",
@@ -357,9 +359,12 @@ OF_SATURATING_TYRES = {
     "road.friction=dusty": "expected a number or one of dry, wet, snow, ice, unknown, got 'dusty'",
     "road.friction=7": "friction: expected between 0.05 and 6, got 7",
     "tyre.shape=free": "is no number of a vehicle file",
-    "softening=+- 50 %": "saturating tyres soften by their law.*linear tyres",
+    "softening=+- 50 %": "saturating tyres soften by their law.*--tyres linear",
 }
-OF_TWO_STAGES = ("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", f"{HEIGHT}=2 m")
+OF_TWO_STAGES = (
+    *("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", f"{HEIGHT}=2 m"),
+    *("road.bank=+- 1 deg", "steer.tractor.front.play=+- 1 deg", "speed.delay=+- 5 ms", "yaw_rate.*.gain=exact"),
+)
 
 
 @pytest.mark.parametrize(

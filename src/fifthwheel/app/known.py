@@ -5,7 +5,7 @@ from pathlib import Path
 
 from fifthwheel.app import runs, words
 from fifthwheel.app.workspace import SIGNALS, Choices, Workspace
-from fifthwheel.channels import error_kinds, is_sensor_error
+from fifthwheel.channels import SignalName, error_kinds, is_sensor_error
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.given import possible_names
@@ -16,6 +16,12 @@ from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import IdentifyOptions
 
+MANY = {
+    "others": "All but the parameters of the result and the sensors",
+    "sensors": "All errors of the sensors",
+    "truck": "All numbers of the truck",
+    "*": "All numbers",
+}
 STATEMENTS = "statements"
 """The option whose texts `stated` turns into sentences."""
 
@@ -42,14 +48,23 @@ def stated(workspace: Workspace, choices: Choices) -> dict[str, str]:
 
 
 def _sentence(statement: Statement) -> str:
-    value = statement.value or "the value of the file"
+    value = statement.value or "the usual value"
     sentences = {
         "exact": f"{value}, exact",
         "free": "unknown; only the logs determine it",
         "sigma": f"{value} ± {statement.sigma}",
         "value": value,
     }
-    return f"{spoken(statement.name)}: {sentences[statement.kind]}."
+    return f"{words_of(statement.name)}: {sentences[statement.kind]}."
+
+
+def words_of(name: str) -> str:
+    """A number, or many of them, in words.
+
+    >>> words_of("steer.*.delay"), words_of("sensors"), words_of("tractor.mass")
+    ('All sensors, steer angle delay', 'All errors of the sensors', 'Tractor, mass')
+    """
+    return MANY.get(name) or spoken(name).replace("*,", "All sensors,", 1)
 
 
 def changed_settings(choices: Choices) -> list[str]:
@@ -76,5 +91,12 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     signals = () if signal_map is None else tuple(signal_map.signals)
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     possible = possible_names(truck, with_tyre_law(truck, OneStage())[0])
-    names = (*(name for name in possible if not is_sensor_error(name)), *truck.moved_by_wheelbase(), *errors)
-    return {name: f"{spoken(name)} ({name})" for name in dict.fromkeys(names)}
+    kinds = [f"{SignalName.of(signal).quantity}.*.{kind}" for signal in signals for kind in error_kinds(signal)]
+    names = (
+        *(name for name in possible if not is_sensor_error(name)),
+        *truck.moved_by_wheelbase(),
+        *errors,
+        *kinds,
+        *MANY,
+    )
+    return {name: f"{words_of(name)} ({name})" for name in dict.fromkeys(names)}

@@ -111,7 +111,7 @@ def register(channel: Channel) -> None:
     for error in channel.errors:
         if error.kind not in possible:
             raise SignalError(f"{quantity}, errors: expected {' or '.join(possible)}, got {error.kind!r}; correct it")
-        if error.prior is None or error.prior < 0:
+        if error.prior < 0:
             raise SignalError(
                 f"{quantity}, {error.kind}: expected a prior of 0 or more, got {error.prior}; give it in SI"
             )

@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
-from fifthwheel.channels import STEER, SensorErrorName, is_of, is_sensor_error
+from fifthwheel.channels import is_sensor_error
 from fifthwheel.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, run_dual
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.dynamics import ChainModel
@@ -23,9 +23,6 @@ from fifthwheel.names import ends_with
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
-STEER_ERRORS, OTHER_ERRORS = ("offset", "gain", "delay"), ("offset",)
-"""Kinds of errors that two stages estimate of the steer angles, and of other sensors."""
-
 
 def parameter_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
     """The unknowns for those of the named parameters that are not exact; the vehicle has the prior means."""
@@ -39,10 +36,7 @@ def parameter_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStag
 
 def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage) -> list[Unknown]:
     """The unknown sensor errors."""
-    unknowns = sensor_error_unknowns(vehicle, outputs, settings)
-    errors = [SensorErrorName.of(u.name) or SensorErrorName("", "") for u in unknowns]
-    kinds = [STEER_ERRORS if is_of(error.signal, STEER) else OTHER_ERRORS for error in errors]
-    return [u for u, error, chosen in zip(unknowns, errors, kinds, strict=True) if error.kind in chosen]
+    return [u for u in sensor_error_unknowns(vehicle, outputs, settings) if settings.uses(u.name)]
 
 
 def _unknown(name: str, value: float, settings: TwoStage) -> Unknown:

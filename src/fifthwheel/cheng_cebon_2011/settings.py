@@ -3,8 +3,11 @@
 from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
+from fifthwheel.channels import STEER, SensorErrorName, is_of
 from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.names import ParameterPath
 from fifthwheel.settings import Count, Limits, Positive
+from fifthwheel.vehicle.component import SI_UNITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,6 +56,13 @@ class TwoStage(CommonSettings):
     covariance of the last pass."""
     forgetting: Annotated[float, Limits(gt=0, le=1)] = 1.0
     """The article's lambda: factor by which the random walk shrinks at every sample."""
+
+    def uses(self, name: str) -> bool:
+        """Whether it is a number of the vehicle, or a sensor error that two stages estimate."""
+        error = SensorErrorName.of(name)
+        if error is None:
+            return ParameterPath.of(name).quantity in SI_UNITS and not name.startswith(("tyre.", "body."))
+        return error.kind in (("offset", "gain", "delay") if is_of(error.signal, STEER) else ("offset",))
 
 
 def article(**changes: Any) -> TwoStage:

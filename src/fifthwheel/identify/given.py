@@ -57,6 +57,9 @@ from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, POSITION
 
 S = TypeVar("S", bound=CommonSettings)
 
+WITHOUT_MEAN = (ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE)
+"""Numbers whose mean is 0."""
+
 
 def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     """The vehicle with what the settings state of its numbers, and the settings with the other statements.
@@ -77,7 +80,7 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     law, own = _with_law(vehicle, settings), vehicle.parameters()
     others = _beyond_vehicle(vehicle, law)
     for each in listed:
-        _require_use(vehicle, law, each, (*own, *others))
+        _require_use(vehicle, law, settings, each, (*own, *others))
     given, reported = combined(listed), reported_parameters(vehicle, law)
     found = [stated(given, path, unit_of(path), value, reported=path in reported) for path, value in own.items()]
     found = [each for each in found if each.source is not None]
@@ -181,13 +184,15 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     variations = [f"{path}.cornering_stiffness{VARIATION}" for path in groups]
     own = vehicle.parameters()
-    axles = [path for path in fixed_last_axles(vehicle) if path not in own]
+    axles = [path for path in fixed_last_axles(vehicle, locked=True) if path not in own]
     single = (DRIVE_AXLE_BRAKING, ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE, f"{TIME_BASE}.main.delay")
     return tuple(dict.fromkeys((*of_tyres, *variations, *axles, *single, *errors)))
 
 
-def _require_use(vehicle: Vehicle, settings: OneStage, each: Statement, names: Sequence[str]) -> None:
-    """Refuse a statement that fits no number, or whose value fits several."""
+def _require_use(
+    vehicle: Vehicle, settings: OneStage, chosen: CommonSettings, each: Statement, names: Sequence[str]
+) -> None:
+    """Refuse a statement that fits no number, whose value fits several, or that the chosen method does not use."""
     if each.name in GROUPS:
         return
     if "*" not in each.name and _is_sensor_error(each.name):
@@ -204,6 +209,8 @@ def _require_use(vehicle: Vehicle, settings: OneStage, each: Statement, names: S
         )
     for name in fitting:
         _require_number(vehicle, settings, each, name)
+    if unused := [name for name in fitting if not chosen.uses(name)]:
+        raise VehicleError(f"{each}: {unused[0]}: needs one stage; remove it, or choose that method")
     of_roll = any(ends_with(name, key) for name in fitting for key in ROLL_PARAMETERS)
     if of_roll and each.kind != "exact" and not settings.roll:
         raise VehicleError(
@@ -222,6 +229,8 @@ def _require_number(vehicle: Vehicle, settings: OneStage, each: Statement, name:
     if prior_of_sensor_error(vehicle, name, replace(settings, given=given)) or name in vehicle.parameters():
         return
     found = stated(given, name, quantity(name).unit or unit_of(name), _usual_value(vehicle, settings, name))
+    if found.has_value and found.value and (name in WITHOUT_MEAN or name.endswith(VARIATION)):
+        raise refused(found, "has the mean 0; state only its standard deviation, or exact")
     if found.free and name != FRICTION:
         raise refused(found, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
     least, largest = FRICTION_RANGE
@@ -246,7 +255,7 @@ def _refuse(vehicle: Vehicle, settings: OneStage, each: Statement, names: Sequen
                 f"{each}: linear tyres have no {noun}; choose saturating tyres (--tyres saturating), or remove it"
             )
     elif ends_with(each.name, "softening"):
-        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose linear tyres")
+        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose --tyres linear")
     altered = [path for change in changes(vehicle) if ends_with(change.name, each.name) for path in change.slopes]
     if altered:
         raise VehicleError(

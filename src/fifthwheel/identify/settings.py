@@ -64,6 +64,10 @@ class CommonSettings(Settings):
     brakes: ClassVar[bool] = False
     """Whether the model has longitudinal forces."""
 
+    def uses(self, name: str) -> bool:
+        """Whether the method uses what is stated of a number, by its name."""
+        return True
+
     def models_roll(self, signals: Iterable[str]) -> bool:
         """Whether the method models yaw and roll with these signals, and not yaw only."""
         return bool(names_of(ROLL_RATE, signals))
@@ -158,6 +162,14 @@ class OneStage(CommonSettings):
     """Largest number of steps."""
 
     brakes = True
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.roll and not self.uniform_payload:
+            raise SignalError(
+                "uniform_payload: expected the default, because roll=False estimates no payload height, got False; "
+                "remove it, or use roll=True"
+            )
 
     def models_roll(self, signals: Iterable[str]) -> bool:
         """Whether it models yaw and roll, whatever the signals."""

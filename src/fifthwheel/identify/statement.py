@@ -1,5 +1,6 @@
 """A statement on numbers, "33.4 t +- 0.5 %", "exact" or "free", by the pattern of their names; as texts and in SI."""
 
+import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -70,9 +71,11 @@ def statement(name: str, text: str | float) -> Statement:
     'free'
     """
     if not isinstance(text, str):
+        if not math.isfinite(text):
+            raise SignalError(f"{name}: expected a finite number, got {text}; correct it")
         return Statement(name=name, value=float(text))
     if not name.strip() or not text.strip():
-        raise SignalError(f"{name}={text}: expected NAME={FORM}")
+        raise SignalError(f"{name}={text}: expected a name and {FORM}; give both")
     if free := _FREE.fullmatch(text.strip()):
         found = Statement(name=name, value=free[1], kind="free")
     else:

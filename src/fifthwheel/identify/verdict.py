@@ -8,7 +8,6 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
-from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.parameters import is_relative
@@ -76,7 +75,7 @@ def remaining_fraction(unknown: Unknown, value: float, sigma_z: float) -> float:
     return sigma_z * max(1.0, unknown.slope(value) / unknown.prior_sigma)
 
 
-def is_stated(vehicle: Vehicle, settings: OneStage, name: str) -> bool:
+def is_stated(vehicle: Vehicle, name: str) -> bool:
     """Whether a user has said how well a payload height or a position is known: it is STATED where the logs do not
     determine it."""
     return name in vehicle.stated and name not in vehicle.assumed and not is_relative(name)

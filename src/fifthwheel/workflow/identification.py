@@ -13,7 +13,7 @@ from fifthwheel.assess import Assessment, assess
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, Identification, OneStage, Verdict, identify
-from fifthwheel.identify.given import applied, require_signals, with_sensors
+from fifthwheel.identify.given import require_signals, with_sensors
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
@@ -213,8 +213,7 @@ def design_run(
     """
     from fifthwheel.identify.design import DesignSettings, design_experiment  # slow to import
 
-    vehicle, settings = applied(vehicle, settings or OneStage())
-    settings, planning = with_sensors(vehicle, settings, sensors), DesignSettings().up_to(max_speed)
+    settings, planning = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings().up_to(max_speed)
     planning = replace(planning, speeds=(speed,) if speed else planning.speeds, max_acceleration=max_acceleration)
     return design_experiment(
         vehicle,

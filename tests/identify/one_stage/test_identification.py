@@ -6,7 +6,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.identify import OneStage
 from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.one_stage.identification import (
     _correlated,
@@ -136,4 +135,4 @@ def test_a_cause_of_a_contradiction_widens_the_covariance() -> None:
 def test_what_a_user_has_stated(name, stated, assumed, expected) -> None:
     """A payload height or a position in the vehicle that is not assumed by its class."""
     vehicle = SimpleNamespace(stated=stated, assumed=assumed)
-    assert is_stated(vehicle, OneStage(), name) == expected
+    assert is_stated(vehicle, name) == expected

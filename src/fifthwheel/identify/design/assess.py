@@ -209,9 +209,9 @@ def _assess_parameter(
     assessment: AssessmentSettings,
     logs: Sequence[str],
 ) -> ParameterAssessment:
-    vehicle, settings = predictor.setup.vehicle, predictor.setup.settings
+    vehicle = predictor.setup.vehicle
     value, prior, verdict = vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
-    if verdict is not Verdict.CONVERGED and is_stated(vehicle, settings, name):
+    if verdict is not Verdict.CONVERGED and is_stated(vehicle, name):
         verdict = Verdict.STATED
     sigma, target = posterior.sigma(name) * prior, assessment.enough * size_of(name, value, prior)
     if verdict is Verdict.CONVERGED and sigma <= target:

@@ -166,7 +166,8 @@ def design_experiment(
     expect("vehicle", vehicle, Vehicle)
     expect_optional("settings", settings, OneStage)
     expect_names("channels", channels)
-    settings, planning = settings or OneStage(), planning or DesignSettings()
+    vehicle, settings = applied(vehicle, settings or OneStage())
+    planning = planning or DesignSettings()
     channels = _usable_channels(vehicle, channels)
     targets = dict(targets) if targets else default_targets(vehicle, settings)
     settings = _with_targets_estimated(vehicle, targets, settings)
@@ -233,7 +234,7 @@ def default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
 def _with_targets_estimated(vehicle: Vehicle, targets: Mapping[str, float], settings: OneStage) -> OneStage:
     """The settings with every parameter estimated that has a target."""
     for name, target in targets.items():
-        if name in vehicle.parameters() and known_of(name, 1.0, settings).exact:
+        if name in vehicle.parameters() and known_of(name, 1.0, settings, reported=True).exact:
             raise VehicleError(f"{name}: has a target but is exact; leave out the target, or the statement")
         if not isinstance(target, Real) or not 0 < target <= 1:
             raise VehicleError(

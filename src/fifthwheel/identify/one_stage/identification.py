@@ -123,7 +123,7 @@ def _own_errors(problem: Problem, z: Array, log: int) -> dict[str, float]:
 def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Verdict]:
     """The parameters that the logs do not determine: by what the inputs excite, or by the sigma of the result."""
     problem, posterior = solution.problem, solution.linearisation.posterior
-    unknowns, setup = problem.unknowns_by_name, problem.setup
+    unknowns = problem.unknowns_by_name
     remaining = {
         name: remaining_fraction(unknowns[name], values[name], float(posterior.sigma[posterior.names.index(name)]))
         for name in solution.estimated
@@ -131,8 +131,7 @@ def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Ve
     by_result = uninformed_parameters(posterior, remaining, (), solution.settings.excited)
     uninformed = {**by_result, **solution.uninformed}
     return {
-        name: Verdict.STATED if is_stated(problem.vehicle, setup.settings, name) else verdict
-        for name, verdict in uninformed.items()
+        name: Verdict.STATED if is_stated(problem.vehicle, name) else verdict for name, verdict in uninformed.items()
     }
 
 

@@ -18,7 +18,7 @@ from fifthwheel.identify.given import applied
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.identify.statement import stated
-from fifthwheel.identify.unknowns.parameters import VARIATION, fixed_last_axles
+from fifthwheel.identify.unknowns.parameters import VARIATION, fixed_last_axles, known_of
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.vehicle import Vehicle
 
@@ -87,7 +87,8 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     if not any(is_of(name, YAW_RATE) for name in outputs):
         raise SignalError(f"yaw_rate.{units[0]}: not among the signals; a learner needs at least one yaw rate, add it")
     setup = Setup.of(vehicle, outputs, settings)
-    axles = [name for name in fixed_last_axles(vehicle) if name not in vehicle.stated]
+    axles = [name for name in fixed_last_axles(vehicle) if known_of(name, 0.0, settings).sigma is None]
+    axles = [name for name in axles if name not in vehicle.stated]
     left_out = {dynamics.SPEED_DELAY, *axles}  # to save time
     setup = replace(setup, unknowns=tuple(u for u in setup.unknowns if u.name not in left_out))
     setup = setup.considering({*setup.without_roll_rate, *_considered(setup)})

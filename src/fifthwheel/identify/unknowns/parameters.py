@@ -254,15 +254,16 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
     return [replace(u, centre=values.get(u.name, 0.0), upper=1.0).within(0.0, 1.0) for u in unknowns]
 
 
-def fixed_last_axles(vehicle: Vehicle) -> list[str]:
+def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
     """Paths of the self-steering of axles that are fixed, as far as the vehicle file knows: the last axle of each unit
-    behind the first, in a group of two or more."""
+    behind the first, in a group of two or more. `locked`: as if steerable axles were not logged."""
     paths, own = [], vehicle.steering.trace.wheels if vehicle.steering else ()
     for unit in vehicle.units[1:]:
         axles = unit.axle_groups[-1].on_road
         if f"steer.{unit.name}.{axles[-1].name}" in own:
             continue
-        if len(axles) > 1 and not (axles[-1].steerable or axles[-1].self_steering or axles[-1].command_steering):
+        last, steers = axles[-1], axles[-1].steerable and not locked
+        if len(axles) > 1 and not (steers or last.self_steering or last.command_steering):
             paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
     return paths
 
