@@ -13,10 +13,12 @@ from fifthwheel.channels import STEER as STEER_ANGLE
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify import Identification, OneStage, identify
+from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.initial_state import steady_state
 from fifthwheel.identify.one_stage import estimator
-from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, solve_one_stage
+from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
 from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
@@ -340,6 +342,31 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
         bank, sigma = identify([record], vehicle, settings).logs[0].bank
         assert sigma > 0.9 * quantity("road.bank").sigma
         assert abs(bank - 0.06) < 2.5 * sigma
+
+
+@pytest.mark.parametrize(
+    ("name", "largest"),
+    [
+        (f"{STEER}.offset@0", np.inf),
+        (f"{STEER}.gain", np.inf),
+        (f"{STEER}.delay", np.inf),
+        (f"{STEER}.play", 0.0),
+        ("speed.delay", 0.0),
+        ("yaw_rate.tractor.offset@0", np.inf),
+        ("yaw_rate.tractor.gain", 0.0),
+        ("yaw_rate.tractor.delay", 0.0),
+        ("semitrailer.mass", 2.0),
+        ("brakes.drive_axle@0", 2.0),
+        ("semitrailer.yaw_inertia", np.inf),
+        ("yaw_rate.tractor@0.0", np.inf),
+    ],
+)
+def test_the_range_of_the_first_fit(truck: Vehicle, name: str, largest: float) -> None:
+    """Far from the solution, gain and delay of a gyro and uncertain numbers would absorb errors of the parameters."""
+    setup = Setup.of(truck.with_logged_steering([STEER], ""), ("yaw_rate.tractor",), OneStage())
+    problem = Problem(setup, [LogData(name="a", segments=[simulate(truck, count=1).cut(0.0, 1.0)])])
+    assert name in problem.names
+    assert _first_range(problem, name) == largest
 
 
 @pytest.mark.parametrize(("friction", "raised"), [(0.2, True), (0.75, False)])

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import STEER, is_of, is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.identify.given import applied, with_sensors
@@ -28,6 +29,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
+from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -44,6 +46,10 @@ TOLERANCE = 0.07
 """Of the last fit. The estimates are then within 0.02 sigma of those of a tenth of this tolerance."""
 LARGEST_EXCESS = 9.0
 """Of the residual variance of a channel over that of the part which the early fits use."""
+FIRST_RANGE = 2.0
+"""Of uncertain numbers in the first fit, in prior standard deviations."""
+NOISE_UPDATES = 5
+"""Of the start: one raises the variance at most by the square of the limit for outliers."""
 EARLY_ITERATIONS = 25
 """Largest number of steps of every fit but the last."""
 EARLY_SAMPLES = 4_000
@@ -178,9 +184,18 @@ class _Estimator:
 
     def _early_fits(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
         """A fit that takes residuals as white and updates their variance at every step, and one with the noise model of
-        these residuals."""
-        start, steps, fit = self._initial(problem), EARLY_ITERATIONS, self._fit
-        first = fit(problem, start, WHITE, progress, tolerance=WHITE_TOLERANCE, steps=steps, reweighted=_white)
+        these residuals.
+
+        In the first fit, gains and delays of gyros keep their prior means, and uncertain numbers stay within
+        `FIRST_RANGE`, because far from the solution they would absorb the errors of the parameters.
+        """
+        largest, fit = np.array([_first_range(problem, name) for name in problem.names]), self._fit
+        steps, z = EARLY_ITERATIONS, self._initial(problem)
+        for _ in range(NOISE_UPDATES):  # with the noise of the sensors, the residuals of the start outweigh all priors
+            problem = _white(problem, z)
+        first = fit(
+            problem, z, WHITE, progress, tolerance=WHITE_TOLERANCE, steps=steps, reweighted=_white, largest=largest
+        )
         return self._early_fit(_coloured(first.objective, first.z), first.z, progress)
 
     def _early_fit(self, problem: Problem, z: Array, progress: Progress) -> Minimum[Problem]:
@@ -196,12 +211,16 @@ class _Estimator:
         tolerance: float = TOLERANCE,
         steps: int | None = None,
         reweighted: Callable[[Problem, Array, int], Problem] = lambda problem, *_: problem,
+        largest: Array | float = np.inf,
     ) -> Minimum[Problem]:
         """The minimum of the cost from z.
 
-        `steps` is the largest number, by default that of the settings; `title` is that of the progress.
+        `steps` is the largest number, by default that of the settings. `largest` (k,) are distances of unknowns from
+        their prior means; `title` is that of the progress.
         """
-        (lower, upper), iterations = problem.bounds, self.setup.settings.iterations
+        mean = problem.prior.mean
+        lower, upper = (np.clip(bound, mean - largest, mean + largest) for bound in problem.bounds)
+        iterations = self.setup.settings.iterations
         minimum = minimise(
             problem,
             z,
@@ -230,3 +249,15 @@ def _white(problem: Problem, z: Array, *_: int) -> Problem:
 def _coloured(problem: Problem, z: Array, accepted: int = 0) -> Problem:
     """The problem with the noise models of the residuals at z; not after the second accepted step or later."""
     return problem.with_residual_noise(z, autocorrelated=True) if accepted <= 1 else problem
+
+
+def _first_range(problem: Problem, name: str) -> float:
+    """Largest distance of an unknown from its prior mean in the first fit, in units of its prior.
+
+    Of the sensor errors it estimates the offsets, and gain and delay of the steering.
+    """
+    if is_sensor_error(name):
+        steer = is_of(name, STEER) and not is_sensor_error(name, "play")
+        return np.inf if steer or is_sensor_error(name, "offset") else 0.0
+    unknown = problem.unknowns_by_name.get(name)
+    return FIRST_RANGE if unknown and unknown.kind is UnknownKind.UNCERTAIN else np.inf
