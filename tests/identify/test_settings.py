@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from fifthwheel.cheng_cebon_2011 import TwoStage, article
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.identify import CommonSettings, OneStage, identify
 from fifthwheel.identify.given import applied
 from fifthwheel.identify.online import Learner, LearnerSettings
@@ -31,7 +31,7 @@ from fifthwheel.vehicle import get
             r"mass=\+-: expected a standard deviation .*; give it with a unit or in %",
         ),
         (OneStage, {"given": {"mass": None}}, "mass, float: expected a number, got None; give a number in SI"),
-        (OneStage, {"given": {"": "exact"}}, "=exact: expected NAME='VALUE"),
+        (OneStage, {"given": {"": "exact"}}, "=exact: expected a name and 'VALUE"),
         (OneStage, {"given": {"sensors": "+- 1 %"}}, "expected 'exact' for so many numbers, got '.*'; name fewer"),
     ],
 )
@@ -150,7 +150,7 @@ def test_the_most_specific_statement_counts() -> None:
     ],
 )
 def test_impossible_numbers_are_refused(given: dict[str, str | float], message: str) -> None:
-    with pytest.raises(VehicleError, match=message):
+    with pytest.raises(FifthwheelError, match=message):
         applied(get("cheng_cebon_2011"), OneStage(given=given))
 
 
