@@ -45,7 +45,7 @@ def test_a_castor_axle_of_the_file_is_uncertain() -> None:
     assert unknowns(CASTOR) == {PATH: (0.8, 0.1, UnknownKind.UNCERTAIN)}
     assert unknowns(CASTOR.with_stated({PATH: 0.03})) == {PATH: (0.8, 0.03, UnknownKind.UNCERTAIN)}
     assert unknowns(CASTOR.with_stated({PATH: 0.0})) == unknowns(CASTOR, EXACT) == {}
-    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"}))[PATH][2] is UnknownKind.PARAMETER
+    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"})) == {PATH: (0.8, 0.3, UnknownKind.PARAMETER)}
     stated = unknowns(CASTOR, replace(LINEAR, given={PATH: "+- 20 %"}))
     assert stated == {PATH: (0.8, pytest.approx(0.16), UnknownKind.UNCERTAIN)}
 

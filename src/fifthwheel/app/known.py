@@ -10,18 +10,13 @@ from fifthwheel.formatting import enumerated
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.given import possible_names
 from fifthwheel.identify.setup import with_tyre_law
-from fifthwheel.identify.statement import Statement, parse
+from fifthwheel.identify.statement import GROUPS, Statement, parse
 from fifthwheel.settings import options_of
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import IdentifyOptions
 
-MANY = {
-    "others": "All but the parameters of the result and the sensors",
-    "sensors": "All errors of the sensors",
-    "truck": "All numbers of the truck",
-    "*": "All numbers",
-}
+MANY = {**GROUPS, "*": "All numbers"}
 STATEMENTS = "statements"
 """The option whose texts `stated` turns into sentences."""
 
@@ -62,7 +57,7 @@ def words_of(name: str) -> str:
     """A number, or many of them, in words.
 
     >>> words_of("steer.*.delay"), words_of("sensors"), words_of("tractor.mass")
-    ('All sensors, steer angle delay', 'All errors of the sensors', 'Tractor, mass')
+    ('All sensors, steer angle delay', 'All errors of the sensors and clocks', 'Tractor, mass')
     """
     return MANY.get(name) or spoken(name).replace("*,", "All sensors,", 1)
 

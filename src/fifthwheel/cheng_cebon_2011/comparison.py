@@ -27,7 +27,7 @@ from fifthwheel.cheng_cebon_2011.experiments import (
 from fifthwheel.cheng_cebon_2011.outcomes import Outcome
 
 
-class Quantity(NamedTuple):
+class ComparedNumber(NamedTuple):
     """How a quantity is written."""
 
     words: str
@@ -36,16 +36,16 @@ class Quantity(NamedTuple):
 
 
 QUANTITIES = {
-    FRONT: Quantity("cornering stiffness, front axle", "C_α1f", "N/rad"),
-    DRIVE: Quantity("cornering stiffness, drive axle", "C_α1r", "N/rad"),
-    TRAILER: Quantity("cornering stiffness, trailer", "C_α2", "N/rad"),
-    YAW_INERTIA: Quantity("trailer yaw inertia", "I_2zz", "kg m^2"),
-    PAYLOAD_HEIGHT: Quantity("payload height", "h_2p", "m"),
-    COG_HEIGHT: Quantity("trailer CoG height", "h_2s", "m"),
-    ROLL_INERTIA: Quantity("trailer roll inertia", "I_2sx'x'", "kg m^2"),
-    "sideslip.semitrailer": Quantity("rms error, trailer sideslip", "β_2", "rad"),
-    "roll.semitrailer": Quantity("rms error, trailer roll", "φ_2", "rad"),
-    LANDING_LEG: Quantity("rms error, landing-leg sideslip", "", "rad"),
+    FRONT: ComparedNumber("cornering stiffness, front axle", "C_α1f", "N/rad"),
+    DRIVE: ComparedNumber("cornering stiffness, drive axle", "C_α1r", "N/rad"),
+    TRAILER: ComparedNumber("cornering stiffness, trailer", "C_α2", "N/rad"),
+    YAW_INERTIA: ComparedNumber("trailer yaw inertia", "I_2zz", "kg m^2"),
+    PAYLOAD_HEIGHT: ComparedNumber("payload height", "h_2p", "m"),
+    COG_HEIGHT: ComparedNumber("trailer CoG height", "h_2s", "m"),
+    ROLL_INERTIA: ComparedNumber("trailer roll inertia", "I_2sx'x'", "kg m^2"),
+    "sideslip.semitrailer": ComparedNumber("rms error, trailer sideslip", "β_2", "rad"),
+    "roll.semitrailer": ComparedNumber("rms error, trailer roll", "φ_2", "rad"),
+    LANDING_LEG: ComparedNumber("rms error, landing-leg sideslip", "", "rad"),
 }
 STATES = ("sideslip.semitrailer", "roll.semitrailer", LANDING_LEG)
 
@@ -79,7 +79,7 @@ class Row:
     arms: tuple[ArmResult, ...] = ()
 
     @property
-    def text(self) -> Quantity:
+    def text(self) -> ComparedNumber:
         """How the quantity is written."""
         return QUANTITIES[self.quantity]
 

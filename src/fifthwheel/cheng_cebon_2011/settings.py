@@ -5,9 +5,7 @@ from typing import Annotated, Any
 
 from fifthwheel.channels import STEER, SensorErrorName, is_of
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.names import ParameterPath
 from fifthwheel.settings import Count, Limits, Positive
-from fifthwheel.vehicle.component import SI_UNITS
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,11 +56,10 @@ class TwoStage(CommonSettings):
     """The article's lambda: factor by which the random walk shrinks at every sample."""
 
     def uses(self, name: str) -> bool:
-        """Whether it is a number of the vehicle, or a sensor error that two stages estimate."""
+        """Whether it is a sensor error that two stages estimate."""
         error = SensorErrorName.of(name)
-        if error is None:
-            return ParameterPath.of(name).quantity in SI_UNITS and not name.startswith(("tyre.", "body."))
-        return error.kind in (("offset", "gain", "delay") if is_of(error.signal, STEER) else ("offset",))
+        kinds = ("offset", "gain", "delay") if error and is_of(error.signal, STEER) else ("offset",)
+        return error is not None and error.kind in kinds
 
 
 def article(**changes: Any) -> TwoStage:

@@ -51,7 +51,7 @@ from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs
-from fifthwheel.vehicle import Vehicle, changes
+from fifthwheel.vehicle import Vehicle, changes, toml_format
 from fifthwheel.vehicle.masses import with_consistent_masses
 from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, POSITIONS, is_signed, unit_of
 
@@ -80,7 +80,7 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     law, own = _with_law(vehicle, settings), vehicle.parameters()
     others = _beyond_vehicle(vehicle, law)
     for each in listed:
-        _require_use(vehicle, law, settings, each, (*own, *others))
+        _require_use(vehicle, law, settings, each, others)
     given, reported = combined(listed), reported_parameters(vehicle, law)
     found = [stated(given, path, unit_of(path), value, reported=path in reported) for path, value in own.items()]
     found = [each for each in found if each.source is not None]
@@ -152,7 +152,7 @@ def _without_wheelbases(vehicle: Vehicle, listed: Sequence[Statement]) -> Iterat
                 f"{', '.join(path for path in of_unit if 'accelerometer' not in path)}"
             )
         length, cog = vehicle.derived()[each.name], f"{unit_name}.cog"
-        found = stated({each.name: each.value if isinstance(each.value, float) else each.text}, each.name, "m", length)
+        found = stated({each.name: each.given}, each.name, "m", length)
         sigma = WIDE_POSITION if found.free else found.sigma
         of_axles = replace(each, kind="sigma", sigma=f"{sigma!r} m") if sigma else each
         shift = length - found.value
@@ -190,26 +190,27 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
 
 
 def _require_use(
-    vehicle: Vehicle, settings: OneStage, chosen: CommonSettings, each: Statement, names: Sequence[str]
+    vehicle: Vehicle, settings: OneStage, chosen: CommonSettings, each: Statement, others: Sequence[str]
 ) -> None:
     """Refuse a statement that fits no number, whose value fits several, or that the chosen method does not use."""
     if each.name in GROUPS:
         return
-    if "*" not in each.name and _is_sensor_error(each.name):
+    own, single = vehicle.parameters(), "*" not in each.name
+    if single and _is_sensor_error(each.name):
         _require_sensor(vehicle, each)
-    fitting = [name for name in names if applies(each, name)]
-    if each.name not in names and _is_beyond(each.name):
-        fitting.append(each.name)
+    fitting = [name for name in (*own, *others) if applies(each, name)]
+    if single and each.name not in fitting and (_is_sensor_error(each.name) or each.name.startswith(f"{TIME_BASE}.")):
+        fitting.append(each.name)  # of a sensor or a time base that the vehicle does not name
     if not fitting:
-        _refuse(vehicle, settings, each, names)
-    if each.value != "" and len(fitting) > 1 and "*" not in each.name:
+        _refuse(vehicle, settings, chosen, each, (*own, *others))
+    if each.value != "" and len(fitting) > 1 and single:
         raise VehicleError(
             f"{each}: expected the name of one number for a value, {each.name} fits {', '.join(fitting)}; give the "
             "whole path, or omit the value"
         )
     for name in fitting:
         _require_number(vehicle, settings, each, name)
-    if unused := [name for name in fitting if not chosen.uses(name)]:
+    if unused := [name for name in fitting if name not in own and not chosen.uses(name)]:
         raise VehicleError(f"{each}: {unused[0]}: needs one stage; remove it, or choose that method")
     of_roll = any(ends_with(name, key) for name in fitting for key in ROLL_PARAMETERS)
     if of_roll and each.kind != "exact" and not settings.roll:
@@ -218,14 +219,9 @@ def _require_use(
         )
 
 
-def _is_beyond(name: str) -> bool:
-    """Whether a name is that of an error of a sensor or a time base that the vehicle does not name."""
-    return "*" not in name and (_is_sensor_error(name) or name.startswith(f"{TIME_BASE}."))
-
-
 def _require_number(vehicle: Vehicle, settings: OneStage, each: Statement, name: str) -> None:
     """Refuse a statement with another unit, or outside of what its number can be."""
-    given = {each.name: each.value if isinstance(each.value, float) else each.text}
+    given = {each.name: each.given}
     if prior_of_sensor_error(vehicle, name, replace(settings, given=given)) or name in vehicle.parameters():
         return
     found = stated(given, name, quantity(name).unit or unit_of(name), _usual_value(vehicle, settings, name))
@@ -246,10 +242,14 @@ def _usual_value(vehicle: Vehicle, settings: OneStage, name: str) -> float:
     return quantity(name).mean or given_parameters(vehicle, replace(settings, given={})).get(name, 0.0)
 
 
-def _refuse(vehicle: Vehicle, settings: OneStage, each: Statement, names: Sequence[str]) -> None:
+def _refuse(
+    vehicle: Vehicle, settings: OneStage, chosen: CommonSettings, each: Statement, names: Sequence[str]
+) -> None:
     """The reason why a statement fits no number, as an error."""
     if settings.tyre_law == "linear":
         if any(applies(each, path) for path in saturation_names(vehicle.group_paths())):
+            if not isinstance(chosen, OneStage):
+                raise VehicleError(f"{each}: needs one stage; remove it, or choose that method")
             noun = "friction" if applies(each, FRICTION) else "such parameter"
             raise VehicleError(
                 f"{each}: linear tyres have no {noun}; choose saturating tyres (--tyres saturating), or remove it"
@@ -354,8 +354,7 @@ def with_sensors(vehicle: Vehicle, settings: OneStage, sensors: Mapping[str, Sen
             if usual is not None or kind in sensor.errors:
                 mean, sigma = sensor.errors.get(kind, (default[0], None))
                 sigma = (default[1] if usual is None else usual) if sigma is None else sigma
-                unit = SensorErrorName(signal, kind).unit
-                more[name] = f"{mean!r} {unit} +- {sigma!r} {unit}".replace(" 1 ", " ").removesuffix(" 1")
+                more[name] = toml_format.text(mean, SensorErrorName(signal, kind).unit or "1", sigma)
         if deviation := sensor.noise or sensor.usual_sigma(signal, "noise"):
             noise[signal] = deviation**2
     return replace(settings, given={**more, **settings.given}, noise={**noise, **settings.noise})

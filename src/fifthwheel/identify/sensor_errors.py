@@ -20,7 +20,7 @@ from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle import Vehicle, toml_format
 from fifthwheel.vehicle.parameters import FRICTION, unit_of
 
 OTHER_ROAD = 0.7
@@ -93,7 +93,7 @@ def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> d
     sigma = dict(zip(known.names, np.sqrt(np.diag(known.covariance)).tolist(), strict=True))
     uncertain = {n: s for n, s in sigma.items() if values.get(n, 0.0) > 0 and s > 0 and n not in OF_ROAD}
     fractions = {n: min(s / values[n], HARDLY_KNOWN) for n, s in uncertain.items()}
-    return {n: f"{values[n]!r} {unit_of(n)} +- {100 * fraction!r} %" for n, fraction in fractions.items()}
+    return {n: toml_format.text(values[n], unit_of(n), f * values[n]) for n, f in fractions.items()}
 
 
 class LogSensors(NamedTuple):

@@ -65,7 +65,7 @@ class CommonSettings(Settings):
     """Whether the model has longitudinal forces."""
 
     def uses(self, name: str) -> bool:
-        """Whether the method uses what is stated of a number, by its name."""
+        """Whether the method uses what is stated of a number that a vehicle file does not have."""
         return True
 
     def models_roll(self, signals: Iterable[str]) -> bool:
@@ -78,25 +78,25 @@ class CommonSettings(Settings):
         return "linear"
 
 
-class Method(NamedTuple):
+class Implementation(NamedTuple):
     """Where a method is: its settings and the function that identifies with them, each as module and name."""
 
     settings: str
     identify: str
 
 
-METHODS: Mapping[str, Method] = {
-    "one-stage": Method(
+METHODS: Mapping[str, Implementation] = {
+    "one-stage": Implementation(
         "fifthwheel.identify.settings:OneStage", "fifthwheel.identify.one_stage.identify:identify_one_stage"
     ),
-    "two-stage": Method(
+    "two-stage": Implementation(
         "fifthwheel.cheng_cebon_2011.settings:TwoStage", "fifthwheel.cheng_cebon_2011.estimator:identify_two_stage"
     ),
 }
 """By the name in a result; imported when they are used."""
 
 
-def method_named(name: str) -> Method:
+def method_named(name: str) -> Implementation:
     """The method of a name; a SignalError if there is none."""
     if name not in METHODS:
         raise SignalError(f"method: expected {' or '.join(METHODS)}, got {name!r}; identify again")

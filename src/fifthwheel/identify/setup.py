@@ -1,6 +1,5 @@
 """What an estimation knows before it sees a sample: `identify`, the `Learner` and predictions begin with a `Setup`."""
 
-import itertools
 from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
@@ -124,9 +123,8 @@ class Setup:
     @cached_property
     def fixed(self) -> tuple[str, ...]:
         """Paths of the parameters that would be estimated, if the settings did not state that they are exact."""
-        names = [name for name in reported_parameters(self.vehicle, self.settings) if name not in self.estimated]
-        exact = [known_of(name, self.given[name], self.settings, reported=True).exact for name in names]
-        return tuple(itertools.compress(names, exact))
+        reported = reported_parameters(self.vehicle, self.settings)
+        return tuple(n for n in reported if known_of(n, self.given[n], self.settings, reported=True).exact)
 
     @cached_property
     def bank_sigma(self) -> float:

@@ -15,6 +15,7 @@ from fifthwheel.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.names import ends_with
 from fifthwheel.settings import Cure
 from fifthwheel.units import split_statement, uncertain_quantity
+from fifthwheel.vehicle import toml_format
 from fifthwheel.vehicle.parameters import FRICTION, ROADS, unit_of
 
 Kind = Literal["value", "sigma", "exact", "free"]
@@ -22,9 +23,12 @@ Kind = Literal["value", "sigma", "exact", "free"]
 FORM = "'VALUE +- SIGMA', 'VALUE', '+- SIGMA', 'exact' or 'free', such as '33.4 t +- 0.5 %'"
 _FREE = re.compile(r"(.*?)\s*\bfree\s*", re.DOTALL)
 
-GROUPS = ("truck", "others", "sensors")
-"""Names of many numbers, which can only be exact: the truck with its tyres, and what the model lacks; of truck and road
-what is not among the parameters of a result; and the errors of all sensors and clocks."""
+GROUPS: Mapping[str, str] = {
+    "truck": "All numbers of the truck, its tyres and the model",
+    "others": "All numbers of truck and road but the parameters of the result",
+    "sensors": "All errors of the sensors and clocks",
+}
+"""Names of many numbers, which can only be exact, in words."""
 ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE = "road.bank", "road.bank_variation", "discrepancy", "time_base"
 OF_ROAD = (FRICTION, ROAD_BANK, BANK_VARIATION)
 
@@ -45,7 +49,13 @@ class Statement:
     @property
     def text(self) -> str:
         """Without the name."""
-        return f"{self.value} { ({'value': '', 'sigma': f'+- {self.sigma}'}.get(self.kind, self.kind)) }".strip()
+        mark = {"value": "", "sigma": f"+- {self.sigma}"}.get(self.kind, self.kind)
+        return f"{self.value} {mark}".strip()
+
+    @property
+    def given(self) -> str | float:
+        """As a value of `Given`."""
+        return self.value if isinstance(self.value, float) else self.text
 
     def __str__(self) -> str:
         """As in a command."""
@@ -121,7 +131,7 @@ def combined(statements: Iterable[Statement]) -> dict[str, str | float]:
             each = replace(spread, value=value.value)
         elif before != each:
             raise disagreement(each.name, before, each)
-        given[each.name] = each.value if isinstance(each.value, float) else each.text
+        given[each.name] = each.given
     return given
 
 
@@ -129,9 +139,8 @@ def with_values(given: Mapping[str, str | float], values: Mapping[str, float]) -
     """Statements with other values of some numbers, SI; what is stated of their uncertainty stays."""
     changed = dict(given)
     for name, value in values.items():
-        unit = unit_of(name).removesuffix("1")
         spread = replace(statement(name, given[name]), value="").text if name in given else ""
-        changed[name] = f"{value!r} {unit} {spread}" if spread else value
+        changed[name] = f"{toml_format.text(value, unit_of(name), None)} {spread}" if spread else value
     return changed
 
 

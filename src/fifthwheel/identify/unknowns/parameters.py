@@ -71,10 +71,7 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
 
 def with_stated_values(values: Mapping[str, float], settings: CommonSettings) -> dict[str, float]:
     """Numbers beyond a vehicle file, SI by name, with the values that the settings state of them."""
-    return {
-        n: stated(settings.given, n, unit_of(n), value).value if settings.given else value
-        for n, value in values.items()
-    }
+    return {n: known_of(n, v, settings).value for n, v in values.items()} if settings.given else dict(values)
 
 
 def reported_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
@@ -319,7 +316,7 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
         prior = _stated_prior(vehicle, name, value, settings)
         if name in named and not prior and not known_of(name, value, settings).free:
             prior = value, _default_sigma(vehicle, name, value)
-        if row.unit:  # a payload height
+        if ends_with(name, "payload.height"):
             unknowns.append(height_unknown(name, *(prior or (row.mean or value, row.sigma))))
         elif is_signed(name) or _may_be_zero(vehicle, name, prior):
             unknowns.append(linear_unknown(name, *(prior or _wide(name, value))))
@@ -344,7 +341,9 @@ def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
     Raises:
         VehicleError: nothing is known of it.
     """
-    sigma = quantity(name).sigma * value or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
+    row = quantity(name)
+    fraction = 0.0 if row.unit else row.sigma
+    sigma = fraction * value or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
     if not sigma:
         raise VehicleError(
             f"{name}: nothing is known of its uncertainty; state it, such as '+- 10 {unit_of(name)}', or 'free'"
