@@ -90,7 +90,7 @@ def test_from_the_example_log_to_a_comparison(browser, tmp_path, capsys):
         page.get_by_label("What you know").fill("exact")
         page.get_by_role("button", name="Add", exact=True).click()
         known = page.get_by_role("list", name="What is known")
-        known.get_by_text("Front tyres, cornering stiffness: the value of the file, exact.").wait_for()
+        known.get_by_text("Front tyres, cornering stiffness: exact.").wait_for()
         page.get_by_label("Name of the result").fill("../fixed front")
         page.get_by_role("button", name="Identify", exact=True).click()
         page.get_by_text("name: expected letters").first.wait_for()

@@ -43,14 +43,11 @@ def stated(workspace: Workspace, choices: Choices) -> dict[str, str]:
 
 
 def _sentence(statement: Statement) -> str:
-    value = statement.value or "the usual value"
-    sentences = {
-        "exact": f"{value}, exact",
-        "free": "unknown; only the logs determine it",
-        "sigma": f"{value} ± {statement.sigma}",
-        "value": value,
-    }
-    return f"{words_of(statement.name)}: {sentences[statement.kind]}."
+    if statement.kind == "free":
+        return f"{words_of(statement.name)}: unknown; only the logs determine it."
+    spread = {"exact": "exact", "sigma": f"± {statement.sigma}"}.get(statement.kind, "")
+    mark = ", " if statement.value and statement.kind == "exact" else " "
+    return f"{words_of(statement.name)}: {mark.join(part for part in (str(statement.value), spread) if part)}."
 
 
 def words_of(name: str) -> str:
