@@ -34,7 +34,6 @@ from fifthwheel.identify.online.learner import Learner
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.names import ParameterPath
 from fifthwheel.plant import Plant, PlantRun, Properties, article_sensors
@@ -43,7 +42,7 @@ from fifthwheel.record.record import segments_above
 from fifthwheel.simulate import simulate
 from fifthwheel.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 from trust_runs import peak_friction, sensor_sigma
 
 RATES = ("yaw_rate", "roll_rate")
@@ -141,10 +140,10 @@ def random_vehicle(truck: Vehicle, seed: int) -> Vehicle:
     estimated = {*stage_1_names(truck), "semitrailer.payload.height"}
     changed = {}
     for name, value in values.items():
-        key, path = longest_end(name, FRACTIONS), ParameterPath.of(name)
+        row, path = quantity_of(name), ParameterPath.of(name)
         is_trailer_body = (path.unit, path.component) == ("semitrailer", "sprung")
-        if key and value > 0 and name not in estimated and not is_trailer_body:
-            changed[name] = value * float(np.exp(FRACTIONS[key] * rng.normal()))
+        if row.is_uncertain and value > 0 and name not in estimated and not is_trailer_body:
+            changed[name] = value * float(np.exp(row.sigma * rng.normal()))
     return truck.replace(changed)
 
 

@@ -33,13 +33,12 @@ from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import MagicFormula, Plant, Properties
 from fifthwheel.record import Record
 from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 from sharpness import CAREFUL, WEIGHED, careful_truck
 from trust_coverage import STEER, drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table
@@ -136,7 +135,7 @@ class Truth:
         """A log of a truck with additional errors of sensors."""
         own = self.shared | log_errors(self.settings, self.rng)
         own |= {key: own[key] + error for key, error in (errors or {}).items()}
-        p, sigma = truck.parameters(), quantity("cornering_stiffness.variation").sigma
+        p, sigma = truck.parameters(), quantity_of("cornering_stiffness.variation").sigma
         names = [f"{path}.cornering_stiffness" for path in TYRES]
         varied = truck.replace({name: p[name] * math.exp(sigma * self.rng.normal()) for name in names})
         bank = own["bank"]

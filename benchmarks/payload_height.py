@@ -21,14 +21,14 @@ from fifthwheel._types import Array
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.manoeuvres import lane_changes
 from fifthwheel.plant import Plant, Sensor, measure
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Measured, RollTest, Vehicle
+from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from fifthwheel.vehicle.roll_test import stiffness_of_rest
-from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
+from fifthwheel.vehicle.uncertainty import changes
 from fifthwheel.workflow import roll_tested_vehicle
 from knowledge import retyred
 from trust_coverage import GYROS, INTERVAL, SPEED, STEER
@@ -89,9 +89,9 @@ def drawn(seed: int, one_scale: bool) -> Draw:
     rng = np.random.default_rng([seed, 5])
     factors = {}
     for path, value in TRUCK.parameters().items():
-        key = longest_end(path, FRACTIONS)
-        if key is not None and value > 0 and path != "semitrailer.yaw_inertia":
-            factors[path] = math.exp(FRACTIONS[key] * rng.normal())
+        row = quantity_of(path)
+        if row.is_uncertain and value > 0 and path != "semitrailer.yaw_inertia":
+            factors[path] = math.exp(row.sigma * rng.normal())
 
     def error(name: str) -> float:
         return sensor_sigma(name, SETTINGS) * rng.normal()

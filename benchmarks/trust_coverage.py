@@ -21,8 +21,8 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.filters.initial_state import steady_initial_state
 from fifthwheel.identify import Identification, OneStage, identify
 from fifthwheel.identify.sensor_errors import log_sensors
+from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end, prior_of
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.plant import PlantRun, Sensor, measure
@@ -30,7 +30,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.studies.scenarios import initial_guess
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 from fifthwheel.vehicle.uncertainty import changes
 from trust_runs import (
     RUNS,
@@ -90,10 +90,10 @@ def drawn_file(truck: Vehicle, rng: np.random.Generator) -> Vehicle:
             values[path] += z * slope
     estimated = {*stage_1_names(truck), "semitrailer.payload.height", *truck.stated}
     for path, value in values.items():
-        key, parsed = longest_end(path, FRACTIONS), ParameterPath.of(path)
+        row, parsed = quantity_of(path), ParameterPath.of(path)
         is_trailer_body = (parsed.unit, parsed.component) == ("semitrailer", "sprung")
-        if key is not None and value > 0 and not is_trailer_body and path not in estimated:
-            values[path] = value * math.exp(FRACTIONS[key] * rng.normal())
+        if row.is_uncertain and value > 0 and not is_trailer_body and path not in estimated:
+            values[path] = value * math.exp(row.sigma * rng.normal())
     return truck.replace(values)
 
 

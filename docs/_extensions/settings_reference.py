@@ -13,9 +13,9 @@ from fifthwheel.channels import PLACE_KINDS, SensorErrorName, channels_with_erro
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.design import DesignSettings
 from fifthwheel.identify.unknowns.parameters import reported_parameters
-from fifthwheel.identify.unknowns.quantities import QUANTITIES
 from fifthwheel.names import ends_with
 from fifthwheel.settings import Settings, options_of
+from fifthwheel.vehicle.quantities import QUANTITIES
 
 LONG = 60
 """A default with more characters stands below its table."""
@@ -54,14 +54,14 @@ def priors() -> Iterator[str]:
     """The default priors of numbers of the truck, the road and the model; of parameters of a result, as a guess."""
     truck, separate = fw.vehicle("cheng_cebon_2011"), fw.OneStage(uniform_payload=False)
     reported = [*reported_parameters(truck, fw.OneStage()), *reported_parameters(truck, separate)]
-    yield "## Priors\n\n| name ends with | prior | as a parameter of the result |\n|---|---|---|"
+    yield "## Priors\n\n| name ends with | prior | as a parameter of the result | based on |\n|---|---|---|---|"
     for name, row in QUANTITIES.items():
-        known = prior(row.mean, row.sigma, row.unit) if row.sigma else ""
+        unit = row.unit if row.absolute else ""
+        known = prior(row.mean, row.sigma, unit) if row.sigma else ""
         is_guess = row.mean is None and any(ends_with(path, name) for path in reported)
         guess = prior(None, row.guess, "") if is_guess else ""
         if known or guess:
-            error = SensorErrorName.of(name)
-            yield f"| `{f'{error.signal}.*.{error.kind}' if error else name}` | {known} | {guess} |"
+            yield f"| `{name}` | {known} | {guess} | {row.source} |"
     yield ""
 
 

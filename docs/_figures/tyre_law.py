@@ -7,7 +7,7 @@ import svg
 from fifthwheel import vehicle
 from fifthwheel.dynamics.tyres import Contact, saturating, saturation_parameters
 from fifthwheel.plant.magic_formula import MagicFormula
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 GROUP, TYRES = "semitrailer", 6
 LOADS = (0.5, 1.0, 1.5)

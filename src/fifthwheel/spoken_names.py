@@ -2,41 +2,21 @@
 
 from fifthwheel.channels import SensorErrorName, SignalName, channel_of
 from fifthwheel.names import ParameterPath, split_log
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import COUPLINGS, MASS_SCALE, quantity_of
 
 FIRST_UNITS = ("tractor", "truck")
 """Units of which an axle group needs no name of the unit: "front tyres"."""
 ORDINALS = ("first", "second", "third", "lead")
 """Names of trailers that are an adjective."""
-PARTS = {
-    **dict.fromkeys(("cornering_stiffness", "relaxation_length", "pneumatic_trail", "softening"), "tyres"),
-    "tyre_roll_stiffness": "tyres",
-    "relative_friction": "tyres",
-    **dict.fromkeys(("roll_stiffness", "roll_damping"), "suspension"),
-    **dict.fromkeys(("static_load", "self_steering", "command_steering"), "axle"),
-}
-"""Quantity -> the part of an axle group that has it."""
 COMPONENTS = {"sprung": "body", "accelerometer": "accelerometer"}
-QUANTITIES = {
-    "cog": "CoG position",
-    "cog_height": "CoG height",
-    "coupling": "coupling position",
-    "tyre_roll_stiffness": "roll stiffness",
-    "roll_yaw_product": "roll-yaw product of inertia",
-    "steer": "steer angle",
-    "articulation": "articulation angle",
-    "roll": "roll angle",
-    "sideslip": "sideslip angle",
-}
-"""Quantities whose name is more than its words."""
+SIGNALS = {key: f"{key} angle" for key in ("steer", "articulation", "roll", "sideslip")}
+"""Quantities of signals whose name is more than its words."""
 WHOLES = {
     MASS_SCALE: ("", "scale of all masses"),
     "tyre.shape": ("tyres", "shape of the force curve"),
     "time_base": ("time base", "rate"),
     "time_base.scale": ("time base", "rate"),
 }
-COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
-"""A word with one of these ends the name of a coupling."""
 
 
 def spoken(path: str) -> str:
@@ -85,13 +65,14 @@ def _owner_and_quantity(path: str) -> tuple[str, str]:
     if channel := channel_of(path):
         signal = SignalName.of(path)
         part = signal.part.replace("_", " ").replace(".", " ") + " axle" * (channel.of == "part" and bool(signal.part))
-        return _within(signal.unit, part) if part else named_unit(signal.unit), _quantity(signal.quantity)
+        return _within(signal.unit, part) if part else named_unit(signal.unit), _signal(signal.quantity)
     unit, component, quantity = ParameterPath.of(path)
     if not quantity:
         return "", unit.replace("_", " ")
-    part = "" if unit.endswith(COUPLINGS) else PARTS.get(quantity, "")
+    part = "" if unit.endswith(COUPLINGS) else quantity_of(path).part
     group = " ".join(filter(None, (COMPONENTS.get(component, component), part))).replace("_", " ").replace(".", " ")
-    return _within(unit, group) if component and part else f"{named_unit(unit)} {group}".rstrip(), _quantity(quantity)
+    words = quantity_of(path).words or quantity.replace("_", " ")
+    return _within(unit, group) if component and part else f"{named_unit(unit)} {group}".rstrip(), words
 
 
 def _within(unit: str, part: str) -> str:
@@ -103,5 +84,5 @@ def _within(unit: str, part: str) -> str:
     )
 
 
-def _quantity(name: str) -> str:
-    return QUANTITIES.get(name, name.replace("_", " "))
+def _signal(name: str) -> str:
+    return SIGNALS.get(name, name.replace("_", " "))

@@ -26,7 +26,7 @@ from fifthwheel.logs import read_log, write_record
 from fifthwheel.observe import Status
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle, catalogue, changes, get
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 from fifthwheel.workflow.vehicle_questions import QUESTIONS
 from tests.observe.conftest import but_settling
 from tests.vehicle.test_classes import TEXT

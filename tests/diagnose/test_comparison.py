@@ -10,9 +10,9 @@ from fifthwheel.assess import assess
 from fifthwheel.diagnose import compare, spoken
 from fifthwheel.errors import SignalError
 from fifthwheel.identify import OneStage, Verdict, identify
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.report.comparison import headline
 from fifthwheel.simulate import simulate
+from fifthwheel.vehicle.quantities import quantity_of
 from tests.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 
 
@@ -214,6 +214,6 @@ def test_the_differences_of_equal_trucks_have_their_sigma():
     runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
     found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
-    variation = quantity(f"{name}.variation").sigma * truck.parameters()[name]
+    variation = quantity_of(f"{name}.variation").sigma * truck.parameters()[name]
     expected = np.sqrt(found[0].sigma ** 2 - 2 * variation**2)  # each log has its own variation, these logs have none
     assert 0.5 < np.sqrt(np.mean([d.value**2 for d in found])) / expected < 1.5

@@ -14,7 +14,7 @@ from fifthwheel.identify.design import Remedy
 from fifthwheel.identify.design.assess import predict_sigmas
 from fifthwheel.simulate import simulate
 from fifthwheel.spoken_names import named
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 from tests.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment, estimate, of, outlook
 
 

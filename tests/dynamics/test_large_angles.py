@@ -12,7 +12,7 @@ from fifthwheel.manoeuvres import braked, straight
 from fifthwheel.plant import Plant, Properties
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle, get
-from fifthwheel.vehicle.parameters import (
+from fifthwheel.vehicle.quantities import (
     DRAG_AREA,
     DRIVE_AXLE_BRAKING,
     FRICTION,

@@ -17,7 +17,7 @@ from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.plant.magic_formula import MagicFormula
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import get
-from fifthwheel.vehicle.parameters import (
+from fifthwheel.vehicle.quantities import (
     COMBINED_SLIP,
     DRAG_AREA,
     FRICTION,
@@ -25,11 +25,11 @@ from fifthwheel.vehicle.parameters import (
     ROLLING_RESISTANCE,
     SHAPE,
     STIFFNESS_SENSITIVITY,
-    TYRE_PARAMETERS,
+    TYRES,
 )
 
 TRUCK = get("cheng_cebon_2011")
-DEFAULTS = {name: parameter.default for name, parameter in TYRE_PARAMETERS.items()}
+DEFAULTS = {name: parameter.default for name, parameter in TYRES.items()}
 
 
 TRAIL = {"semitrailer.pneumatic_trail": 0.05}

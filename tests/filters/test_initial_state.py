@@ -12,9 +12,8 @@ from fifthwheel.filters.initial_state import (
     random_steer_covariance,
     steady_initial_state,
 )
-from fifthwheel.identify.statement import ROAD_BANK
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.vehicle import get
+from fifthwheel.vehicle.quantities import ROAD_BANK, quantity_of
 
 TRUCK = get("cheng_cebon_2011")
 STEERS = TRUCK.steer_signals()
@@ -65,7 +64,7 @@ def test_the_covariance_under_random_steering(roll, speed):
 
 
 def test_the_prior_of_a_bank_is_that_of_an_identification():
-    assert initial_sigma("bank.road") == quantity(ROAD_BANK).sigma == 0.03
+    assert initial_sigma("bank.road") == quantity_of(ROAD_BANK).sigma == 0.03
 
 
 @pytest.mark.parametrize("bank", [None, 0.02])

@@ -16,14 +16,13 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.given import applied, possible_names, require_signals
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.statement import Statement, combined, parse
+from fifthwheel.identify.statement import Statement, combined, parse, prior_of
 from fifthwheel.identify.statement import stated as stated_on
 from fifthwheel.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
-from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.options import IdentifyOptions
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, changes, get
-from fifthwheel.vehicle.parameters import ROADS, unit_of
+from fifthwheel.vehicle.quantities import ROADS, quantity_of, unit_of
 from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
 from tests.cli.test_cli import run
 from tests.vehicle.test_classes import TEXT
@@ -566,7 +565,7 @@ def test_a_sigma_of_a_positive_number_is_below_its_value() -> None:
         with pytest.raises(FifthwheelError, match="expected a standard deviation below 100 % of the value"):
             prior(TRAILER, text)
     assert prior(TRAILER, "cornering_stiffness=+- 90 %") == pytest.approx((1.273e6, 0.9 * 1.273e6))
-    assert quantity(TRAILER).guess == 0.3
+    assert quantity_of(TRAILER).guess == 0.3
 
 
 def test_a_statement_replaces_what_was_stated_before() -> None:

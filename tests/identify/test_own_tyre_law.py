@@ -17,7 +17,7 @@ from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.record import Record
 from fifthwheel.report import write_report
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import FRICTION, SHAPE, TYRE_PARAMETERS
+from fifthwheel.vehicle.quantities import FRICTION, SHAPE, TYRES
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples"))
 from tyre_laws import magic_formula, simulated
@@ -65,7 +65,7 @@ def test_the_law_of_the_truck_gives_its_parameters(own: Identification, built_in
 @pytest.fixture
 def without_shape(monkeypatch: pytest.MonkeyPatch) -> None:
     """The built-in law tends to the peak friction, as an own law does, whose friction is that of its peak."""
-    monkeypatch.setitem(TYRE_PARAMETERS, SHAPE, TYRE_PARAMETERS[SHAPE]._replace(default=1.0))
+    monkeypatch.setitem(TYRES, SHAPE, TYRES[SHAPE]._replace(default=1.0))
 
 
 @pytest.mark.usefixtures("without_shape")

@@ -16,7 +16,6 @@ from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.free_run import _of_log
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres import braked
 from fifthwheel.manoeuvres.open_loops import single_sine
@@ -26,7 +25,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import COMBINED_SLIP, FRICTION
+from fifthwheel.vehicle.quantities import COMBINED_SLIP, FRICTION, quantity_of
 from fifthwheel.workflow import IdentifyOptions, identification_settings, run_states
 
 TRUCK = get("cheng_cebon_2011")
@@ -114,7 +113,7 @@ def test_friction_needs_slip(guess: Vehicle) -> None:
     result = identify([response(0.3, 0.6)], guess, EXACT)
     assert result[FRICTION].verdict == Verdict.NOT_EXCITED
     assert result.friction == result[FRICTION].value
-    prior = quantity(FRICTION)
+    prior = quantity_of(FRICTION)
     assert abs(np.log(result.friction / prior.mean)) < prior.sigma
     assert all(e.verdict == Verdict.CONVERGED for e in result.parameters if e.name != FRICTION)
 

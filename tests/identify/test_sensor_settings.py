@@ -9,9 +9,8 @@ import pytest
 
 from fifthwheel.identify import Identification, OneStage
 from fifthwheel.identify.result.storage import _finite
-from fifthwheel.identify.statement import BANK_VARIATION
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.vehicle import get
+from fifthwheel.vehicle.quantities import BANK_VARIATION, quantity_of
 
 STEER, YAW, LATERAL = "steer.tractor.front", "yaw_rate.tractor", "lateral_acceleration.tractor"
 
@@ -47,7 +46,7 @@ IDENTIFICATION: Any = Fields(
     covariance=None,
 )
 
-VARYING = math.hypot(0.02, quantity(BANK_VARIATION).sigma)
+VARYING = math.hypot(0.02, quantity_of(BANK_VARIATION).sigma)
 """Standard deviation of the bank at a place of the first log, rad."""
 
 

@@ -19,7 +19,7 @@ from fifthwheel.plant.truck import Simulation
 from fifthwheel.plant.tyre_forces import WHEEL_OUTPUTS
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle, get
-from fifthwheel.vehicle.parameters import DRAG_AREA, FRICTION, ROLLING_RESISTANCE, SHAPE
+from fifthwheel.vehicle.quantities import DRAG_AREA, FRICTION, ROLLING_RESISTANCE, SHAPE
 from fifthwheel.vehicle.unit import Accelerometer
 
 pytest.importorskip("mujoco")

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle, catalogue, changes
+from fifthwheel.vehicle import Vehicle, catalogue, changes
 from tests.vehicle.test_vehicle import b_double, group
 from tests.vehicle.test_vehicle import unit as make_unit
 
@@ -205,12 +205,3 @@ def test_an_exact_vehicle_is_exact_when_lumped() -> None:
     exact = ARTICLE.with_stated(dict.fromkeys(PATHS, 0.0))
     assert exact.lumped().is_exact
     assert not exact.with_stated({"semitrailer.payload.height": 0.1}).lumped().is_exact
-
-
-def test_the_table_of_defaults_in_the_docs() -> None:
-    row = r"^\|[^|]*\|[^|]*\| ([\d.]+) (%|m)[^|]*\| `([a-z_.]+)` \| ([^|]+) \|"
-    rows = re.findall(row, PAGE.read_text(), re.MULTILINE)
-    documented = {key: (float(number) / (100 if unit == "%" else 1), why) for number, unit, key, why in rows}
-    assert documented == {key: (default.sigma, default.reason) for key, default in DEFAULT_SIGMAS.items()}
-    for _, unit, key, _ in rows:
-        assert (unit == "m") == (DEFAULT_SIGMAS[key].of == "m")

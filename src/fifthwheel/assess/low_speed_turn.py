@@ -32,7 +32,7 @@ from fifthwheel.dynamics import tyres
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle import Unit
-from fifthwheel.vehicle import parameters as names
+from fifthwheel.vehicle import quantities as names
 
 RADIUS = 12.5
 """Of the circle, m."""

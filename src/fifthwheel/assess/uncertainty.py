@@ -11,27 +11,29 @@ import numpy as np
 
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.identify import Identification
-from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end, quantity
+from fifthwheel.names import ends_with
 from fifthwheel.observe import Uncertainty
 from fifthwheel.vehicle import Vehicle, changes
+from fifthwheel.vehicle.quantities import quantity_of
 
 ASSUMED: Mapping[str, float] = {
-    **FRACTIONS,
-    "cornering_stiffness": quantity("cornering_stiffness").guess,
+    "cornering_stiffness": quantity_of("cornering_stiffness").guess,
     "payload.height": 0.1,
     "payload.floor_height": 0.05,
 }
 """Sigma of parameters on which a vehicle file states nothing, as a fraction of the value, by the end of their path: as
-`identify` has them, and that of the height of a load that somebody measured."""
+a guess, or that of the height of a load that somebody measured."""
 
 
 def assumed(vehicle: Vehicle) -> dict[str, float]:
-    """Sigma, SI, of the parameters on which the vehicle file states nothing; the longest end of a path counts."""
+    """Sigma, SI, of the parameters on which the vehicle file states nothing."""
     sigmas = {}
     for path, value in vehicle.parameters().items():
-        end = longest_end(path, ASSUMED)
-        if end and value and path not in vehicle.stated:
-            sigmas[path] = ASSUMED[end] * abs(value)
+        row = quantity_of(path)
+        own = row.sigma_of(value) if row.is_uncertain and value else 0.0
+        sigma = next((fraction * abs(value) for end, fraction in ASSUMED.items() if ends_with(path, end)), own)
+        if sigma and path not in vehicle.stated:
+            sigmas[path] = sigma
     moved = {path for change in changes(vehicle) for path in change.slopes}
     return {path: sigma for path, sigma in sigmas.items() if path not in moved or "yaw_inertia" in path}
 

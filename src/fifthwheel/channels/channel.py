@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, Literal, NamedTuple, Self
 
 import numpy as np
@@ -197,6 +197,14 @@ class ErrorKind:
     """Whether it is not below 0."""
     uncertain: bool = False
     """Whether it counts as a part of the model: a learner keeps it at its prior mean."""
+    gross: float = 0.0
+    """Standard deviation of a gross error, SI, such as a gain of another unit; 0 if it is not usual."""
+    weight: float = 1.0
+    """How common a gross error is, relative to others."""
+
+
+GAIN = partial(ErrorKind, kind="gain", gross=0.4, weight=2.0)
+DELAY = partial(ErrorKind, kind="delay", gross=0.3, weight=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)

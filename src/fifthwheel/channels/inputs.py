@@ -4,7 +4,17 @@ import math
 
 import numpy as np
 
-from fifthwheel.channels.channel import DEGREES, Channel, ErrorKind, GainFault, NamePattern, SignalLimits, TurnRelation
+from fifthwheel.channels.channel import (
+    DEGREES,
+    DELAY,
+    GAIN,
+    Channel,
+    ErrorKind,
+    GainFault,
+    NamePattern,
+    SignalLimits,
+    TurnRelation,
+)
 
 UNDERSTEER = 0.004
 """s^2/m; understeer gradient of a heavy truck; measured values lie between 0.002 and 0.008."""
@@ -30,7 +40,7 @@ SPEED = Channel(
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
-    errors=(ErrorKind(kind="delay", prior=0.1),),  # a CAN bus gives the speed of the truck 50 to 150 ms late
+    errors=(DELAY(prior=0.1),),  # a CAN bus gives the speed of the truck 50 to 150 ms late
 )
 
 STEER = Channel(
@@ -62,9 +72,9 @@ STEER = Channel(
         part="front",
     ),
     errors=(
-        ErrorKind(kind="offset", prior=0.01, per_log=True),
-        ErrorKind(kind="gain", prior=0.15),  # a nominal steering ratio may be wrong by this
-        ErrorKind(kind="delay", prior=0.05),
+        ErrorKind(kind="offset", prior=0.01, per_log=True, gross=0.04, weight=1.5),
+        GAIN(prior=0.15),  # a nominal steering ratio may be wrong by this
+        DELAY(prior=0.05),
         ErrorKind(kind="play", prior=math.radians(0.2), positive=True),  # at the wheels, of a sound steering
     ),
 )

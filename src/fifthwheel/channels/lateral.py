@@ -1,6 +1,8 @@
 """Lateral acceleration, as an accelerometer on the sprung body measures it; lateral velocity and sideslip angle."""
 
 from fifthwheel.channels.channel import (
+    DELAY,
+    GAIN,
     Channel,
     ErrorKind,
     GainFault,
@@ -50,11 +52,13 @@ LATERAL_ACCELERATION = Channel(
     large_offset=True,
     of_roll=True,
     errors=(
-        ErrorKind(kind="offset", prior=0.3, per_log=True),  # with gravity by the tilt: 1 degree gives 0.17 m/s^2
-        ErrorKind(kind="gain", prior=0.03),
-        ErrorKind(kind="delay", prior=0.03),  # with that of the low-pass filter of the sensor
-        ErrorKind(kind="position", prior=0.5),
-        ErrorKind(kind="height", prior=0.3),
+        ErrorKind(
+            kind="offset", prior=0.3, per_log=True, gross=1.0, weight=0.5
+        ),  # with gravity by the tilt: 1 degree gives 0.17 m/s^2
+        GAIN(prior=0.03),
+        DELAY(prior=0.03),  # with that of the low-pass filter of the sensor
+        ErrorKind(kind="position", prior=0.5, gross=1.5, weight=0.5),
+        ErrorKind(kind="height", prior=0.3, gross=0.6, weight=0.5),
     ),
 )
 

@@ -7,6 +7,8 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels.channel import (
     DEGREES,
+    DELAY,
+    GAIN,
     Channel,
     ErrorKind,
     Exchange,
@@ -23,10 +25,10 @@ AXIS_WORDS = "(ang[a-z]*|rotation[a-z]*)_?(vel[a-z]*|rate)"
 """Words for an angular rate, before the name of its axis."""
 
 GYRO_ERRORS = (
-    ErrorKind(kind="offset", prior=0.004, per_log=True),
-    ErrorKind(kind="gain", prior=0.005),
-    ErrorKind(kind="misalignment", prior=math.radians(1)),  # a bracket is square to 0.5 to 1 degree
-    ErrorKind(kind="delay", prior=0.01, uncertain=True),
+    ErrorKind(kind="offset", prior=0.004, per_log=True, gross=0.04),
+    GAIN(prior=0.005),
+    ErrorKind(kind="misalignment", prior=math.radians(1), gross=0.4),  # a bracket is square to 0.5 to 1 degree
+    DELAY(prior=0.01, uncertain=True),
 )
 
 YAW_RATE = Channel(
@@ -82,7 +84,7 @@ ARTICULATION = Channel(
         rate=lambda now, i, _: now.motion.r[i] - now.motion.r[i - 1],
         behind_coupling=True,
     ),
-    errors=(ErrorKind(kind="offset", prior=0.01, per_log=True),),
+    errors=(ErrorKind(kind="offset", prior=0.01, per_log=True, gross=0.05),),
 )
 """The heading of a unit less that of the unit in front of it."""
 

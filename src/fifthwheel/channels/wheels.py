@@ -1,6 +1,15 @@
 """Speeds of wheels, and their difference between the sides of an axle."""
 
-from fifthwheel.channels.channel import Channel, ErrorKind, NamePattern, SensorModel, SignalLimits, TurnRelation
+from fifthwheel.channels.channel import (
+    DELAY,
+    GAIN,
+    Channel,
+    ErrorKind,
+    NamePattern,
+    SensorModel,
+    SignalLimits,
+    TurnRelation,
+)
 
 _HALF_TRACK = 1.0
 """m, typical."""
@@ -42,12 +51,12 @@ WHEEL_SPEED_DIFFERENCE = Channel(
         needs_roll=True,
     ),
     errors=(
-        ErrorKind(kind="offset", prior=0.005, per_log=True),
-        ErrorKind(kind="gain", prior=0.03),
+        ErrorKind(kind="offset", prior=0.005, per_log=True, gross=0.02),
+        GAIN(prior=0.03),
         # Magic Formula files of two truck tyres give 0.001 and 0.017 for a laden trailer axle
         ErrorKind(kind="load_sensitivity", prior=0.015),
         # the control unit averages pulses over 20 to 60 ms, and a wheel follows the road within a relaxation length
-        ErrorKind(kind="delay", prior=0.05),
+        DELAY(prior=0.05),
     ),
 )
 """Speed of the right wheel of an axle less that of the left one, divided by their mean: wheel_speed_difference.<unit>

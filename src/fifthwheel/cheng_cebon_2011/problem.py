@@ -18,7 +18,7 @@ from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.unknowns.parameters import known_of, sensor_error_unknowns
-from fifthwheel.identify.unknowns.unknown import Unknown, height_unknown, logarithmic_unknown, scaling
+from fifthwheel.identify.unknowns.unknown import Unknown, linear_unknown, logarithmic_unknown, scaling
 from fifthwheel.names import ends_with
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -42,7 +42,7 @@ def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage
 def _unknown(name: str, value: float, settings: TwoStage) -> Unknown:
     if ends_with(name, "payload.height"):
         initial = settings.initial_payload_height
-        return height_unknown(name, value if initial is None else initial, settings.height_prior)
+        return linear_unknown(name, value if initial is None else initial, settings.height_prior)
     unknown = logarithmic_unknown(name, value, settings.prior)
     return unknown if settings.logarithmic else replace(unknown, logarithmic=False, scale=settings.prior * value)
 

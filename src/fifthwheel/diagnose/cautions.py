@@ -30,12 +30,11 @@ from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.names import ends_with, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.masses import unusual_masses
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 
 _KINDS = {Fault.TIME_OFFSET: CautionKind.DELAY, Fault.CLOCK_RATE: CautionKind.DELAY, Fault.MASS: CautionKind.MASS}
 """Kinds of cautions by the fault of a signal; others are `CautionKind.SIGNAL`."""
@@ -127,7 +126,7 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
             continue
         if e.name == FRICTION:  # roads differ
             continue
-        prior = e.prior / abs(e.initial) if e.prior and e.initial else quantity(e.name).guess
+        prior = e.prior / abs(e.initial) if e.prior and e.initial else quantity_of(e.name).guess
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
             message = (

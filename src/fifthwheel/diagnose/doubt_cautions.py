@@ -17,8 +17,7 @@ from fifthwheel.identify.knowledge.knowledge import UNSURE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import FIRST_UNITS, named_unit
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.parameters import POSITIONS, STIFFNESS_SENSITIVITY
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE, STIFFNESS_SENSITIVITY, quantity_of
 
 NEARLY = 1.05
 """A truck that is unstable above less than so many times the highest speed of the logs is nearly unstable there."""
@@ -102,7 +101,7 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
 def _options(cause: Cause, vehicle: Vehicle) -> str:
     """The options that make lengths of the vehicle file as uncertain as the logs imply; empty for other causes."""
     values = vehicle.parameters()
-    moved = {p: d for p, d in cause.changes.items() if p in values and ParameterPath.of(p).quantity in POSITIONS}
+    moved = {p: d for p, d in cause.changes.items() if p in values and quantity_of(p).is_position}
     if not moved or moved.keys() != cause.changes.keys() & values.keys():
         return ""
     sigma = 10 * math.ceil(10 * max(map(abs, moved.values())))
@@ -189,7 +188,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if path == STIFFNESS_SENSITIVITY and change < -INSENSITIVE * value:
         what = "the stiffness of the tyres hardly depends on their load"
         return f"{what}, as in simulations with linear tyres: there use --tyres linear ({times})"
-    if ParameterPath.of(path).quantity in POSITIONS or not value:
+    if quantity_of(path).is_position or not value:
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"
     else:

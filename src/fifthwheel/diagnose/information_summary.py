@@ -13,11 +13,9 @@ from fifthwheel.formatting import approximate, digits, enumerated, percent, rela
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
-from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.spoken_names import named
-from fifthwheel.vehicle.parameters import is_relative
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE, TIME_BASE, quantity_of
 
 
 class VarianceTerm(NamedTuple):
@@ -66,7 +64,7 @@ class ParameterInformation:
             return None
         if e.sigma is None:
             return 1.0
-        scale = abs(e.initial / e.value) if e.value and is_relative(e.name) else 1.0
+        scale = abs(e.initial / e.value) if e.value and quantity_of(e.name).is_relative else 1.0
         return min(scale * e.sigma / e.prior, 1.0)
 
     @property
@@ -77,7 +75,7 @@ class ParameterInformation:
         def shown(value: float, sigma: float | None) -> str:
             if sigma is None:
                 return "–"
-            return f"±{relative(value, sigma) if is_relative(e.name) else approximate(sigma, e.unit)}"
+            return f"±{relative(value, sigma) if quantity_of(e.name).is_relative else approximate(sigma, e.unit)}"
 
         prior, result = shown(e.initial, e.prior), shown(e.value, e.sigma)
         return f"{prior} → {result}" if e.prior else result

@@ -10,11 +10,11 @@ from fifthwheel.identify import Fit, Identification, OneStage
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.fit_evaluation import free_run_fits
 from fifthwheel.identify.given import with_sensors
-from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.quantities import TIME_BASE
 
 
 @dataclass(frozen=True, kw_only=True)

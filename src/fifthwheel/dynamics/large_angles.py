@@ -56,7 +56,7 @@ from fifthwheel.dynamics.unit_equations import steering, suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
 from fifthwheel.vehicle.driveline import drag
-from fifthwheel.vehicle.parameters import DRAG_AREA
+from fifthwheel.vehicle.quantities import DRAG_AREA
 
 AIR_HEIGHT = 1.5
 """m; half the height of a cab with its deflector, and less because part of the drag is under the floor."""

@@ -23,7 +23,7 @@ from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor, softening_parameters
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
+from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING
 
 ORDER = {(False, False): 5, (True, False): 6, (False, True): 9, (True, True): 9}
 """Order of the Taylor series, by (with roll, with relaxation lengths): one step per 10 ms up to motorway speeds."""

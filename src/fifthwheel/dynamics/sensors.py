@@ -23,7 +23,7 @@ from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import AxleGroup, Vehicle
 from fifthwheel.vehicle.axle_loads import axle_loads
-from fifthwheel.vehicle.parameters import HALF_TRACK, TYRE_PARAMETERS
+from fifthwheel.vehicle.quantities import HALF_TRACK, TYRES
 from fifthwheel.vehicle.unit import Accelerometer
 
 
@@ -196,7 +196,7 @@ def sensor_parameters(vehicle: Vehicle, name: str) -> dict[str, float]:
         return {}
     model, i, of_group = sensor_of(vehicle, name)
     unit = vehicle.units[i]
-    parameters = {HALF_TRACK: TYRE_PARAMETERS[HALF_TRACK].default} if model.needs_track else {}
+    parameters = {HALF_TRACK: TYRES[HALF_TRACK].default} if model.needs_track else {}
     if of_group:
         return parameters
     parameters |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0} | {f"{name}.{kind}": 0.0 for kind in model.sensitivities}

@@ -60,18 +60,18 @@ from fifthwheel.options import TyreLaw as TyreLaw
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.driveline import drag
-from fifthwheel.vehicle.parameters import (
+from fifthwheel.vehicle.quantities import (
     COMBINED_SLIP,
     DRAG_AREA,
     DRIVE_AXLE_BRAKING,
     FRICTION,
     FRICTION_SENSITIVITY,
-    GROUP_TYRE_UNITS,
+    GROUP_TYRES,
     HALF_TRACK,
     ROLLING_RESISTANCE,
     SHAPE,
     STIFFNESS_SENSITIVITY,
-    TYRE_PARAMETERS,
+    TYRES,
 )
 
 NO_CHANGE = ca.SX(0)
@@ -96,7 +96,7 @@ SMOOTHING = 0.001
 
 def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
     """Names of the parameters of saturating tyres on axle groups with these paths."""
-    return (*TYRE_PARAMETERS, *[f"{path}.{quantity}" for path in paths for quantity in GROUP_TYRE_UNITS])
+    return (*TYRES, *[f"{path}.{quantity}" for path in paths for quantity in GROUP_TYRES])
 
 
 def saturation_parameters(vehicle: Vehicle, tyres: Tyres = "saturating") -> dict[str, float]:
@@ -108,8 +108,8 @@ def saturation_parameters(vehicle: Vehicle, tyres: Tyres = "saturating") -> dict
     loads, numbers = vehicle.axle_loads(), vehicle.tyres()
     braking, driving = vehicle.axle_loads(-SLOPE), vehicle.axle_loads(SLOPE)
     pulled, pull = vehicle.axle_loads(0.0, _pull(vehicle)), sum(_pull(vehicle).values(), 0.0)
-    names = [name for name in TYRE_PARAMETERS if name != SHAPE or tyres == "saturating"]
-    values = {name: TYRE_PARAMETERS[name].default for name in names}
+    names = [name for name in TYRES if name != SHAPE or tyres == "saturating"]
+    values = {name: TYRES[name].default for name in names}
     for path, load in loads.items():
         values |= {
             f"{path}.static_load": load,

@@ -17,13 +17,13 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
 from fifthwheel.identify.online.start import discrepancy_variances
 from fifthwheel.identify.online.steering import Excitation
+from fifthwheel.identify.unknowns.gross_errors import largest_possible
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.identify.unknowns.quantities import largest_possible
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.observe.monitor import CHANCE, START
-from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.quantities import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2
 """In place of the index of a channel: none is needed; it is not measured."""

@@ -23,37 +23,31 @@ from fifthwheel.dynamics.tyres import saturation_names
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.settings import ROLL_PARAMETERS, CommonSettings, OneStage
 from fifthwheel.identify.setup import with_tyre_law
-from fifthwheel.identify.statement import (
-    BANK_VARIATION,
-    DISCREPANCY,
-    GROUPS,
-    ROAD_BANK,
-    TIME_BASE,
-    Stated,
-    Statement,
-    applies,
-    combined,
-    refused,
-    stated,
-    statement,
-)
+from fifthwheel.identify.statement import GROUPS, Stated, Statement, applies, combined, refused, stated, statement
 from fifthwheel.identify.unknowns.parameters import (
     VARIATION,
-    WIDE_POSITION,
     fixed_last_axles,
     given_parameters,
     prior_of_sensor_error,
     reported_parameters,
     softening_priors,
 )
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs
 from fifthwheel.vehicle import Vehicle, changes, toml_format
 from fifthwheel.vehicle.masses import with_consistent_masses
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, POSITIONS, is_signed, unit_of
+from fifthwheel.vehicle.quantities import (
+    BANK_VARIATION,
+    DISCREPANCY,
+    DRIVE_AXLE_BRAKING,
+    FRICTION,
+    ROAD_BANK,
+    TIME_BASE,
+    quantity_of,
+    unit_of,
+)
 
 S = TypeVar("S", bound=CommonSettings)
 
@@ -111,18 +105,18 @@ def _sigmas(vehicle: Vehicle, settings: CommonSettings, found: Sequence[Stated])
         elif each.sigma is not None:
             yield each.name, each.sigma
         elif is_height and (each.name in vehicle.assumed or not vehicle.stated.get(each.name)):
-            yield each.name, quantity(each.name).sigma
+            yield each.name, quantity_of(each.name).sigma
 
 
 def _require_possible(found: Stated) -> None:
     """Refuse a number that logs do not determine, or without a wide prior."""
-    last = ParameterPath.of(found.name).quantity
+    row, last = quantity_of(found.name), ParameterPath.of(found.name).quantity
     if last == "mass":
         cure = "give its standard deviation, such as '+- 2 %', or weigh the truck"
         raise refused(found, f"lateral motion alone does not determine a mass; {cure}")
-    if is_signed(found.name) and not found.value and last not in POSITIONS:
+    if row.signed and not found.value and not row.absolute:
         raise refused(found, f"may be 0; give its standard deviation, such as '+- 100 {unit_of(found.name)}'")
-    if found.value <= 0 and not is_signed(found.name):
+    if found.value <= 0 and not row.signed:
         raise refused(found, f"expected a value above 0 to be estimated, got {found.value:g}; give one")
 
 
@@ -153,7 +147,7 @@ def _without_wheelbases(vehicle: Vehicle, listed: Sequence[Statement]) -> Iterat
             )
         length, cog = vehicle.derived()[each.name], f"{unit_name}.cog"
         found = stated({each.name: each.given}, each.name, "m", length)
-        sigma = WIDE_POSITION if found.free else found.sigma
+        sigma = quantity_of(f"{unit_name}.cog").guess if found.free else found.sigma
         of_axles = replace(each, kind="sigma", sigma=f"{sigma!r} m") if sigma else each
         shift = length - found.value
         for path in moved[each.name]:
@@ -224,7 +218,7 @@ def _require_number(vehicle: Vehicle, settings: OneStage, each: Statement, name:
     given = {each.name: each.given}
     if prior_of_sensor_error(vehicle, name, replace(settings, given=given)) or name in vehicle.parameters():
         return
-    found = stated(given, name, quantity(name).unit or unit_of(name), _usual_value(vehicle, settings, name))
+    found = stated(given, name, quantity_of(name).unit, _usual_value(vehicle, settings, name))
     if found.has_value and found.value and (name in WITHOUT_MEAN or name.endswith(VARIATION)):
         raise refused(found, "has the mean 0; state only its standard deviation, or exact")
     if found.free and name != FRICTION:
@@ -239,7 +233,7 @@ def _usual_value(vehicle: Vehicle, settings: OneStage, name: str) -> float:
     group, _, last = name.rpartition(".")
     if last == "softening":
         return softening_priors(vehicle)[group][0]
-    return quantity(name).mean or given_parameters(vehicle, replace(settings, given={})).get(name, 0.0)
+    return quantity_of(name).mean or given_parameters(vehicle, replace(settings, given={})).get(name, 0.0)
 
 
 def _refuse(

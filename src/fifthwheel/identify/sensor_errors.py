@@ -14,14 +14,13 @@ from fifthwheel.filters.model import block_diagonal
 from fifthwheel.identify.one_stage.identify import identify_one_stage
 from fifthwheel.identify.result import Identification
 from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.statement import BANK_VARIATION, TIME_BASE
+from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.parameters import given_parameters
-from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, toml_format
-from fifthwheel.vehicle.parameters import FRICTION, unit_of
+from fifthwheel.vehicle.quantities import BANK_VARIATION, FRICTION, TIME_BASE, quantity_of, unit_of
 
 OTHER_ROAD = 0.7
 """Standard deviation of ln friction from one road to another: half or twice as large."""
@@ -39,7 +38,7 @@ def estimate_sensor_errors(
     *,
     exact_friction: bool = False,
     tyres: Tyres = "saturating",
-    bank_variation: float = quantity(BANK_VARIATION).sigma,
+    bank_variation: float = quantity_of(BANK_VARIATION).sigma,
     surroundings: Mapping[str, float] | None = None,
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.

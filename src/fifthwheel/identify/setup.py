@@ -17,7 +17,7 @@ from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.variances import require_units
 from fifthwheel.identify.settings import CommonSettings, OneStage
-from fifthwheel.identify.statement import DISCREPANCY, ROAD_BANK
+from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.parameters import (
     estimated_parameters,
     given_parameters,
@@ -28,9 +28,9 @@ from fifthwheel.identify.unknowns.parameters import (
     time_base_delays,
     with_stated_values,
 )
-from fifthwheel.identify.unknowns.quantities import prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind, scaling
 from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.quantities import DISCREPANCY, ROAD_BANK
 
 STIFFENING = 0.5
 """Step by which an unstable vehicle is stiffened, in units of z."""

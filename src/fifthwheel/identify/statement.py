@@ -16,7 +16,7 @@ from fifthwheel.names import ends_with
 from fifthwheel.settings import Cure
 from fifthwheel.units import split_statement, uncertain_quantity
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.parameters import FRICTION, ROADS, unit_of
+from fifthwheel.vehicle.quantities import BANK_VARIATION, FRICTION, ROAD_BANK, ROADS, TIME_BASE, quantity_of, unit_of
 
 Kind = Literal["value", "sigma", "exact", "free"]
 
@@ -29,7 +29,6 @@ GROUPS: Mapping[str, str] = {
     "sensors": "All errors of the sensors and clocks",
 }
 """Names of many numbers, which can only be exact, in words."""
-ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE = "road.bank", "road.bank_variation", "discrepancy", "time_base"
 OF_ROAD = (FRICTION, ROAD_BANK, BANK_VARIATION)
 
 
@@ -276,3 +275,12 @@ def _sigma(found: Statement, name: str, si: str, value: float) -> float:
 
 def refused(found: Stated, reason: str) -> VehicleError:
     return VehicleError(f"{found.source}: {found.name}: {reason}")
+
+
+def prior_of(given: Mapping[str, str | float], name: str) -> tuple[float, float]:
+    """Prior mean and standard deviation, SI, of a number that no vehicle file has, as stated or by its row."""
+    row = quantity_of(name)
+    found = stated(given, name, row.unit, row.mean or 0.0)
+    if found.free:
+        raise refused(found, "is estimated already; give its standard deviation")
+    return found.value, found.or_sigma(row.sigma)

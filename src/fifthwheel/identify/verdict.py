@@ -10,7 +10,7 @@ from fifthwheel._types import Array
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import is_relative
+from fifthwheel.vehicle.quantities import quantity_of
 
 
 class Verdict(StrEnum):
@@ -78,7 +78,7 @@ def remaining_fraction(unknown: Unknown, value: float, sigma_z: float) -> float:
 def is_stated(vehicle: Vehicle, name: str) -> bool:
     """Whether a user has said how well a payload height or a position is known: it is STATED where the logs do not
     determine it."""
-    return name in vehicle.stated and name not in vehicle.assumed and not is_relative(name)
+    return name in vehicle.stated and name not in vehicle.assumed and not quantity_of(name).is_relative
 
 
 def estimate_verdict(

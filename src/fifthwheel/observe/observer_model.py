@@ -39,7 +39,7 @@ from fifthwheel.observe.settings import ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION, HALF_TRACK
+from fifthwheel.vehicle.quantities import FRICTION, HALF_TRACK
 
 SUSPECT_STEER_SIGMA = 0.15
 """rad; the measurements are within the gate after a restart, whatever the steer angle was."""

@@ -22,7 +22,7 @@ from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.filters.variances import Variances
 from fifthwheel.options import ObserverOptions
 from fifthwheel.settings import Cure, Finite, Limits, NonNegative, Positive
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, TYRE_PARAMETERS
+from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, TYRES
 
 
 def _checked_error(name: str) -> str:
@@ -113,7 +113,7 @@ class ObserverSettings(ObserverOptions):
         if self.estimate_bank and not self.bank:
             raise SignalError("estimate_bank: expected a sigma of the bank above 0, got 0; give it as bank")
         for name, value in self.surroundings.items():
-            positive = name in TYRE_PARAMETERS or name.endswith((".static_load", ".relative_friction"))
+            positive = name in TYRES or name.endswith((".static_load", ".relative_friction"))
             least, largest = (0.0 if positive else -math.inf), 1.0 if name == DRIVE_AXLE_BRAKING else math.inf
             if not least <= value <= largest:
                 raise SignalError(f"surroundings, {name}: expected {least:g} to {largest:g}, got {value:g}; correct it")

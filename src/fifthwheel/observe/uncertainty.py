@@ -19,7 +19,7 @@ from fifthwheel._extras import require
 from fifthwheel._types import Array
 from fifthwheel.errors import SignalError
 from fifthwheel.names import split_log
-from fifthwheel.vehicle.parameters import is_signed
+from fifthwheel.vehicle.quantities import quantity_of
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -33,7 +33,7 @@ a very different vehicle may be unstable, or need shorter steps than the record 
 
 def positive_parameters(values: Mapping[str, float]) -> frozenset[str]:
     """Names of the parameters of a vehicle above 0 that cannot change their sign."""
-    return frozenset(name for name, value in values.items() if value > 0 and not is_signed(name))
+    return frozenset(name for name, value in values.items() if value > 0 and not quantity_of(name).signed)
 
 
 def displaced(names: Sequence[str], values: Array, deviations: Array, positive: Container[str]) -> Array:

@@ -24,7 +24,7 @@ from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
 from fifthwheel.spoken_names import named, named_unit, spoken
-from fifthwheel.vehicle.parameters import FRICTION, is_relative
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 
 CONSEQUENCES = "Probably explained by the cautions"
 HEAVIER = 0.1
@@ -308,7 +308,7 @@ def _reason(identification: Identification, e: Estimate) -> str:
     limit = identification.settings.excited * prior
 
     def magnitude(sigma: float) -> str:
-        return f"±{percent(sigma / abs(e.initial)) if is_relative(e.name) else approximate(sigma, e.unit)}"
+        return f"±{percent(sigma / abs(e.initial)) if quantity_of(e.name).is_relative else approximate(sigma, e.unit)}"
 
     return (
         f"the logs reduce sigma too little: {magnitude(limit)} or less is required, the prior sigma is "

@@ -19,9 +19,8 @@ from fifthwheel.identify import Fit, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.result import display
-from fifthwheel.identify.statement import TIME_BASE, stated
+from fifthwheel.identify.statement import prior_of, stated
 from fifthwheel.identify.unknowns.parameters import softening_priors
-from fifthwheel.identify.unknowns.quantities import prior_of
 from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States
 from fifthwheel.pages import page
@@ -35,7 +34,8 @@ from fifthwheel.report.states import StateConditions, all_states, states_section
 from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
+from fifthwheel.vehicle.quantities import MASS_SCALE, TIME_BASE
+from fifthwheel.vehicle.uncertainty import changes
 
 DRAWN = 3
 """Logs whose measurements and states are drawn before the appendix."""

@@ -16,7 +16,7 @@ from fifthwheel.report.words import spoken_verdict
 from fifthwheel.spoken_names import named_unit, spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.drawing import origins
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 WIDTH, MARGIN, MAX_SCALE = 480.0, 14.0, 40.0
 """Of the drawing and its edge, in units of the SVG; the largest number of units for a metre."""

@@ -3,21 +3,19 @@
 from fifthwheel._callable import make_callable
 from fifthwheel.vehicle import catalogue
 from fifthwheel.vehicle.catalogue import get, names
-from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import Laden, laden, laden_cog_height, laden_roll_inertia
+from fifthwheel.vehicle.quantities import unit_of
 from fifthwheel.vehicle.roll_test import Measured, RollTest, with_roll_test
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS, Change, DefaultSigma, changes
+from fifthwheel.vehicle.uncertainty import Change, changes
 from fifthwheel.vehicle.unit import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 from fifthwheel.vehicle.weighing import with_axle_loads
 
 __all__ = [
-    "DEFAULT_SIGMAS",
     "Axle",
     "AxleGroup",
     "Change",
     "Coupling",
-    "DefaultSigma",
     "Laden",
     "Measured",
     "Payload",

@@ -9,9 +9,7 @@ from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origi
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from fifthwheel.errors import VehicleError, suggestion
-
-SI_UNITS: dict[str, str] = {}
-"""SI unit of each number of a vehicle by its key, the last word of its path; the components fill it."""
+from fifthwheel.vehicle.quantities import UNITS, Quantity, register
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -20,6 +18,7 @@ Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
 
 
 V = TypeVar("V")
+NOTHING_KNOWN = Quantity()
 
 
 class HashableDict(dict[str, V]):
@@ -35,14 +34,21 @@ Texts = Annotated[Mapping[str, str], AfterValidator(HashableDict)]
 """Texts by name."""
 
 
-def number(unit: str, description: str, *, plausible: tuple[float, float] | None = None, **limits: Any) -> Any:
-    """A field that is a parameter: a number with a path.
+def number(
+    unit: str,
+    description: str,
+    row: Quantity = NOTHING_KNOWN,
+    *,
+    plausible: tuple[float, float] | None = None,
+    **limits: Any,
+) -> Any:
+    """A field that is a parameter: a number with a path, and what is known of it where nobody states more.
 
     Its SI unit is the same wherever a component has this key; default and limits are those of `pydantic.Field`. A
-    vehicle file with a number outside `plausible` is refused: no road vehicle has it, heavy haulage included.
-    Estimates and samples of Monte Carlo studies may be outside.
+    number without a lower limit may be 0 or negative. A vehicle file with a number outside `plausible` is refused: no
+    road vehicle has it, heavy haulage included. Estimates and samples of Monte Carlo studies may be outside.
     """
-    extra: dict[str, Any] = {"unit": unit, "plausible": plausible}
+    extra: dict[str, Any] = {"unit": unit, "plausible": plausible, "row": row}
     return Field(description=description, json_schema_extra=extra, **limits)
 
 
@@ -55,6 +61,8 @@ class Component(BaseModel):
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", validate_default=True)
+    owner: ClassVar[str] = ""
+    """Last word of the path of such a component, if it decides what is known of its numbers."""
     si_units: ClassVar[Mapping[str, str]]
     """SI unit of each number by its key."""
     plausible: ClassVar[Mapping[str, tuple[float, float]]]
@@ -75,9 +83,10 @@ class Component(BaseModel):
         for key, field in cls.model_fields.items():
             if _is_number(field.annotation) != (key in cls.si_units):
                 raise TypeError(f"{cls.__name__}.{key}: a number, and only a number, has a unit; use `number`")
-        for key, unit in cls.si_units.items():
-            if SI_UNITS.setdefault(key, unit) != unit:
-                raise TypeError(f"{cls.__name__}.{key}: expected {SI_UNITS[key]}, as elsewhere, got {unit}")
+        for key, number in numbers.items():
+            lowest = _range(cls.model_fields[key].metadata, anything)[0]
+            row = number["row"]._replace(unit=number["unit"], signed=lowest < 0)
+            register(f"{cls.owner}.{key}".lstrip("."), row)
 
     def __init__(self, **data: Any) -> None:
         try:
@@ -156,7 +165,7 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
             case "string_pattern_mismatch":
                 expected = "a name of lower-case letters, digits and _, a letter first"
             case "missing":
-                cure = "give it, or give the unit a class" if e["loc"][-1] in SI_UNITS else "give it"
+                cure = "give it, or give the unit a class" if e["loc"][-1] in UNITS else "give it"
                 lines.append(f"{prefix}{path}: expected a value, got none; {cure}")
                 continue
             case "extra_forbidden":

@@ -13,7 +13,7 @@ from pydantic import model_validator
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.classes.table import Figure
 from fifthwheel.vehicle.component import Component, NonNegative, Positive, number
-from fifthwheel.vehicle.parameters import DRAG_AREA, ROLLING_RESISTANCE, TYRE_PARAMETERS
+from fifthwheel.vehicle.quantities import DRAG_AREA, ROLLING_RESISTANCE, TYRES
 
 AIR_DENSITY = 1.2
 """kg/m^3"""
@@ -22,6 +22,7 @@ AIR_DENSITY = 1.2
 class Driveline(Component):
     """The table `[driveline]` of a vehicle file; `DRIVELINE` has the numbers that it omits, except engine and gears."""
 
+    owner = "driveline"
     efficiency: Positive | None = number(
         "1", "Power at the wheels over power of the engine.", default=None, plausible=(0.7, 1.0)
     )
@@ -88,10 +89,8 @@ DRIVELINE: Mapping[str, Figure] = {
     "speed_scale": Figure(1.0, 0.007, "tyre wear changes the rolling radius by up to 3 % between two calibrations"),
     "engine_inertia": Figure(3.5, 1.0, "engines of 11 to 13 litres with flywheel: 2.5 to 5 kg m^2"),
     "rotating_mass": Figure(55.0, 11.0, "wheel, tyre and brake disc: 13 to 15 kg m^2 at 0.5 m"),
-    "drag_area": Figure(TYRE_PARAMETERS[DRAG_AREA].default, 0.9, "drag coefficient 0.5 to 0.8 times 8 to 10 m^2"),
-    "rolling_resistance": Figure(
-        TYRE_PARAMETERS[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"
-    ),
+    "drag_area": Figure(TYRES[DRAG_AREA].default, 0.9, "drag coefficient 0.5 to 0.8 times 8 to 10 m^2"),
+    "rolling_resistance": Figure(TYRES[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"),
 }
 """Numbers of heavy trucks with their standard deviations. There are none for engine and gears."""
 

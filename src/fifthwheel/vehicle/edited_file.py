@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from fifthwheel.vehicle import toml_format
-from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.quantities import unit_of
 from fifthwheel.vehicle.vehicle import Vehicle
 
 

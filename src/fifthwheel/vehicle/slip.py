@@ -14,7 +14,7 @@ from typing import Any, Self
 from fifthwheel.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import quantity
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
+from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.weighing import EXCHANGED
 
 Number = tuple[float, float | None]
@@ -129,9 +129,9 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     _check_order(lengths, slip, groups, tares)
     inputs = _inputs(slip, groups)
     if lengths.coupling is not None:
-        usual = DEFAULT_SIGMAS["coupling"].sigma * lengths.wheelbase
+        usual = quantity_of("coupling").sigma * lengths.wheelbase
         inputs["coupling"] = (lengths.coupling, usual if lengths.coupling_sigma is None else lengths.coupling_sigma)
-    usual = DEFAULT_SIGMAS["axle_positions"].sigma
+    usual = quantity_of("axle_positions").sigma
     inputs["trailer"] = (lengths.trailer, usual if lengths.trailer_sigma is None else lengths.trailer_sigma)
     if not slip.solo:
         inputs |= {key: tares[key] for key in ("tractor.mass", "tractor.cog")}

@@ -29,7 +29,7 @@ from pydantic import AfterValidator, Field, PlainSerializer, model_validator
 from fifthwheel.errors import SignalError, UnitError, VehicleError, suggestion
 from fifthwheel.units import own_quantity
 from fifthwheel.vehicle.component import Component, HashableDict, Number, Texts
-from fifthwheel.vehicle.parameters import register_unit
+from fifthwheel.vehicle.quantities import register_unit
 from fifthwheel.vehicle.unit import Unit
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import uncertain_quantity
 from fifthwheel.vehicle.component import Component
 from fifthwheel.vehicle.driveline import Driveline
-from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.quantities import unit_of
 from fifthwheel.vehicle.steering import STEERING, stated_steering
 from fifthwheel.vehicle.unit import Accelerometer, Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 

@@ -5,57 +5,16 @@ laden and an unladen mass. Numbers from one measurement share its error, so a ch
 
 A number with a stated standard deviation is altered by one change only, so that the changes together give it
 exactly the stated standard deviation. This change is its own, except for the axles of a group whose positions are all
-stated: they share one change. All other numbers have the standard deviations of `DEFAULT_SIGMAS`.
+stated: they share one change. All other numbers have the standard deviations of their rows (`quantities`).
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from fifthwheel.vehicle.unit import ACCELEROMETERS, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
-
-MASS_SCALE = "mass_scale"
-"""Name of the change of all masses together."""
-
-
-class DefaultSigma(NamedTuple):
-    """A standard deviation that holds where the vehicle file states none."""
-
-    sigma: float
-    of: str
-    """The quantity of which sigma is a fraction, or "m" for metres."""
-    reason: str
-
-
-DEFAULT_SIGMAS: Mapping[str, DefaultSigma] = {
-    MASS_SCALE: DefaultSigma(
-        0.02,
-        "all masses and inertias",
-        "one scale weighs all units: a static weighbridge has 0.1 %, weighing in motion of class 2 (OIML R 134) 2 %,"
-        " on-board scales 5 %",
-    ),
-    "mass": DefaultSigma(
-        0.02, "mass of the unit", "axle-by-axle weighing of coupled units; 150 kg of fuel are 2 % of a tractor"
-    ),
-    "payload.mass": DefaultSigma(
-        0.03, "payload mass", "difference of two weighings, or freight documents without pallets"
-    ),
-    "cog.laden": DefaultSigma(
-        0.15, "m", "a load of 60 % of the unit's mass that lies 0.25 m from its assumed position"
-    ),
-    "cog.unladen": DefaultSigma(
-        0.05, "m", "axle loads of 2 % give 0.02 m with a wheelbase of 3.7 m; tank and driver give the rest"
-    ),
-    "axle_positions": DefaultSigma(0.03, "m", "tape measure along the frame, to the middle of a wheel; or a brochure"),
-    "coupling": DefaultSigma(
-        0.01, "wheelbase", "a fifth wheel can be slid along the frame, in steps of 0.05 m or more"
-    ),
-    "self_steering": DefaultSigma(0.1, "slip angle", "friction, and springs or dampers that centre the wheels"),
-    "command_steering": DefaultSigma(0.02, "articulation angle", "play and elasticity of the linkage"),
-}
-"""Standard deviations of numbers on which the vehicle file states nothing."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -85,14 +44,13 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
         slopes[f"{unit.name}.mass"] = _mass(vehicle, unit)
         slopes |= _division(vehicle, unit)
         cog = f"{unit.name}.cog"
-        default = DEFAULT_SIGMAS["cog.laden" if unit.payload else "cog.unladen"].sigma
-        slopes[cog] = {cog: stated.get(cog, default)}
+        slopes[cog] = {cog: stated.get(cog, cog_sigma(laden=unit.payload is not None))}
         slopes |= _positions(vehicle, i)
         for axle in unit.axles:
-            for key in ("self_steering", "command_steering"):
+            for key, row in (("self_steering", "self_steering.castor"), ("command_steering", "command_steering")):
                 path = f"{unit.name}.{axle.name}.{key}"
                 if getattr(axle, key):
-                    slopes[path] = {path: stated.get(path, DEFAULT_SIGMAS[key].sigma)}
+                    slopes[path] = {path: stated.get(path, quantity_of(row).sigma)}
     altered = {path for by_path in slopes.values() for path in by_path}
     components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in altered}
     others = [
@@ -105,9 +63,14 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)
 
 
+def cog_sigma(*, laden: bool) -> float:
+    """Standard deviation of the CoG position of a unit, m, where nobody states it."""
+    return quantity_of("cog" if laden else "cog.unladen").sigma
+
+
 def _mass_scale(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
     """Slopes of the mass scale on a unit: a body of the same shape and another density."""
-    p, fraction = vehicle.parameters(), DEFAULT_SIGMAS[MASS_SCALE].sigma
+    p, fraction = vehicle.parameters(), quantity_of(MASS_SCALE).sigma
     keys = ("yaw_inertia", "sprung.roll_inertia", "sprung.roll_yaw_product")
     inertias = {path: fraction * p[path] for key in keys if (path := f"{unit.name}.{key}") not in vehicle.stated}
     return _scaled_masses(vehicle, unit, fraction) | inertias
@@ -115,7 +78,7 @@ def _mass_scale(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
 
 def _mass(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
     """Slopes of the change of a unit's mass."""
-    sigma = vehicle.stated.get(f"{unit.name}.mass", DEFAULT_SIGMAS["mass"].sigma * unit.mass)
+    sigma = vehicle.stated.get(f"{unit.name}.mass", quantity_of("mass").sigma * unit.mass)
     return _scaled_masses(vehicle, unit, sigma / unit.mass)
 
 
@@ -140,7 +103,7 @@ def _division(vehicle: Vehicle, unit: Unit) -> dict[str, dict[str, float]]:
     body, payload = f"{unit.name}.sprung.mass", f"{unit.name}.payload.mass"
     of_body, of_payload = vehicle.stated.get(body), vehicle.stated.get(payload)
     if of_body is None:
-        default = DEFAULT_SIGMAS["payload.mass"].sigma * unit.payload.mass
+        default = quantity_of("payload.mass").sigma * unit.payload.mass
         sigma = default if of_payload is None else of_payload
         return {payload: {payload: sigma, body: -sigma}}
     return {body: {body: of_body, payload: -of_body}} if of_payload is None else {}
@@ -151,7 +114,7 @@ def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
     unit, stated = vehicle.units[i], vehicle.stated
     reference = vehicle.couplings[i - 1].trailing_position if i else unit.axles[0].position
     distances = {f"{unit.name}.{axle.name}.position": axle.position - reference for axle in unit.axles}
-    scale = DEFAULT_SIGMAS["axle_positions"].sigma / max(max(map(abs, distances.values())), 1.0)
+    scale = quantity_of("axle_positions").sigma / max(max(map(abs, distances.values())), 1.0)
     axles = {path: scale * distance for path, distance in distances.items()}
     slopes = {f"{unit.name}.axle_positions": {path: s for path, s in axles.items() if path not in stated}}
     for group in unit.axle_groups:
@@ -161,6 +124,6 @@ def _positions(vehicle: Vehicle, i: int) -> dict[str, dict[str, float]]:
     if i < len(vehicle.couplings):
         path = f"{vehicle.couplings[i].name}.leading_position"
         wheelbase = reference - unit.axle_groups[-1].position if i else vehicle.wheelbase
-        sigma = DEFAULT_SIGMAS["coupling"].sigma * abs(wheelbase)
+        sigma = quantity_of("coupling").sigma * abs(wheelbase)
         slopes[f"{unit.name}.coupling"] = {} if path in stated else {path: sigma}
     return slopes

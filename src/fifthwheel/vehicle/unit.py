@@ -12,6 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.component import Component, HashableDict, Name, NonNegative, Number, Positive, number
+from fifthwheel.vehicle.quantities import Quantity
 
 CouplingKind = Literal["fifth_wheel", "drawbar_eye", "turntable"]
 MAX_AXLE_GROUPS = 8
@@ -20,6 +21,8 @@ MAX_AXLES = 16
 """Axles of a group."""
 ON_UNIT = (-25.0, 25.0)
 """Plausible positions on a unit, m: the origin is on it."""
+WIDE = 0.5
+"""Prior standard deviation of a position that the logs are to determine, m."""
 MASS = (200.0, 3e5)
 """Plausible masses of a unit, kg."""
 ACCELEROMETERS = ("accelerometer", "accelerometers")
@@ -30,7 +33,9 @@ class Axle(Component):
     """One axle."""
 
     name: Name = Field(description="Unique in the unit; a single axle may take the name of its group.")
-    position: Number = number("m", "x of the axle on its unit.", plausible=ON_UNIT)
+    position: Number = number(
+        "m", "x of the axle on its unit.", Quantity(absolute=True, guess=WIDE, gross=0.6), plausible=ON_UNIT
+    )
     steerable: bool = Field(default=False, description="Whether steer.<unit>.<axle> is an input of the vehicle.")
     lifted: bool = Field(
         default=False, description="A raised lift axle: no tyre on the road; its mass stays on its unit."
@@ -39,6 +44,8 @@ class Axle(Component):
         "1",
         "Castor wheels turn by this fraction of the slip angle of the axle: 0 a fixed axle, 1 an axle without side"
         " force.",
+        # of a fixed last axle of a group behind the first unit; gross: a castor axle
+        Quantity(0.015, absolute=True, gross=0.4, part="axle"),
         default=None,
         le=1,
     )
@@ -46,6 +53,7 @@ class Axle(Component):
         "1",
         "The wheels turn by this fraction of the articulation angle in front of the unit; above 0 they turn to the"
         " right in a left turn.",
+        Quantity(0.02, absolute=True, by_change=True, part="axle", source="play and elasticity of the linkage"),
         default=None,
         ge=-1,
         le=1,
@@ -71,20 +79,37 @@ class AxleGroup(Component):
 
     name: Name = Field(default="axles", description="Unique in the unit; not in the paths if it is the only group.")
     axles: tuple[Axle, ...] = Field(min_length=1, max_length=MAX_AXLES, description="From front to rear.")
-    cornering_stiffness: Positive = number("N/rad", "Side force per slip angle of all axles together.", ge=1e3, le=1e8)
-    roll_stiffness: Positive = number("N m/rad", "Suspension, total of the group.", plausible=(1e4, 1e8))
-    tyre_roll_stiffness: Positive = number("N m/rad", "Tyres, total of the group.", plausible=(1e4, 1e8))
-    roll_damping: NonNegative = number("N m s/rad", "Suspension, total of the group.", plausible=(0.0, 1e7))
+    cornering_stiffness: Positive = number(
+        "N/rad", "Side force per slip angle of all axles together.", Quantity(part="tyres"), ge=1e3, le=1e8
+    )
+    # of the suspension: the spread of published trucks; gross: of one axle in place of the group
+    roll_stiffness: Positive = number(
+        "N m/rad", "Suspension, total of the group.", Quantity(0.1, gross=0.5, part="suspension"), plausible=(1e4, 1e8)
+    )
+    tyre_roll_stiffness: Positive = number(
+        "N m/rad",
+        "Tyres, total of the group.",
+        Quantity(0.1, gross=0.5, weight=0.5, words="roll stiffness", part="tyres"),
+        plausible=(1e4, 1e8),
+    )
+    roll_damping: NonNegative = number(
+        "N m s/rad",
+        "Suspension, total of the group.",
+        Quantity(0.3, gross=0.8, weight=0.5, part="suspension"),
+        plausible=(0.0, 1e7),
+    )
     relaxation_length: NonNegative = number(
         "m",
         "Distance over which the side force of the tyres builds up; 0: it acts at once, as in the article. A file "
         "without it has that of usual truck tyres.",
+        Quantity(0.2, gross=0.4, weight=0.3, part="tyres"),
         default=0.0,
         le=5.0,
     )
     pneumatic_trail: NonNegative | None = number(
         "m",
         "Distance of the side force behind the middle of the contact at small slip; by default it acts in the middle.",
+        Quantity(0.2, part="tyres"),
         default=None,
         le=0.5,
     )
@@ -139,13 +164,23 @@ class AxleGroup(Component):
 class SprungMass(Component):
     """The body on the suspension, without the payload."""
 
-    mass: Positive = number("kg", "Without axles, wheels and payload.", plausible=MASS)
-    cog_height: Positive = number("m", "CoG above the ground.", plausible=(0.2, 5.0))
-    roll_inertia: Positive = number("kg m^2", "About the longitudinal axis through its own CoG.", plausible=(20.0, 1e6))
+    owner = "sprung"
+    mass: Positive = number("kg", "Without axles, wheels and payload.", Quantity(gross=0.3, weight=3.0), plausible=MASS)
+    cog_height: Positive = number(
+        "m", "CoG above the ground.", Quantity(0.1, gross=0.3, words="CoG height"), plausible=(0.2, 5.0)
+    )
+    roll_inertia: Positive = number(
+        "kg m^2",
+        "About the longitudinal axis through its own CoG.",
+        # guess: a payload of the same height may be a point, or stand along the sides
+        Quantity(0.2, guess=0.6, gross=0.4, weight=0.5),
+        plausible=(20.0, 1e6),
+    )
     roll_yaw_product: Number = number(
         "kg m^2",
         "I_sxz of the article, laden: integral of x z dm over the sprung body, with x from the CoG of the unit and z"
         " from the roll axis.",
+        Quantity(words="roll-yaw product of inertia"),
         default=0.0,
     )
 
@@ -156,8 +191,26 @@ class Payload(Component):
     Cheng and Cebon (2011), section 3.3.
     """
 
-    mass: Positive = number("kg", "Of the load.", plausible=(0.0, MASS[1]))
-    height: Positive = number("m", "Of the load, from the floor to its top, h_p.", plausible=(0.0, 6.0))
+    owner = "payload"
+    mass: Positive = number(
+        "kg",
+        "Of the load.",
+        Quantity(
+            0.03,
+            gross=0.3,
+            weight=2.0,
+            by_change=True,
+            source="difference of two weighings, or freight documents without pallets",
+        ),
+        plausible=(0.0, MASS[1]),
+    )
+    height: Positive = number(
+        "m",
+        "Of the load, from the floor to its top, h_p.",
+        # any height up to 2.7 m, the inside of a usual body
+        Quantity(0.75, absolute=True, mean=1.4, bounds=(0.01, 3.5)),
+        plausible=(0.0, 6.0),
+    )
     width: Positive = number("m", "Of the load, D_p; not used by a point payload.", plausible=(0.0, 6.0))
     floor_height: Positive = number("m", "Of the floor above the ground, h_f.", plausible=(0.1, 3.0))
     shape: Literal["uniform", "point"] = Field(default="uniform", description="Distribution of the mass.")
@@ -166,6 +219,7 @@ class Payload(Component):
 class Accelerometer(Component):
     """Where a lateral accelerometer is fixed to the sprung body of a unit."""
 
+    owner = "accelerometer"
     position: Number = number("m", "x on the unit.", plausible=ON_UNIT)
     height: NonNegative = number("m", "Above the ground.", plausible=(0.0, 5.0))
 
@@ -177,10 +231,39 @@ class Unit(Component):
     vehicle_class: str | None = Field(
         default=None, description="One of `classes.CLASSES`: gives the numbers that a file does not have."
     )
-    mass: Positive = number("kg", "Sprung, unsprung and payload.", le=5e5, plausible=MASS)
-    cog: Number = number("m", "x of the CoG of the unit.", plausible=ON_UNIT)
-    yaw_inertia: Positive = number("kg m^2", "Of the unit about its CoG.", plausible=(100.0, 1e7))
-    roll_axis_height: NonNegative = number("m", "Of the roll axis above the ground, h_r.", plausible=(0.0, 3.0))
+    mass: Positive = number(
+        "kg",
+        "Sprung, unsprung and payload.",
+        Quantity(
+            0.02,
+            gross=0.3,
+            weight=3.0,
+            by_change=True,
+            source="axle-by-axle weighing of coupled units; 150 kg of fuel are 2 % of a tractor",
+        ),
+        le=5e5,
+        plausible=MASS,
+    )
+    cog: Number = number(
+        "m",
+        "x of the CoG of the unit.",
+        Quantity(
+            0.15,
+            absolute=True,
+            guess=WIDE,
+            gross=0.7,
+            by_change=True,
+            words="CoG position",
+            source="a load of 60 % of the unit's mass that lies 0.25 m from its assumed position",
+        ),
+        plausible=ON_UNIT,
+    )
+    yaw_inertia: Positive = number(
+        "kg m^2", "Of the unit about its CoG.", Quantity(0.1, gross=0.4), plausible=(100.0, 1e7)
+    )
+    roll_axis_height: NonNegative = number(
+        "m", "Of the roll axis above the ground, h_r.", Quantity(0.1, gross=0.4, weight=0.5), plausible=(0.0, 3.0)
+    )
     sprung: SprungMass
     payload: Payload | None = None
     accelerometer: Accelerometer | None = Field(
@@ -260,15 +343,32 @@ class Coupling(Component):
     trucks in Canada, UMTRI-86-35 (1986): roll-coupled and roll-decoupled units.
     """
 
+    owner = "coupling"
     name: Name = "fifth_wheel"
     kind: CouplingKind = Field(default="fifth_wheel", description="Which rotations are free.")
-    leading_position: Number = number("m", "x on the unit in front, from that unit's origin.", plausible=ON_UNIT)
-    trailing_position: Number = number("m", "x on the unit behind, from that unit's origin.", plausible=ON_UNIT)
+    leading_position: Number = number(
+        "m",
+        "x on the unit in front, from that unit's origin.",
+        Quantity(absolute=True, guess=WIDE, gross=0.4, weight=1.5),
+        plausible=ON_UNIT,
+    )
+    trailing_position: Number = number(
+        "m",
+        "x on the unit behind, from that unit's origin.",
+        Quantity(absolute=True, guess=WIDE, gross=0.4),
+        plausible=ON_UNIT,
+    )
     height: NonNegative = number("m", "Above the ground.", plausible=(0.1, 3.0))
     roll_stiffness: NonNegative = number(
-        "N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.", plausible=(0.0, 1e8)
+        "N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.", Quantity(0.3, gross=0.5), plausible=(0.0, 1e8)
     )
-    roll_damping: NonNegative = number("N m s/rad", "Between the two sprung bodies.", default=0.0, plausible=(0.0, 1e7))
+    roll_damping: NonNegative = number(
+        "N m s/rad",
+        "Between the two sprung bodies.",
+        Quantity(0.3, gross=0.8, weight=0.5),
+        default=0.0,
+        plausible=(0.0, 1e7),
+    )
 
     @model_validator(mode="before")
     @classmethod

@@ -18,8 +18,8 @@ from fifthwheel.vehicle.axle_loads import axle_loads
 from fifthwheel.vehicle.classes import complete
 from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
-from fifthwheel.vehicle.parameters import unit_of
 from fifthwheel.vehicle.payload import laden, lumped_sigmas, unit_cog_height
+from fifthwheel.vehicle.quantities import unit_of
 from fifthwheel.vehicle.steering import STEERING, Steering, own_parameters, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 

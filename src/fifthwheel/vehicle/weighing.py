@@ -4,7 +4,8 @@ from collections.abc import Mapping
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
+from fifthwheel.vehicle.quantities import quantity_of
+from fifthwheel.vehicle.uncertainty import cog_sigma
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 
@@ -144,8 +145,8 @@ def _nearest_masses(vehicle: Vehicle, loads: Mapping[str, float]) -> Vehicle:
 def _sigmas(unit: Unit) -> tuple[float, float]:
     """Standard deviations of mass, kg, and CoG, m, of a unit before it is weighed."""
     if unit.payload:
-        return LOAD_SIGMA * unit.payload.mass, DEFAULT_SIGMAS["cog.laden"].sigma
-    return DEFAULT_SIGMAS["mass"].sigma * unit.mass, DEFAULT_SIGMAS["cog.unladen"].sigma
+        return LOAD_SIGMA * unit.payload.mass, cog_sigma(laden=True)
+    return quantity_of("mass").sigma * unit.mass, cog_sigma(laden=False)
 
 
 def _check_loads(loads: Mapping[str, float], paths: tuple[str, ...], optional: str | None = None) -> None:

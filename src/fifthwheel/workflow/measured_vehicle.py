@@ -12,12 +12,12 @@ from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.formatting import enumerated, with_sigma
 from fifthwheel.identify.knowledge.load import laden_unit, with_payload
 from fifthwheel.identify.mass import GrossMass, contradiction, gross_mass, mass_of_file
-from fifthwheel.identify.unknowns.quantities import FRACTIONS, longest_end
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import DEFAULT_SIGMAS, RollTest, Vehicle, changes, with_axle_loads, with_roll_test
+from fifthwheel.vehicle import RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.vehicle.edited_file import edited, with_numbers
+from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
@@ -121,7 +121,7 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     tares: dict[str, Number] = {
         f"{TRACTOR}.mass": (tractor.mass, sigmas.get(f"{tractor.name}.mass")),
         f"{TRACTOR}.cog": (first - tractor.cog, sigmas.get(f"{tractor.name}.cog")),
-        f"{TRAILER}.mass": (tare, DEFAULT_SIGMAS["mass"].sigma * tare),
+        f"{TRAILER}.mass": (tare, quantity_of("mass").sigma * tare),
     }
     front, drive, bogie = vehicle.axle_loads()
     results = weigh(lengths, slip, (front, drive, bogie), tares)
@@ -218,7 +218,7 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
         stated[f"{unit.name}.cog"] = of_cog
     body = f"{unit.name}.sprung.mass"
     if body not in loaded.stated:
-        stated[body] = DEFAULT_SIGMAS["mass"].sigma * unit.sprung.mass
+        stated[body] = quantity_of("mass").sigma * unit.sprung.mass
     source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
     assumed = {path: reason for path, reason in loaded.assumed.items() if path not in stated or path == body}
     loaded = loaded.with_stated(stated).model_copy(update={"source": source, "assumed": assumed})
@@ -282,10 +282,8 @@ def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
     Raises:
         VehicleError: the test is not plausible, or does not suit the vehicle.
     """
-    sigmas = {}
-    for path, value in vehicle.parameters().items():
-        if (key := longest_end(path, FRACTIONS)) and value > 0:
-            sigmas[path] = FRACTIONS[key] * value
+    rows = {path: (quantity_of(path), value) for path, value in vehicle.parameters().items()}
+    sigmas = {path: row.sigma_of(value) for path, (row, value) in rows.items() if row.is_uncertain and value}
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
     source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")

@@ -10,6 +10,7 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
+from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.slip import (
     CONTRADICTION,
     COUPLING_RANGE,
@@ -20,7 +21,6 @@ from fifthwheel.vehicle.slip import (
     weigh,
     weigh_solo,
 )
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"
@@ -240,7 +240,7 @@ def _position(distance: Number, spread: Number, count: float) -> Number:
     """Position of an axle, m, so many spreads behind a distance from the origin."""
     (x, sigma), (step, sigma_step) = distance, spread
     if sigma_step is not None and sigma is None:
-        sigma = DEFAULT_SIGMAS["axle_positions"].sigma
+        sigma = quantity_of("axle_positions").sigma
     return -x - count * step, None if sigma is None else math.hypot(sigma, count * (sigma_step or 0.0))
 
 

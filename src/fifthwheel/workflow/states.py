@@ -17,7 +17,7 @@ from fifthwheel.record import Record
 from fifthwheel.report import Conclusion, conclude_states
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 
 @dataclass(frozen=True, kw_only=True)

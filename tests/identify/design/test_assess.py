@@ -19,13 +19,12 @@ from fifthwheel.identify.design import (
 from fifthwheel.identify.design.predict import InformationPredictor, combine_information
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.identify.one_stage.problem import Problem
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.report.information import information_document
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from tests.identify.conftest import without
 
 EXACT = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
@@ -196,7 +195,7 @@ def test_one_more_channel_helps_as_predicted(truck, record):
     without_roll = predict_sigmas([without(record, "roll_rate")], truck)
     height = without_roll[HEIGHT]
     assert (height.verdict, height.correlated_with) == (Verdict.NOT_IDENTIFIABLE, ())
-    assert height.sigma < height.prior == quantity(HEIGHT).sigma  # yaw rates inform it if the model is right
+    assert height.sigma < height.prior == quantity_of(HEIGHT).sigma  # yaw rates inform it if the model is right
     (remedy,) = height.remedies
     assert remedy.channel == "roll_rate.semitrailer"
     name = "roll_rate.semitrailer"

@@ -28,7 +28,7 @@ from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance, estimate_noise_variance
 from fifthwheel.simulate import simulate
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 GYROS = article_gyro_variance(["tractor", "semitrailer"])

@@ -14,7 +14,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.shared_information import marginal_information, shared_information, with_doubts
 from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.identify.setup import Setup
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})

@@ -15,7 +15,7 @@ from fifthwheel.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, like
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.sensor_errors import estimate_sensor_errors
-from fifthwheel.identify.unknowns.quantities import Quantity
+from fifthwheel.identify.unknowns.gross_errors import GrossError
 from fifthwheel.workflow.identification import run_identification
 from fifthwheel.workflow.states import run_states
 
@@ -107,7 +107,7 @@ def test_a_cause_has_to_explain_the_logs(find):
 @pytest.mark.parametrize(("statistic", "implied"), [(6.0, 9.0), (-2.0, -2.1), (0.5, 0.6)])
 def test_the_odds_of_a_linear_test(statistic, implied):
     """Of the deviation without its prior, by its normal densities with the two variances."""
-    error, variance = Quantity(gross=7.0, weight=1.5), (implied / statistic) ** 2
+    error, variance = GrossError(7.0, 1.5), (implied / statistic) ** 2
     test = PriorTest(name="a", statistic=statistic, implied=implied, size=abs(statistic), shifts=np.zeros(1))
     densities = stats.norm.logpdf(implied, scale=np.sqrt([variance + 7**2 - 1, variance]))
     assert linear_odds(test, error) == pytest.approx(math.log(0.003 * 1.5) + densities[0] - densities[1])
@@ -147,7 +147,7 @@ def test_the_odds_of_a_hypothesis(monkeypatch, name):
     problem = Linear(J, J @ [6.0, 0.5, 4.0, -3.0, 1.0] + rng.normal(size=30), np.ones(5))
     base = causes._fit(problem, np.zeros(5))
     test = PriorTest(name=name, statistic=4.0, implied=3.0, size=4.0, shifts=rng.normal(size=5))
-    found = causes._fitted(base, test, Quantity(gross=5.0, weight=2.0))
+    found = causes._fitted(base, test, GrossError(5.0, 2.0))
     i, wide = problem.names.index(name), problem.with_gross_error(name, 5.0, 3.0)
     evidence = wide.log_evidence() - problem.log_evidence()
     assert found.odds == pytest.approx(math.log(0.003 * 2.0) + evidence, rel=1e-9)

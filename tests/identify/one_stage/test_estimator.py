@@ -20,14 +20,13 @@ from fifthwheel.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.identify.unknowns.quantities import quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 from tests.identify.conftest import without
 
 EVERY_PARAMETER = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
@@ -167,7 +166,7 @@ def test_robust_to_spikes_and_gaps(truck: Vehicle, guess: Vehicle, size: float, 
 
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
     result = identify([simulate(truck, manoeuvre="straight", seed=1)], guess, OneStage(tyres="linear"))
-    given = guess.parameters() | {HEIGHT: quantity(HEIGHT).mean}
+    given = guess.parameters() | {HEIGHT: quantity_of(HEIGHT).mean}
     for e in result.parameters:  # noise leaves the estimate within the prior
         assert e.verdict is Verdict.NOT_EXCITED, e.name
         assert abs(e.value - given[e.name]) < e.prior
@@ -340,7 +339,7 @@ def test_the_start_of_a_log_contains_no_information_on_the_bank(truck: Vehicle, 
     settings = OneStage(tyres="linear", given={"softening": "exact"})  # softening tyres would inform the bank
     for vehicle in (guess, guess.replace({"tractor.drive.cornering_stiffness": 6e5})):
         bank, sigma = identify([record], vehicle, settings).logs[0].bank
-        assert sigma > 0.9 * quantity("road.bank").sigma
+        assert sigma > 0.9 * quantity_of("road.bank").sigma
         assert abs(bank - 0.06) < 2.5 * sigma
 
 

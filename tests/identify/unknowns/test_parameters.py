@@ -25,11 +25,10 @@ from fifthwheel.identify.unknowns.parameters import (
     stage_2_names,
     time_base_delays,
 )
-from fifthwheel.identify.unknowns.quantities import longest_end
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.simulate import simulate
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.uncertainty import DEFAULT_SIGMAS
+from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.unit import Accelerometer
 
 HEIGHT = "semitrailer.payload.height"
@@ -54,14 +53,6 @@ def test_the_vehicle_file_replaces_a_default_that_is_considered(truck: Vehicle) 
     assert sigma(OneStage(), 0.03 * value) == pytest.approx(0.03)
     assert sigma(OneStage(), 0.0) is None
     assert sigma(OneStage(given={"others": "exact", "roll_stiffness": "+- 20 %"}), 0.03 * value) == 0.2
-
-
-def test_longest_end() -> None:
-    table = {"roll_stiffness": 0.1, "front.roll_stiffness": 0.2, "tractor.front.roll_stiffness": 0.3, "stiffness": 0.4}
-    assert longest_end("tractor.front.roll_stiffness", table) == "tractor.front.roll_stiffness"
-    assert longest_end("other.front.roll_stiffness", table) == "front.roll_stiffness"
-    assert longest_end("tractor.drive.roll_stiffness", table) == "roll_stiffness"
-    assert longest_end("tractor.drive.tyre_roll_stiffness", table) is None
 
 
 def test_paths_by_their_end(truck: Vehicle) -> None:
@@ -188,7 +179,7 @@ def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -
     """One standard deviation of the mass scale changes all loads by its fraction."""
     scale = by_name(truck, OneStage(tyres="saturating"))["mass_scale"]
     for path, load in truck.axle_loads().items():
-        assert scale.slopes[f"{path}.static_load"] == pytest.approx(DEFAULT_SIGMAS["mass_scale"].sigma * load, rel=1e-6)
+        assert scale.slopes[f"{path}.static_load"] == pytest.approx(quantity_of("mass_scale").sigma * load, rel=1e-6)
     assert "tractor.front.static_load" not in by_name(truck, OneStage(tyres="linear"))["mass_scale"].slopes
 
 

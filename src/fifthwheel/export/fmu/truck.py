@@ -17,11 +17,11 @@ from fifthwheel.export.c_text import table
 from fifthwheel.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
-from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR, HEIGHT_BOUNDS
-from fifthwheel.names import ends_with
+from fifthwheel.identify.unknowns.unknown import BOUND_FACTOR
 from fifthwheel.native import c_code
 from fifthwheel.stream import magnitude
 from fifthwheel.vehicle import Vehicle, unit_of
+from fifthwheel.vehicle.quantities import quantity_of
 
 SPEED_LIMITS = (0.1, MAX_SPEED)
 """Of the input, m/s."""
@@ -114,8 +114,7 @@ def truck_model(
 def _parameter(path: str, value: float) -> Variable:
     if not value > 0:
         raise FifthwheelError(f"{path}: expected above 0 to be tunable, got {value:g}; leave it out of the parameters")
-    is_height = ends_with(path, "payload.height")
-    limits = HEIGHT_BOUNDS if is_height else (value / BOUND_FACTOR, value * BOUND_FACTOR)
+    limits = quantity_of(path).bounds or (value / BOUND_FACTOR, value * BOUND_FACTOR)
     words = " ".join(path.replace("_", " ").split("."))
     return Variable(name=path, role=Role.TUNABLE, unit=unit_of(path), description=words, start=value, limits=limits)
 

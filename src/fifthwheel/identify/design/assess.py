@@ -26,7 +26,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.time_bases import check_signals
 from fifthwheel.vehicle import Vehicle, unit_of
-from fifthwheel.vehicle.parameters import size_of
+from fifthwheel.vehicle.quantities import size_of
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,7 +28,7 @@ from fifthwheel.identify.verdict import Verdict
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import size_of
+from fifthwheel.vehicle.quantities import size_of
 
 DEFAULT_TARGET = 0.05
 """Default target: relative sigma of every cornering stiffness and of the yaw inertia of every unit behind the first."""

@@ -29,7 +29,7 @@ from fifthwheel.identify.unknowns.parameters import VARIATION
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.record import Record
-from fifthwheel.vehicle.parameters import size_of
+from fifthwheel.vehicle.quantities import size_of
 
 DRIVEN = DesignSettings(frequencies=(0.3, 0.5), accelerations=(0.5,), max_acceleration=1.0)
 """Candidates for a driver. Harder manoeuvres inform a linear model less: tyres soften."""

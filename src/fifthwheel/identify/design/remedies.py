@@ -12,7 +12,7 @@ from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.manoeuvres.lane_change import LaneChange
 from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
 from fifthwheel.vehicle import Unit
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE
 
 REPEAT, LANE_CHANGE = "again", "lane_change"
 TESTED_STIFFNESS = 0.05

@@ -19,7 +19,7 @@ from fifthwheel.manoeuvres.candidates import CandidateManoeuvre, candidate_manoe
 from fifthwheel.manoeuvres.linear import lateral_acceleration
 from fifthwheel.settings import Count, NonNegative, Positive, Settings
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import size_of
+from fifthwheel.vehicle.quantities import size_of
 
 SPEED_RANGE = (5.0, 40.0)
 """m/s, of a run."""

@@ -14,10 +14,9 @@ from fifthwheel.identify.knowledge.combination import Combined
 from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle, owner
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.states import State
-from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle import unit_of
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import MASS_SCALE, TIME_BASE
 
 PRIOR_SIGMAS = "prior sigma"
 """Unit of an unknown that moves several numbers of the vehicle file: standard deviations of its prior."""

@@ -12,15 +12,13 @@ from fifthwheel._arguments import expect_optional
 from fifthwheel._contents import ComparedByContents
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
-from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
-from fifthwheel.vehicle.uncertainty import MASS_SCALE
+from fifthwheel.vehicle.quantities import FRICTION, MASS_SCALE, TIME_BASE
 
 OF_LOAD = ("mass", "cog", "yaw_inertia")
 """Quantities of a unit behind the first that depend on its load, besides those of its payload."""

@@ -6,7 +6,8 @@ from typing import Any
 from fifthwheel._arguments import expect, expect_number
 from fifthwheel.dynamics.tyres import stiffness_at_load
 from fifthwheel.errors import VehicleError
-from fifthwheel.vehicle import DEFAULT_SIGMAS, Vehicle
+from fifthwheel.vehicle import Vehicle
+from fifthwheel.vehicle.uncertainty import cog_sigma
 from fifthwheel.vehicle.unit import Unit
 
 OF_TYRE_LOAD = ("cornering_stiffness", "relaxation_length", "pneumatic_trail")
@@ -80,7 +81,7 @@ def _stated(vehicle: Vehicle, unit: str, fraction: float, *, laden: bool) -> dic
     cog, payload = f"{unit}.cog", f"{unit}.payload."
     stated = {path: sigma for path, sigma in vehicle.stated.items() if laden or not path.startswith(payload)}
     stated.pop(f"{payload}mass", None)
-    own = stated.get(cog, DEFAULT_SIGMAS["cog.laden" if laden else "cog.unladen"].sigma)
+    own = stated.get(cog, cog_sigma(laden=bool(laden)))
     return stated | {cog: math.hypot(own, LOAD_POSITION * fraction)}
 
 

@@ -31,7 +31,7 @@ from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, 
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import Progress
-from fifthwheel.identify.unknowns.quantities import RANGE, Quantity, gross_error
+from fifthwheel.identify.unknowns.gross_errors import RANGE, GrossError, gross_error
 
 TITLE = "test of assumptions"
 """Of the progress."""
@@ -81,7 +81,7 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
 
     `tests` are those of the priors. Logs that contradict no single prior may contradict all of them together.
     """
-    unknowns, candidates = solution.problem.unknowns_by_name, list[tuple[float, PriorTest, Quantity]]()
+    unknowns, candidates = solution.problem.unknowns_by_name, list[tuple[float, PriorTest, GrossError]]()
     for test in tests:
         if (error := gross_error(unknowns[test.name])) and (odds := linear_odds(test, error)) > LEAST_LINEAR_ODDS:
             candidates.append((odds, test, error))
@@ -102,18 +102,18 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
     return Causes(left=min(left)) if left[-1] else Causes(likely=[h.test for h in likely])
 
 
-def linear_odds(test: PriorTest, error: Quantity) -> float:
+def linear_odds(test: PriorTest, error: GrossError) -> float:
     """Logarithm of the odds of a gross error by the linear test of its prior.
 
     Without that prior the estimate has the deviation d. If the prior holds, d has the variance V = (d / t)^2 with the
     statistic t; else V + w^2 - 1.
     """
     variance = (test.implied / test.statistic) ** 2 if test.statistic else 1.0
-    wider = variance + error.gross**2 - 1
+    wider = variance + error.size**2 - 1
     return _prior_odds(error) + (test.statistic**2 * (1 - variance / wider) - math.log(wider / variance)) / 2
 
 
-def _prior_odds(error: Quantity) -> float:
+def _prior_odds(error: GrossError) -> float:
     return math.log(RATE * error.weight)
 
 
@@ -126,9 +126,9 @@ def _base(solution: Solution) -> Minimum[Problem]:
     return _fit(problem, z)
 
 
-def _fitted(base: Minimum[Problem], test: PriorTest, error: Quantity) -> _Hypothesis:
+def _fitted(base: Minimum[Problem], test: PriorTest, error: GrossError) -> _Hypothesis:
     """The logs fitted again with a gross error of one number."""
-    place, w = base.objective.names.index(test.name), error.gross
+    place, w = base.objective.names.index(test.name), error.size
     problem = base.objective.with_gross_error(test.name, w, RANGE)
     linear = np.clip(base.z + test.shifts, *problem.bounds)
     minimum = _fit(problem, linear if problem.cost(linear) < problem.cost(base.z) else base.z, w)

@@ -34,7 +34,7 @@ from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 WHITE, EARLY, FINAL = "fit", "fit with first noise", "fit with estimated noise"
 """Of the progress of the fits, in this order."""

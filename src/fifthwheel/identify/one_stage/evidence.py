@@ -11,9 +11,9 @@ from fifthwheel.identify.doubts import (
     most_likely,
 )
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.unknowns.quantities import is_possible
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import UnknownKind
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 
 def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:

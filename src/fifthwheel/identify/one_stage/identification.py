@@ -21,9 +21,9 @@ from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
-from fifthwheel.identify.statement import BANK_VARIATION
+from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.unknowns.quantities import is_possible, prior_of
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import (
     Verdict,
@@ -37,7 +37,7 @@ from fifthwheel.identify.verdict import (
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION
+from fifthwheel.vehicle.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:

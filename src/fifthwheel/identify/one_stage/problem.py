@@ -49,11 +49,10 @@ from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 from fifthwheel.identify.one_stage.segment_run import SegmentRun
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.statement import DISCREPANCY
-from fifthwheel.identify.unknowns.quantities import prior_of
+from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING
+from fifthwheel.vehicle.quantities import DISCREPANCY, DRIVE_AXLE_BRAKING
 
 SHORTEST_PART = 20.0
 """Of a segment in a shortened problem, s."""

@@ -35,7 +35,7 @@ from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import split_log
-from fifthwheel.vehicle.parameters import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:

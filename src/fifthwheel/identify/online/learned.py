@@ -25,7 +25,7 @@ from fifthwheel.identify.one_stage.shared_information import marginal_informatio
 from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
-from fifthwheel.identify.unknowns.quantities import is_possible
+from fifthwheel.identify.unknowns.gross_errors import is_possible
 
 GAINED = 1e-3
 """Smallest information of a direction of z that counts, in units of the prior's."""

@@ -30,16 +30,24 @@ from fifthwheel.identify.result import display, storage
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.result.posterior import Posterior
 from fifthwheel.identify.settings import OneStage, require_own_functions
-from fifthwheel.identify.statement import BANK_VARIATION, ROAD_BANK, TIME_BASE, with_values
+from fifthwheel.identify.statement import prior_of, with_values
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
-from fifthwheel.identify.unknowns.quantities import prior_of, quantity
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.pages.html import notebook
 from fifthwheel.plots import Plot
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, HALF_TRACK, unit_of
+from fifthwheel.vehicle.quantities import (
+    BANK_VARIATION,
+    DRIVE_AXLE_BRAKING,
+    FRICTION,
+    HALF_TRACK,
+    ROAD_BANK,
+    TIME_BASE,
+    quantity_of,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -121,7 +129,7 @@ class Identification(IdentificationData):
         law = self.settings.tyre_law
         own_law = {} if isinstance(law, str) else {"tyres": law}
         yaw_only = {} if self.settings.roll else {"roll": False}
-        unseen = (quantity(DRIVE_AXLE_BRAKING).mean, 0.0) if self.settings.brakes else None
+        unseen = (quantity_of(DRIVE_AXLE_BRAKING).mean, 0.0) if self.settings.brakes else None
         brakes = next((summary.drive_axle_braking for summary in self.logs if summary.name == log), unseen)
         around = {**self.surroundings} | ({DRIVE_AXLE_BRAKING: brakes[0]} if brakes else {})
         road = {"friction": self.friction, "surroundings": around} | self._uncertainties(log)

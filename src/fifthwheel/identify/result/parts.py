@@ -18,7 +18,7 @@ from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import size_of
+from fifthwheel.vehicle.quantities import size_of
 
 Real = Annotated[float, Strict()]
 """A number; a text with a number is refused."""

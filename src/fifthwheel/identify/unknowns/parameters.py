@@ -9,23 +9,29 @@ from fifthwheel.channels import PLACE_KINDS, ROLL_RATE, SensorErrorName, SignalN
 from fifthwheel.dynamics.tyres import saturation_parameters
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.settings import ROLL_PARAMETERS, CommonSettings, OneStage
-from fifthwheel.identify.statement import TIME_BASE, Stated, refused, stated
-from fifthwheel.identify.unknowns.quantities import GUESS_TAIL, prior_of, quantity
+from fifthwheel.identify.statement import Stated, prior_of, refused, stated
 from fifthwheel.identify.unknowns.unknown import (
+    GUESS_TAIL,
     Unknown,
     UnknownKind,
     change_unknown,
     error_unknown,
     fraction_unknown,
-    height_unknown,
     linear_unknown,
     logarithmic_unknown,
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.parameters import DRIVE_AXLE_BRAKING, FRICTION, POSITIONS, is_signed, unit_of
+from fifthwheel.vehicle.quantities import (
+    DRIVE_AXLE_BRAKING,
+    FRICTION,
+    MASS_SCALE,
+    TIME_BASE,
+    quantity_of,
+    unit_of,
+)
 from fifthwheel.vehicle.steering import own_parameters
-from fifthwheel.vehicle.uncertainty import MASS_SCALE, changes
+from fifthwheel.vehicle.uncertainty import changes
 
 VARIATION = ".variation"
 """End of the name of a cornering stiffness's variation from log to log."""
@@ -38,8 +44,6 @@ SOFTENING_PRIOR = 0.75, 0.5
 tyres with load transfer lose as much at 0.3 g, and a quarter of it at 0.1 g."""
 SMALL_STEP = 1e-3
 """Of a numerical derivative, in standard deviations."""
-WIDE_POSITION = 0.5
-"""Prior standard deviation of a position that is free, m."""
 EXACT = 1e-6
 """Of a sensor error that is exactly another number than in an ideal sensor: its standard deviation over the default
 one. The model gets the number as that of an unknown which the logs cannot change."""
@@ -65,7 +69,7 @@ def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     values = vehicle.parameters()
     if settings.tyre_law == "linear":
         return values
-    of_tyres = saturation_parameters(vehicle, settings.tyre_law) | {FRICTION: quantity(FRICTION).mean or 0.0}
+    of_tyres = saturation_parameters(vehicle, settings.tyre_law) | {FRICTION: quantity_of(FRICTION).mean or 0.0}
     return values | with_stated_values(of_tyres, settings)
 
 
@@ -221,7 +225,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
             unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
         elif moves:
             unknown = change_unknown(change.name, 1.0, moves | of_tyres)
-            given = {p: values[p] for p in moves if values[p] > 0 and ParameterPath.of(p).quantity not in POSITIONS}
+            given = {p: values[p] for p in moves if values[p] > 0 and not quantity_of(p).signed}
             unknowns.append(replace(unknown, given=given))
     return unknowns
 
@@ -243,7 +247,7 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
     """The self-steering of axles that are not `done`: of castor axles, and of fixed ones that may be castor axles."""
     sigmas, values = {}, vehicle.parameters()
     for name in fixed_last_axles(vehicle):
-        default = 0.0 if vehicle.is_exact else quantity(name).sigma
+        default = 0.0 if vehicle.is_exact else quantity_of(name).sigma
         sigmas[name] = vehicle.stated.get(name, known_of(name, 0.0, settings).or_sigma(default))
     for change in changes(vehicle):
         sigmas |= {name: slope for name, slope in change.slopes.items() if ends_with(name, "self_steering")}
@@ -312,14 +316,14 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
     values, named = given_parameters(vehicle, settings), vehicle.paths(settings.reported)
     unknowns = []
     for name in estimated:
-        value, row = values[name], quantity(name)
+        value, row = values[name], quantity_of(name)
         prior = _stated_prior(vehicle, name, value, settings)
         if name in named and not prior and not known_of(name, value, settings).free:
             prior = value, _default_sigma(vehicle, name, value)
-        if ends_with(name, "payload.height"):
-            unknowns.append(height_unknown(name, *(prior or (row.mean or value, row.sigma))))
-        elif is_signed(name) or _may_be_zero(vehicle, name, prior):
-            unknowns.append(linear_unknown(name, *(prior or _wide(name, value))))
+        if row.bounds:
+            unknowns.append(linear_unknown(name, *(prior or (row.mean or value, row.sigma))))
+        elif row.signed or _may_be_zero(vehicle, name, prior):
+            unknowns.append(linear_unknown(name, *(prior or (value, row.guess_of(value)))))
         elif prior or name == FRICTION:
             unknowns.append(logarithmic_unknown(name, value, prior[1] / value if prior else row.sigma))
         else:
@@ -341,9 +345,9 @@ def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
     Raises:
         VehicleError: nothing is known of it.
     """
-    row = quantity(name)
-    fraction = 0.0 if row.unit else row.sigma
-    sigma = fraction * value or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
+    row = quantity_of(name)
+    sigma = row.sigma_of(value) if row.is_uncertain else 0.0
+    sigma = sigma or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
     if not sigma:
         raise VehicleError(
             f"{name}: nothing is known of its uncertainty; state it, such as '+- 10 {unit_of(name)}', or 'free'"
@@ -356,12 +360,6 @@ def _may_be_zero(vehicle: Vehicle, name: str, prior: tuple[float, float] | None)
     return prior is not None and name in own_parameters(vehicle.steering) and 2 * prior[1] > prior[0]
 
 
-def _wide(name: str, value: float) -> tuple[float, float]:
-    """Prior mean and standard deviation of a signed parameter that is free."""
-    is_position = ParameterPath.of(name).quantity in POSITIONS
-    return value, WIDE_POSITION if is_position else quantity(name).guess * abs(value)
-
-
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """Uncertain numbers of the vehicle file and of saturating tyres, beside masses and lengths.
 
@@ -370,12 +368,16 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
     loaded = {ParameterPath.of(name).unit for name in estimated if ends_with(name, "payload.height")}
     own, unknowns = vehicle.parameters(), list[Unknown]()
     for name, value in given_parameters(vehicle, settings).items():
-        row, path = quantity(name), ParameterPath.of(name)
+        row, path = quantity_of(name), ParameterPath.of(name)
         hidden = path.unit in loaded and ends_with(name, "sprung.roll_inertia")
-        if not row.sigma or row.unit or name in estimated or value <= 0 or hidden:
+        if not row.is_uncertain or name in estimated or hidden or not (value or row.signed):
             continue
         known = None if name in own else known_of(name, value, settings).sigma
         sigma = vehicle.stated.get(name, known) if name in own else known
-        if fraction := row.sigma if sigma is None else sigma / value:
-            unknowns.append(logarithmic_unknown(name, value, fraction, UnknownKind.UNCERTAIN))
+        if sigma := row.sigma_of(value) if sigma is None else sigma:
+            uncertain = UnknownKind.UNCERTAIN
+            if row.signed:
+                unknowns.append(linear_unknown(name, value, sigma, uncertain))
+            else:
+                unknowns.append(logarithmic_unknown(name, value, sigma / value, uncertain))
     return unknowns

@@ -11,11 +11,10 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.formatting import percent
-from fifthwheel.names import ParameterPath, ends_with
-from fifthwheel.vehicle.parameters import POSITIONS
+from fifthwheel.vehicle.quantities import quantity_of
 
-HEIGHT_BOUNDS = (0.01, 3.5)
-"""Of a payload height, m."""
+GUESS_TAIL = 3.0
+"""Beyond about this number of standard deviations the prior of a guess falls only exponentially: it may be far off."""
 BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
@@ -131,12 +130,6 @@ def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     return replace(unknown, centre=mean, lower=0.0, upper=1.0).within(0.0, 1.0)
 
 
-def height_unknown(name: str, mean: float, sigma: float) -> Unknown:
-    """A payload height, m."""
-    lower, upper = HEIGHT_BOUNDS
-    return Unknown(name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=UnknownKind.PARAMETER)
-
-
 def logarithmic_unknown(
     name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
 ) -> Unknown:
@@ -158,7 +151,7 @@ def logarithmic_unknown(
         centre=value,
         scale=sigma,
         lower=value / BOUND_FACTOR,
-        upper=1.0 if ends_with(name, "self_steering") else value * BOUND_FACTOR,
+        upper=value * BOUND_FACTOR,
         logarithmic=True,
         kind=kind,
         tail=tail,
@@ -166,14 +159,15 @@ def logarithmic_unknown(
 
 
 def linear_unknown(name: str, mean: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
-    """A parameter that may be 0 or negative, with its prior, SI.
+    """A parameter with a normal prior, SI, within the bounds of its row: it may be 0 or negative.
 
     An estimated position stays within two standard deviations: further away, an axle or a coupling would not support
     its unit.
     """
-    near = kind is UnknownKind.PARAMETER and ParameterPath.of(name).quantity in POSITIONS
-    reach = (2 if near else BOUND_SIGMAS) * sigma
-    return Unknown(name=name, centre=mean, scale=sigma, lower=mean - reach, upper=mean + reach, kind=kind)
+    row = quantity_of(name)
+    reach = (2 if kind is UnknownKind.PARAMETER and row.is_position else BOUND_SIGMAS) * sigma
+    lower, upper = row.bounds or (mean - reach, mean + reach)
+    return Unknown(name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind)
 
 
 def error_unknown(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:

@@ -12,7 +12,7 @@ from fifthwheel.formatting import digits, plain_ascii, shown, value_and_sigma
 from fifthwheel.vehicle.catalogue import get
 from fifthwheel.vehicle.classes.completion import complete
 from fifthwheel.vehicle.component import Component
-from fifthwheel.vehicle.parameters import unit_of
+from fifthwheel.vehicle.quantities import unit_of
 from fifthwheel.vehicle.unit import AxleGroup, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
 

@@ -1,0 +1,51 @@
+"""Gross errors: those beyond the prior, and how far from it a truck or a sensor can be at all."""
+
+from typing import NamedTuple
+
+from fifthwheel.channels import SensorErrorName, channel_of
+from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.vehicle.quantities import quantity_of
+
+RANGE = 3.0
+"""A gross error is at most so many of its standard deviations."""
+
+
+class GrossError(NamedTuple):
+    """A gross error of an unknown."""
+
+    size: float
+    """Its standard deviation, in units of the prior."""
+    weight: float
+    """How common it is, relative to others."""
+
+
+def gross_error(unknown: Unknown) -> GrossError | None:
+    """The gross error of an unknown; None if it is not larger than the prior."""
+    error = SensorErrorName.of(unknown.name)
+    channel = channel_of(error.signal) if error else None
+    row = (channel.error(error.kind) if error and channel else None) or quantity_of(unknown.name)
+    size = row.gross / _unit(unknown)
+    return GrossError(size, row.weight) if size > 1 else None
+
+
+def is_possible(unknown: Unknown, deviation: float) -> bool:
+    """Whether a truck can have an unknown so many prior standard deviations from its prior mean."""
+    return abs(deviation) <= largest_possible(unknown)
+
+
+def largest_possible(unknown: Unknown) -> float:
+    """Prior standard deviations from its prior mean that a truck can have an unknown."""
+    error = gross_error(unknown)
+    reach = RANGE * (error.size if error else max(1.0, unknown.tail))
+    if unknown.logarithmic:
+        return reach
+    return min(reach, max(abs(end - unknown.centre) for end in unknown.possible) / unknown.scale)
+
+
+def _unit(unknown: Unknown) -> float:
+    """The prior standard deviation in the unit of the rows."""
+    lengths = [abs(slope) for path, slope in unknown.moves.items() if quantity_of(path).is_position]
+    if lengths:
+        return max(lengths) * unknown.scale
+    relative = [abs(unknown.moves[path] / value) for path, value in unknown.given.items() if path.endswith("mass")]
+    return max(relative, default=1.0) * unknown.scale
