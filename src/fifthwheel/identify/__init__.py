@@ -11,7 +11,6 @@ from fifthwheel._lazy import lazy_names
 from fifthwheel.identify.identify import identify as identify
 
 if TYPE_CHECKING:
-    from fifthwheel.identify.history import ParameterHistory as ParameterHistory
     from fifthwheel.identify.one_stage.log_posterior import LogPosterior as LogPosterior
     from fifthwheel.identify.one_stage.log_posterior import log_posterior as log_posterior
     from fifthwheel.identify.one_stage.profile import Profile as Profile
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from fifthwheel.identify.result import LogSummary as LogSummary
     from fifthwheel.identify.result import Posterior as Posterior
     from fifthwheel.identify.result import SensorError as SensorError
+    from fifthwheel.identify.result.parts import ParameterHistory as ParameterHistory
     from fifthwheel.identify.settings import CommonSettings as CommonSettings
     from fifthwheel.identify.settings import OneStage as OneStage
     from fifthwheel.identify.verdict import Verdict as Verdict
