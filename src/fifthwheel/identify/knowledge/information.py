@@ -28,6 +28,8 @@ OF_AXLE_LOADS = ("static_load", "braking_load", "pull_load")
 """Quantities of an axle group of any unit that depend on the load."""
 OF_TRUCK = (MASS_SCALE, TIME_BASE)
 """Unknowns of no unit that belong to the truck."""
+OUTLIER = "outlier"
+"""Kind of a trip that differs from those before and after it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,8 +6,7 @@ from functools import partial
 
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.given import applied
-from fifthwheel.identify.knowledge.changes import OUTLIER
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import OUTLYING, UNSURE, Knowledge, LogChange, tyre_change
 from fifthwheel.identify.one_stage.causes import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
