@@ -11,9 +11,8 @@ from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import GRADE, STEER, names_of
 from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.filters.curves import SpeedCurve, Spline
 from fifthwheel.filters.model import sample_rows
-from fifthwheel.filters.speed_curve import SpeedCurve
-from fifthwheel.filters.spline import Spline
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY

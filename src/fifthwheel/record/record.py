@@ -12,10 +12,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._arguments import expect
-from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import REFERENCE, checked_name, si_unit
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, UnitError, printable, suggestion

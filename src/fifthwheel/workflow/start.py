@@ -79,7 +79,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
         vehicle = _with_load(given, load)
-        vehicle, settings = identification_settings(vehicle, chosen, base=base and base.one_stage)
+        vehicle, settings = identification_settings(vehicle, chosen, base=base.one_stage if base else None)
         own = tuple(path for path in logs if loads[path] == load)
         if settings.one_stage is None:
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings, note=note))

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._arguments import expect_optional
-from fifthwheel._contents import ComparedByContents
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.statement import TIME_BASE
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown

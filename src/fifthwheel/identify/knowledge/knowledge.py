@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from fifthwheel._arguments import expect_each
-from fifthwheel._contents import ComparedByContents
+from fifthwheel._types import ComparedByContents
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge.information import (
     OUTLIER,

@@ -311,13 +311,15 @@ class Identification(IdentificationData):
         """
         from fifthwheel.identify.result import storage
 
-        def checked(**fields: Any) -> Self:
-            identification = cls(**fields)
-            for name in (None, *[log.name for log in identification.logs]):
-                identification.observer_settings(name)  # checks sensor errors and noise
-            return identification
+        return storage.load(Path(path), cls._checked)
 
-        return storage.load(Path(path), checked)
+    @classmethod
+    def _checked(cls, **fields: Any) -> Self:
+        """An identification whose sensor errors and noise are possible."""
+        identification = cls(**fields)
+        for name in (None, *[log.name for log in identification.logs]):
+            identification.observer_settings(name)
+        return identification
 
     @property
     def _title(self) -> str:

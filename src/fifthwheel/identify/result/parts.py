@@ -8,8 +8,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, PlainValidator, Strict
 
-from fifthwheel._contents import ComparedByContents
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
