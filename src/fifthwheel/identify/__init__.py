@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from fifthwheel.identify.one_stage.log_posterior import LogPosterior as LogPosterior
     from fifthwheel.identify.one_stage.log_posterior import log_posterior as log_posterior
     from fifthwheel.identify.one_stage.profile import Profile as Profile
-    from fifthwheel.identify.result import Estimate as Estimate
-    from fifthwheel.identify.result import Fit as Fit
-    from fifthwheel.identify.result import Identification as Identification
-    from fifthwheel.identify.result import LogSummary as LogSummary
-    from fifthwheel.identify.result import Posterior as Posterior
-    from fifthwheel.identify.result import SensorError as SensorError
+    from fifthwheel.identify.result.identification import Identification as Identification
+    from fifthwheel.identify.result.parts import Estimate as Estimate
+    from fifthwheel.identify.result.parts import Fit as Fit
+    from fifthwheel.identify.result.parts import LogSummary as LogSummary
     from fifthwheel.identify.result.parts import ParameterHistory as ParameterHistory
+    from fifthwheel.identify.result.parts import SensorError as SensorError
+    from fifthwheel.identify.result.posterior import Posterior as Posterior
     from fifthwheel.identify.settings import CommonSettings as CommonSettings
     from fifthwheel.identify.settings import OneStage as OneStage
     from fifthwheel.identify.verdict import Verdict as Verdict

@@ -9,7 +9,7 @@ from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.result import Identification
+from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.settings import CommonSettings, OneStage, Progress, imported, method_named
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle

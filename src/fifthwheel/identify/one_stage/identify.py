@@ -15,7 +15,7 @@ from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.one_stage.shared_information import log_knowledge, with_doubts
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Identification
+from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import VARIATION
