@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 """Floating-point array; each docstring gives its shape."""
+Indices = NDArray[np.int64]
 
 
 class ComparedByContents:

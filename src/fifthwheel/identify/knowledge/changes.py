@@ -16,9 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.identify.knowledge.information import OUTLIER
-from fifthwheel.identify.knowledge.states import Indices, Observation, State, Walk, together
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, together
 
 WINDOWS = (1, 2, 4, 8)
 """Numbers of trips that are tested together."""
