@@ -24,7 +24,6 @@ ROOMS = (
     "_addresses",
     "errors",
     "_arguments",
-    "_contents",
     "settings",
     "options",
     "_extras",

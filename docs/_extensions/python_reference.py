@@ -87,7 +87,9 @@ class Entry(NamedTuple):
 def attribute_docs(module: str) -> dict[str, list[str]]:
     """Documentation of the constants of a module, also of those that a package imports from its modules."""
     found: dict[str, list[str]] = {}
-    for name in re.findall(r"^from (fifthwheel[\w.]*) import", inspect.getsource(import_module(module)), re.MULTILINE):
+    for name in re.findall(
+        r"^ *from (fifthwheel[\w.]*) import", inspect.getsource(import_module(module)), re.MULTILINE
+    ):
         if name.startswith(f"{module}."):
             found |= attribute_docs(name)
     analyzer = ModuleAnalyzer.for_module(module)
@@ -98,7 +100,8 @@ def attribute_docs(module: str) -> dict[str, list[str]]:
 def public(module: str) -> Iterator[Entry]:
     """The public names of a module, as `fifthwheel.NAME` where they are public there."""
     package = import_module(f"fifthwheel.{module}")
-    here = [name for name, place in fifthwheel._MODULES.items() if place == module]
+    found = re.findall(rf"from fifthwheel\.{module} import (\w+) as", inspect.getsource(fifthwheel))
+    here = [name for name in found if name != module]
     names = [*getattr(package, "__all__", ()), *here]
     if module in fifthwheel.__all__ and not names:
         called = [package.__call__.__name__] if callable(package) else []

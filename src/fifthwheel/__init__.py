@@ -10,8 +10,9 @@ Everything that a notebook needs is here; each name is imported when it is first
 """
 
 import time
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from fifthwheel._lazy import lazy_names
 
 if TYPE_CHECKING:
     from fifthwheel.assess.assess import assess as assess  # first, or mypy takes the name for the package
@@ -80,52 +81,12 @@ if TYPE_CHECKING:
     from fifthwheel.studies import study as study
     from fifthwheel.time_bases import check_signals as check_signals
     from fifthwheel.vehicle import Vehicle as Vehicle
+else:
+    __getattr__, __dir__, __all__ = lazy_names(
+        __name__, "assess", "evaluate", "fleet", "identify", "plot", "simulate", "vehicle"
+    )
+    __all__ += ["__version__"]
 
 __version__ = "0.2.0"
 imported_at = time.time()
 """Time at which the first module of the package was imported."""
-
-_NAMES = {
-    "": ("assess", "evaluate", "fleet", "identify", "plot", "simulate", "vehicle"),
-    "assess": ("Assessment", "Body"),
-    "cheng_cebon_2011": ("TwoStage", "article"),
-    "diagnose.comparison": ("compare",),
-    "dynamics": ("LinearSystem", "linear_system"),
-    "dynamics.summary": ("summarize",),
-    "errors": ("FifthwheelError", "SignalError", "VehicleError"),
-    "evaluate": ("Evaluation", "Validation", "validate"),
-    "export": ("export_c", "export_fmu"),
-    "identify": ("Identification", "LogPosterior", "OneStage", "Posterior", "Profile", "Verdict", "log_posterior"),
-    "identify.design": ("design_experiment", "predict_sigmas"),
-    "identify.knowledge.information": ("Occasion",),
-    "identify.knowledge.knowledge": ("Knowledge",),
-    "identify.knowledge.load": ("with_payload",),
-    "identify.mass": ("GrossMass", "gross_mass"),
-    "identify.online": ("Learner", "LearnerSettings"),
-    "logs": ("LiveMap", "SignalMap", "read_log", "write_record"),
-    "observe": ("Observer", "ObserverSettings", "States", "Status", "Uncertainty", "time_to_lift"),
-    "pages.terminal": ("progress_bar",),
-    "plots": ("Plot",),
-    "record": ("Record", "SensorPrior"),
-    "report": ("write_report",),
-    "studies": ("Estimates", "Estimator", "SimulatedRun", "StateEstimator", "StatesOf", "exact_guess", "study"),
-    "time_bases": ("check_signals",),
-    "vehicle": ("Vehicle",),
-}
-"""Public names by their module; "" for those that are modules, which may be called like functions (`_callable`)."""
-_MODULES = {name: module for module, names in _NAMES.items() for name in names}
-
-__all__ = ["__version__", *sorted(_MODULES)]
-
-
-def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    if not (module := _MODULES[name]):
-        return import_module(f"{__name__}.{name}")
-    globals()[name] = value = getattr(import_module(f"{__name__}.{module}"), name)
-    return value
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)

@@ -1,8 +1,11 @@
-"""Attributes that are computed when they are first used."""
+"""Attributes that are computed, and names that are imported, when they are first used."""
 
 import functools
+import re
+import sys
 from collections.abc import Callable
 from contextlib import nullcontext
+from importlib import import_module
 from typing import Any, TypeVar
 
 T = TypeVar("T")
@@ -18,3 +21,31 @@ class lazy(functools.cached_property[T]):  # noqa: N801 (a decorator)
     def __init__(self, function: Callable[[Any], T]) -> None:
         super().__init__(function)
         self.lock = nullcontext()
+
+
+def lazy_names(package: str, *modules: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """`__getattr__`, `__dir__` and `__all__` of a package whose names are imported when they are first used.
+
+    The package states each name once, as type checkers need it: `from module import name as name` below
+    `TYPE_CHECKING`.
+
+    Args:
+        package: its `__name__`.
+        modules: names of modules of the package itself, which may be called like functions (`_callable`).
+    """
+    this = sys.modules[package]
+    source = this.__loader__.get_source(package)  # type: ignore[union-attr]  # also in an archive
+    places = {name: module for module, name in re.findall(r"from ([\w.]+) import (\w+) as \2\b", source)}
+    places |= dict.fromkeys(modules)
+
+    def imported(name: str) -> Any:
+        if name not in places:
+            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+        if (module := places[name]) is None:
+            return import_module(f"{package}.{name}")
+        value = getattr(import_module(module), name)
+        setattr(this, name, value)
+        return value
+
+    names = sorted(places)
+    return imported, lambda: names, names

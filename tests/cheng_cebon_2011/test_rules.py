@@ -11,7 +11,7 @@ from fifthwheel.cheng_cebon_2011 import TwoStage
 from fifthwheel.cheng_cebon_2011.estimator import _estimates, _settling_time, _State, _TwoStages
 from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.cheng_cebon_2011.stage import StageResult
-from fifthwheel.identify.history import ParameterHistory
+from fifthwheel.identify.result.parts import ParameterHistory
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.vehicle import Vehicle

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.filters.speed_curve import CUT, STEP, WIDTH, SpeedCurve
+from fifthwheel.filters.curves import CUT, STEP, WIDTH, SpeedCurve
 
 
 def test_it_equals_weighted_least_squares() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fifthwheel.filters.spline import Spline
+from fifthwheel.filters.curves import Spline
 
 
 @pytest.mark.parametrize("count", [4, 5, 1000])

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel.errors import SignalError
-from fifthwheel.filters.speed_curve import WIDTH
+from fifthwheel.filters.curves import WIDTH
 from fifthwheel.filters.step_rows import SMALLEST_PLAY, StepRows, corrected_inputs, play_contact, step_rows
 from fifthwheel.options import TyreLaw
 from fifthwheel.record import Record

@@ -1,7 +1,6 @@
 """Changes of a vehicle against hand calculations, and the rules that hold for any stated standard deviations."""
 
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,30 +1,22 @@
 """Files that appear complete or not at all, and folders of results that are replaced as a whole."""
 
-from fifthwheel._atomic.files import atomic_write, reserved, write_json, write_text
-from fifthwheel._atomic.locks import clean_up
-from fifthwheel._atomic.results import (
-    MANIFEST,
-    file_digest,
-    one_run,
-    recorded_digests,
-    recover,
-    replaced_result,
-    require_unused,
-    result_folder,
-)
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "MANIFEST",
-    "atomic_write",
-    "clean_up",
-    "file_digest",
-    "one_run",
-    "recorded_digests",
-    "recover",
-    "replaced_result",
-    "require_unused",
-    "reserved",
-    "result_folder",
-    "write_json",
-    "write_text",
-]
+from fifthwheel._lazy import lazy_names
+
+if TYPE_CHECKING:
+    from fifthwheel._atomic.files import atomic_write as atomic_write
+    from fifthwheel._atomic.files import reserved as reserved
+    from fifthwheel._atomic.files import write_json as write_json
+    from fifthwheel._atomic.files import write_text as write_text
+    from fifthwheel._atomic.locks import clean_up as clean_up
+    from fifthwheel._atomic.results import MANIFEST as MANIFEST
+    from fifthwheel._atomic.results import file_digest as file_digest
+    from fifthwheel._atomic.results import one_run as one_run
+    from fifthwheel._atomic.results import recorded_digests as recorded_digests
+    from fifthwheel._atomic.results import recover as recover
+    from fifthwheel._atomic.results import replaced_result as replaced_result
+    from fifthwheel._atomic.results import require_unused as require_unused
+    from fifthwheel._atomic.results import result_folder as result_folder
+else:
+    __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -32,8 +32,8 @@ from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
 from fifthwheel.identify.fit_evaluation import evaluate_fits, free_run_fits
 from fifthwheel.identify.given import applied
-from fifthwheel.identify.history import ParameterHistory, is_settled, settled_since
-from fifthwheel.identify.result import Estimate, Fit, Identification
+from fifthwheel.identify.result.identification import Identification
+from fifthwheel.identify.result.parts import Estimate, Fit, ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.parameters import known_of

@@ -22,8 +22,8 @@ from fifthwheel.cheng_cebon_2011.problem import DualProblem
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.noise_model import CORRELATION_TIME, autocorrelation_factor
+from fifthwheel.identify.result.parts import ParameterHistory
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import ends_with

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel import dynamics
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.channels import GRADE, STEER, names_of
 from fifthwheel.dynamics import ChainModel, steps
+from fifthwheel.filters.curves import SpeedCurve, Spline
 from fifthwheel.filters.model import sample_rows
-from fifthwheel.filters.speed_curve import SpeedCurve
-from fifthwheel.filters.spline import Spline
 from fifthwheel.native import Scan, compiled
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
@@ -50,7 +48,7 @@ class SampleRows:
 class StepRows(SampleRows):
     """A record of N samples as M rows, with additional rows where the model needs several steps between two samples."""
 
-    sample_indices: NDArray[np.int64]  # (N,) indices of the samples among the rows
+    sample_indices: Indices  # (N,) indices of the samples among the rows
     first: dict[str, float]  # speed and steer angles at the first sample, by name
     steer_sigma: float  # standard deviation of the steer angles, rad
 

@@ -14,9 +14,8 @@ from typing import NamedTuple, Self
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.filters import kalman
 from fifthwheel.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.filters.step_rows import SampleRows
@@ -133,7 +132,7 @@ class TangentChunk(NamedTuple):
     rows: slice  # of the record
     values: Array  # outputs (M, n_output) of M rows
     slopes: Array  # derivatives of the outputs along the directions that still have an effect, (M, n_output_dot, k)
-    directions: NDArray[np.int64]  # (k,) numbers of these directions
+    directions: Indices  # (k,) numbers of these directions
 
 
 def run_in_chunks(

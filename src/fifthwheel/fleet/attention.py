@@ -9,7 +9,7 @@ from typing import Any
 
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.formatting import fixed, percent, with_sigma
-from fifthwheel.identify.knowledge.changes import OUTLIER
+from fifthwheel.identify.knowledge.information import OUTLIER
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.options import FleetSettings
 from fifthwheel.spoken_names import named, named_axle, spoken

@@ -12,7 +12,7 @@ from fifthwheel.fleet.attention import Attention, Row, find_attention
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS
 from fifthwheel.formatting import enumerated, percent, shown, with_sigma
-from fifthwheel.identify.knowledge.changes import OUTLIER
+from fifthwheel.identify.knowledge.information import OUTLIER
 from fifthwheel.options import FleetSettings
 from fifthwheel.pages import page
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points

@@ -11,9 +11,8 @@ from fifthwheel.diagnose.thresholds import DOMINANT_FRACTION
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.fleet.dataset import TripDataset, TruckTrips
 from fifthwheel.fleet.trips import DATE, log_knowledge, numbers, texts
-from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.combination import Combined, combine, date_of
-from fifthwheel.identify.knowledge.information import Owned
+from fifthwheel.identify.knowledge.information import OUTLIER, Owned
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.options import FleetSettings
 from fifthwheel.vehicle import unit_of

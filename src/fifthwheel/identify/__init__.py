@@ -4,30 +4,27 @@
 achieve. The two stages of the article are in `fifthwheel.cheng_cebon_2011`.
 """
 
-from fifthwheel._callable import make_callable
-from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.identify import identify
-from fifthwheel.identify.one_stage.log_posterior import LogPosterior, log_posterior
-from fifthwheel.identify.one_stage.profile import Profile
-from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary, Posterior, SensorError
-from fifthwheel.identify.settings import CommonSettings, OneStage
-from fifthwheel.identify.verdict import Verdict
+from typing import TYPE_CHECKING
 
-__all__ = [
-    "CommonSettings",
-    "Estimate",
-    "Fit",
-    "Identification",
-    "LogPosterior",
-    "LogSummary",
-    "OneStage",
-    "ParameterHistory",
-    "Posterior",
-    "Profile",
-    "SensorError",
-    "Verdict",
-    "identify",
-    "log_posterior",
-]
+from fifthwheel._callable import make_callable
+from fifthwheel._lazy import lazy_names
+from fifthwheel.identify.identify import identify as identify
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.one_stage.log_posterior import LogPosterior as LogPosterior
+    from fifthwheel.identify.one_stage.log_posterior import log_posterior as log_posterior
+    from fifthwheel.identify.one_stage.profile import Profile as Profile
+    from fifthwheel.identify.result.identification import Identification as Identification
+    from fifthwheel.identify.result.parts import Estimate as Estimate
+    from fifthwheel.identify.result.parts import Fit as Fit
+    from fifthwheel.identify.result.parts import LogSummary as LogSummary
+    from fifthwheel.identify.result.parts import ParameterHistory as ParameterHistory
+    from fifthwheel.identify.result.parts import SensorError as SensorError
+    from fifthwheel.identify.result.posterior import Posterior as Posterior
+    from fifthwheel.identify.settings import CommonSettings as CommonSettings
+    from fifthwheel.identify.settings import OneStage as OneStage
+    from fifthwheel.identify.verdict import Verdict as Verdict
+else:
+    __getattr__, __dir__, __all__ = lazy_names(__name__)
 
 make_callable(__name__, identify)

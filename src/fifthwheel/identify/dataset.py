@@ -28,7 +28,7 @@ from fifthwheel.checks.samples import without_spikes
 from fifthwheel.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
-from fifthwheel.filters.speed_curve import SpeedCurve
+from fifthwheel.filters.curves import SpeedCurve
 from fifthwheel.identify.doubts import NONLINEAR_SPEED_RATE
 from fifthwheel.identify.given import common_sensors
 from fifthwheel.identify.grade import grade_notes, with_grade

@@ -9,7 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.dataset import LogData, measured_columns
-from fifthwheel.identify.result import Estimate, LogSummary, SensorError
+from fifthwheel.identify.result.parts import Estimate, LogSummary, SensorError
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import ParameterPath, ends_with

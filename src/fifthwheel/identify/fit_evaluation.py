@@ -24,7 +24,7 @@ from fifthwheel.filters import variances
 from fifthwheel.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.filters.step_rows import corrected_inputs, steer_sigma
 from fifthwheel.identify.dataset import Dataset, LogData, measured_columns
-from fifthwheel.identify.result import Fit
+from fifthwheel.identify.result.parts import Fit
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.record import Record

@@ -9,7 +9,7 @@ from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.result import Identification
+from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.settings import CommonSettings, OneStage, Progress, imported, method_named
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -64,7 +64,7 @@ def identify(
     settings = settings or OneStage()
     of_truck: dict[str, Any] = {"knowledge": knowledge, "occasion": occasion}
     of_truck = {name: value for name, value in of_truck.items() if value is not None}
-    if of_truck and not isinstance(settings, OneStage):
+    if of_truck and settings.one_stage is None:
         raise SignalError(f"{next(iter(of_truck))}: only one stage begins with what is known; give OneStage(), or none")
     method = imported(method_named(settings.method).identify)
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these

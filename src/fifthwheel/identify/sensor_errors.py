@@ -12,7 +12,7 @@ from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import block_diagonal
 from fifthwheel.identify.one_stage.identify import identify_one_stage
-from fifthwheel.identify.result import Identification
+from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.parameters import given_parameters

@@ -13,7 +13,6 @@ from fifthwheel.filters.variances import Variances
 from fifthwheel.identify.statement import Given
 from fifthwheel.options import Names
 from fifthwheel.settings import Count, Positive, Settings
-from fifthwheel.vehicle import steering_equations
 from fifthwheel.vehicle.steering import STEERING
 
 Progress = Callable[[str, int, int], None]
@@ -77,6 +76,11 @@ class CommonSettings(Settings):
         """Law of the side forces of one fit."""
         return "linear"
 
+    @property
+    def one_stage(self) -> "OneStage | None":
+        """These settings if they are of one stage, which alone uses earlier logs, predicts and learns; else None."""
+        return None
+
 
 class Implementation(NamedTuple):
     """Where a method is: its settings and the function that identifies with them, each as module and name."""
@@ -111,6 +115,8 @@ def imported(place: str) -> Any:
 
 def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
     """A SignalError for a file whose own tyre law or own equations of the steering are not imported, or others."""
+    from fifthwheel.vehicle.steering_equations import found  # only own equations need it
+
     settings, vehicle = contents.get("settings"), contents.get("vehicle_file", contents.get("vehicle"))
     tyres, steering = (
         part.get(key) if isinstance(part, dict) else None for part, key in ((settings, "tyres"), (vehicle, STEERING))
@@ -119,7 +125,7 @@ def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
         if isinstance(tyres, dict):
             tyre_law.restored(tyres)
         if isinstance(steering, dict):
-            steering_equations.found(steering.get("equations"))
+            found(steering.get("equations"))
     except FifthwheelError as error:
         raise SignalError(f"{path}: {error}") from None
 
@@ -179,3 +185,8 @@ class OneStage(CommonSettings):
     def tyre_law(self) -> Tyres:
         """Law of the side forces of one fit; linear with auto."""
         return "linear" if self.tyres == "auto" else self.tyres
+
+    @property
+    def one_stage(self) -> "OneStage":
+        """These settings."""
+        return self

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from fifthwheel import pages
 from fifthwheel.formatting import percent
 from fifthwheel.identify.online import LearnedValue
-from fifthwheel.identify.result import Estimate
 from fifthwheel.identify.result.display import estimates_table
+from fifthwheel.identify.result.parts import Estimate
 from fifthwheel.live.node import Output
 from fifthwheel.live.session import Session
 from fifthwheel.live.status import NodeStatus, in_words

@@ -18,9 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.native.direction_ir import direction_module
 from fifthwheel.native.directions import Derivatives, check, copies
-from fifthwheel.native.propagation_ir import propagation
 from fifthwheel.native.scan import load, workers
 from fifthwheel.native.step import Step, compiling
 
@@ -104,6 +102,9 @@ class AdjointScan:
 
 
 def _translation(step: Step, n: int, m: int) -> list[Any]:
+    from fifthwheel.native.direction_ir import direction_module
+    from fifthwheel.native.propagation_ir import propagation
+
     source, *numbers = direction_module(step.function, LANES, "float")
     return [source + propagation(step.sizes, n, m, LANES), *numbers]
 

@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.native.direction_ir import direction_module
 from fifthwheel.native.scan import load, workers
 from fifthwheel.native.step import Step, compiling
 
@@ -137,6 +136,8 @@ def copies(step: Step, arrays: Sequence[Array], shapes: Sequence[tuple[int, ...]
 
 
 def _translation(scan: DirectionScan) -> list[Any]:
+    from fifthwheel.native.direction_ir import direction_module
+
     return list(direction_module(scan.step, scan.lanes))
 
 

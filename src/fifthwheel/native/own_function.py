@@ -13,8 +13,7 @@ from typing import Any
 import casadi as ca
 
 from fifthwheel.errors import SignalError
-from fifthwheel.native import c_code, cache
-from fifthwheel.native.instructions import instructions
+from fifthwheel.native import cache
 
 Fault = tuple[str, str, str]
 """What was expected of a function, what it has, and the cure."""
@@ -35,6 +34,8 @@ def find(name: str) -> Any:
 
 def digest(function: ca.Function) -> str:
     """All that determines a function: machine code of one is never that of another."""
+    from fifthwheel.native.instructions import instructions
+
     return cache.DIGEST(repr(instructions(function)).encode()).hexdigest()
 
 
@@ -55,6 +56,8 @@ def expression_fault(error: Exception) -> Fault:
 
 def code_faults(symbols: Sequence[ca.SX], results: Sequence[ca.SX]) -> Iterator[Fault]:
     """Why there is no C code of results: an operation of them, or of the derivatives among them."""
+    from fifthwheel.native import c_code
+
     arguments, outputs = ([f"{kind}{i}" for i in range(len(of))] for kind, of in (("a", symbols), ("r", results)))
     try:
         c_code.function(c_code.step("own", symbols, results), "own", arguments, outputs)

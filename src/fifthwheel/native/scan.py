@@ -13,8 +13,7 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.native import cache, llvm_ir
-from fifthwheel.native.matrix_ir import matrix_module
+from fifthwheel.native import cache
 from fifthwheel.native.step import Step, compiling
 
 
@@ -140,6 +139,9 @@ class Scan:
 
     def _compile(self, lanes: int) -> Any:
         def translate() -> list[Any]:
+            from fifthwheel.native import llvm_ir  # what translates a step is imported if the cache lacks one
+            from fifthwheel.native.matrix_ir import matrix_module
+
             return [matrix_module(self.step) if self._matrices else llvm_ir.module(self.step, lanes)]
 
         with compiling:

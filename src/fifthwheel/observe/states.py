@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._atomic import atomic_write
-from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
 from fifthwheel.channels.others import HORIZON
 from fifthwheel.errors import SignalError, suggestion

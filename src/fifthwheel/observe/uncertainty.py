@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.errors import SignalError
 from fifthwheel.names import split_log
 from fifthwheel.vehicle.quantities import quantity_of

@@ -9,7 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import CHANNELS, REFERENCE, SignalName
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import digits, percent, shown
-from fifthwheel.pages.html import course
+from fifthwheel.pages.html import course, notebook
 from fifthwheel.plots import Axis, Line, Panel, Plot
 from fifthwheel.plots.palette import CYCLE
 from fifthwheel.record.timestamps import missing_fraction, typical_step
@@ -42,6 +42,12 @@ def _line(time: Array, values: Array, name: str, colours: Mapping[str, str]) -> 
     place = SignalName.of(name.removeprefix(REFERENCE)).place
     label = ", ".join(filter(None, (place, "reference" if reference else "")))
     return Line(time, values, name=label, colour=colours[place], dash="dash" if reference else "solid", gaps=True)
+
+
+def channel_page(time: Array, channels: Mapping[str, Array], name: str, extent: str, notes: Sequence[str]) -> str:
+    """What a notebook shows of a record: a table of its channels, and its notes."""
+    table = channel_table(time, channels)
+    return notebook(pages.Document(name, [pages.Paragraph(extent), table, pages.Items(notes)]))
 
 
 def channel_table(time: Array, channels: Mapping[str, Array]) -> pages.Table:

@@ -11,23 +11,20 @@ from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fifthwheel import pages
 from fifthwheel._arguments import expect
-from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import REFERENCE, checked_name, si_unit
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, UnitError, printable, suggestion
-from fifthwheel.pages.html import notebook
-from fifthwheel.plots import Plot
-from fifthwheel.record.display import channel_plot, channel_table
 from fifthwheel.record.timestamps import require_increasing, typical_step
 from fifthwheel.units import factor
 
 if TYPE_CHECKING:
     import pandas as pd
+
+    from fifthwheel.plots import Plot
 
 V = TypeVar("V")
 
@@ -294,7 +291,7 @@ class Record(ComparedByContents):
         frame: pd.DataFrame = pandas.DataFrame(self._channels(), index=pandas.Index(self.time, name="time"))
         return frame
 
-    def plot(self, *names: str) -> Plot:
+    def plot(self, *names: str) -> "Plot":
         """Signals over time, one panel for each quantity; reference signals are dashed.
 
         Args:
@@ -303,6 +300,8 @@ class Record(ComparedByContents):
         Raises:
             SignalError: a name is not in the record.
         """
+        from fifthwheel.record.display import channel_plot
+
         return channel_plot(self.time, self._channels(), names, self.name)
 
     def _channels(self) -> dict[str, Array]:
@@ -331,8 +330,9 @@ class Record(ComparedByContents):
 
     def _repr_html_(self) -> str:
         """What a notebook shows: a table of the channels."""
-        table = channel_table(self.time, self._channels())
-        return notebook(pages.Document(self.name, [pages.Paragraph(self._extent()), table, pages.Items(self.notes)]))
+        from fifthwheel.record.display import channel_page
+
+        return channel_page(self.time, self._channels(), self.name, self._extent(), self.notes)
 
     def __reduce__(self) -> tuple[Any, ...]:
         fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}

@@ -5,11 +5,16 @@ from collections.abc import Iterator, Mapping
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.classes import CLASSES
 from fifthwheel.vehicle.classes.table import TRAILER_AXLE
-from fifthwheel.vehicle.slip import COUPLING_RANGE, MAX_SOLO, MIN_SOLO
 from fifthwheel.vehicle.unit import Unit
 from fifthwheel.vehicle.vehicle import Vehicle
-from fifthwheel.vehicle.weighing import EXCHANGED
 
+MAX_SOLO = 0.55
+"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
+MIN_SOLO = 0.2
+"""Least such fraction: published tractors have 0.28 and more."""
+COUPLING_RANGE = (0.6, 1.2)
+"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
+EXCHANGED = "front and drive axle loads seem exchanged"
 MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""
 MAX_FACTOR = 3.0

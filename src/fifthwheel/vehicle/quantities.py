@@ -175,9 +175,7 @@ QUANTITIES: dict[str, Quantity] = {
     ),
 }
 """By the end of the name. Each component of a vehicle adds the rows of its fields."""
-UNITS: dict[str, str] = {
-    name.rpartition(".")[2]: QUANTITIES[name].unit for name in (*TYRES, *GROUP_TYRES, "softening")
-}
+UNITS: dict[str, str] = {name.rpartition(".")[2]: QUANTITIES[name].unit for name in (*TYRES, *GROUP_TYRES, "softening")}
 """SI unit of each number by the last word of its name, which has one unit wherever it occurs."""
 
 

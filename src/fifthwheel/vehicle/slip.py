@@ -14,8 +14,8 @@ from typing import Any, Self
 from fifthwheel.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.input_files import parse_toml, read_toml
 from fifthwheel.units import quantity
+from fifthwheel.vehicle.masses import COUPLING_RANGE, EXCHANGED, MAX_SOLO
 from fifthwheel.vehicle.quantities import quantity_of
-from fifthwheel.vehicle.weighing import EXCHANGED
 
 Number = tuple[float, float | None]
 """Value and standard deviation, SI; None where nothing is stated on it."""
@@ -27,14 +27,8 @@ LOADS = (500.0, 40e3)
 """Least and largest load of an axle group, kg: the drive axle of a light tractor has 1.4 t, heavy tridems 36 t."""
 CONTRADICTION = 4.0
 """Largest difference of a measured and a predicted load, in standard deviations."""
-MAX_SOLO = 0.55
-"""Largest fraction of the tractor's mass on its drive axles without a trailer: published tractors have up to 0.48."""
-MIN_SOLO = 0.2
-"""Least such fraction: published tractors have 0.28 and more."""
 MIN_DIFFERENCE = 0.1
 """Of front and drive loads that may have been exchanged, as a fraction of their sum; others fit both ways."""
-COUPLING_RANGE = (0.6, 1.2)
-"""Positions of a fifth wheel, by the wheelbase to the middle of the drive axles: published tractors have 0.84 and 1."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,6 +4,7 @@ from collections.abc import Mapping
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.units import STANDARD_GRAVITY
+from fifthwheel.vehicle.masses import EXCHANGED
 from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.uncertainty import cog_sigma
 from fifthwheel.vehicle.unit import Unit
@@ -13,7 +14,6 @@ LOAD_SIGMA = 0.5
 """Standard deviation of the mass of a load before it is weighed, as a fraction of the mass in the file."""
 STEP = 0.01
 """For the slopes, kg and m; the loads are linear in masses and moments."""
-EXCHANGED = "front and drive axle loads seem exchanged"
 
 
 def with_axle_loads(

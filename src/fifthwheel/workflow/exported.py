@@ -69,8 +69,8 @@ def exported_learner(
         SignalError: the signals are not sufficient, or a learner of the vehicle does not use one of them.
         VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
-    stored = identification.settings if identification is not None else None
-    settings = replace(stored if isinstance(stored, OneStage) else OneStage(tyres="linear"), min_speed=min_speed)
+    stored = identification.settings.one_stage if identification is not None else None
+    settings = replace(stored or OneStage(tyres="linear"), min_speed=min_speed)
     given = {"max_passes": passes, "samples": segment}
     relinearisation = RelinearisationSettings(**{name: value for name, value in given.items() if value is not None})
     available = _available_signals(vehicle, signals, identification)

@@ -138,7 +138,7 @@ def run_loads(
 def _validation(identification: Identification, record: Record, occasion: Occasion) -> Identification | None:
     """A validation log identified with the knowledge of the others; None in two stages, or if it does not suffice."""
     known = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
-    if not isinstance(identification.settings, OneStage) or identification.knowledge is None or not known:
+    if identification.knowledge is None or not known:
         return None
     try:
         return identify(
@@ -166,11 +166,11 @@ def _assess_remedies(
     """What would improve the estimates, predicted at the identified vehicle; None where they are good enough."""
     from fifthwheel.identify.design.assess import AssessmentSettings, predict_sigmas  # slow to import
 
-    settings = AssessmentSettings()
+    settings, assessment = identification.settings.one_stage, AssessmentSettings()
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     converged = all(e.verdict is Verdict.CONVERGED and e.sigma is not None for e in estimated)
-    precise = all(e.relative_sigma <= settings.enough for e in identification.parameters)
-    if not isinstance(identification.settings, OneStage) or (converged and precise):
+    precise = all(e.relative_sigma <= assessment.enough for e in identification.parameters)
+    if settings is None or (converged and precise):
         return None
     try:
         before = (identification.knowledge or Knowledge()).without_records(records)
@@ -179,8 +179,8 @@ def _assess_remedies(
         return predict_sigmas(
             records,
             identified.with_stated({path: given.stated[path] for path in identified.stated}),  # as before the logs
-            identification.settings,
             settings,
+            assessment,
             checked=True,
             earlier=earlier if before.used else nothing,
         )

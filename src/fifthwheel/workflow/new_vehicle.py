@@ -10,11 +10,10 @@ from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.classes import CLASSES, complete
 from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
+from fifthwheel.vehicle.masses import COUPLING_RANGE, MAX_SOLO
 from fifthwheel.vehicle.quantities import quantity_of
 from fifthwheel.vehicle.slip import (
     CONTRADICTION,
-    COUPLING_RANGE,
-    MAX_SOLO,
     Lengths,
     Number,
     Slip,

@@ -41,9 +41,9 @@ class Start:
     @property
     def one_stage(self) -> OneStage:
         """The settings, if they are of one stage."""
-        if not isinstance(self.settings, OneStage):
+        if self.settings.one_stage is None:
             raise SignalError("method: only one stage predicts; leave out --method")
-        return self.settings
+        return self.settings.one_stage
 
     @property
     def earlier(self) -> Earlier:
@@ -79,9 +79,9 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
         vehicle = _with_load(given, load)
-        vehicle, settings = identification_settings(vehicle, chosen, base=base if isinstance(base, OneStage) else None)
+        vehicle, settings = identification_settings(vehicle, chosen, base=base.one_stage if base else None)
         own = tuple(path for path in logs if loads[path] == load)
-        if not isinstance(settings, OneStage):
+        if settings.one_stage is None:
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings, note=note))
             continue
         trailer, name = chosen.trailer or "", load

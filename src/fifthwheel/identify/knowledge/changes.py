@@ -16,8 +16,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel._types import Array
-from fifthwheel.identify.knowledge.states import Indices, Observation, State, Walk, together
+from fifthwheel._types import Array, Indices
+from fifthwheel.identify.knowledge.information import OUTLIER
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, together
 
 WINDOWS = (1, 2, 4, 8)
 """Numbers of trips that are tested together."""
@@ -27,8 +28,6 @@ INFORMED = 1e-3
 """An unknown is tested if the trips reduce its variance by this fraction."""
 SINGULAR = 1e-9
 """Eigenvalue of the correlations of the tested unknowns below which trips do not move a combination of them."""
-OUTLIER = "outlier"
-"""Kind of a trip that differs from those before and after it."""
 
 
 @dataclass(frozen=True, kw_only=True)

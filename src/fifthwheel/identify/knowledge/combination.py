@@ -14,12 +14,12 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
-from fifthwheel.identify.knowledge.changes import OUTLIER, Kind, TripChange, TruckTrips, find_changes
-from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle
-from fifthwheel.identify.knowledge.states import Indices, Observation, State, Walk, filtered, smoothed
+from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling

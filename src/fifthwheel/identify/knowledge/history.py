@@ -9,9 +9,8 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify.knowledge.changes import OUTLIER
 from fifthwheel.identify.knowledge.combination import Combined
-from fifthwheel.identify.knowledge.information import LogKnowledge, Owned, of_vehicle, owner
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle, owner
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.states import State
 from fifthwheel.names import ParameterPath

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._arguments import expect_optional
-from fifthwheel._contents import ComparedByContents
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -26,6 +25,8 @@ OF_AXLE_LOADS = ("static_load", "braking_load", "pull_load")
 """Quantities of an axle group of any unit that depend on the load."""
 OF_TRUCK = (MASS_SCALE, TIME_BASE)
 """Unknowns of no unit that belong to the truck."""
+OUTLIER = "outlier"
+"""Kind of a trip that differs from those before and after it."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -5,17 +5,15 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
 from fifthwheel._arguments import expect_each
-from fifthwheel._contents import ComparedByContents
+from fifthwheel._types import ComparedByContents
 from fifthwheel.errors import SignalError, VehicleError, suggestion
-from fifthwheel.identify.knowledge import storage
-from fifthwheel.identify.knowledge.changes import OUTLIER, WINDOWS, TripChange
-from fifthwheel.identify.knowledge.combination import Combined, combine
 from fifthwheel.identify.knowledge.information import (
+    OUTLIER,
     LogKnowledge,
     Occasion,
     Owned,
@@ -31,6 +29,10 @@ from fifthwheel.options import FleetSettings
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import FRICTION
+
+if TYPE_CHECKING:
+    from fifthwheel.identify.knowledge.changes import TripChange
+    from fifthwheel.identify.knowledge.combination import Combined
 
 SAME_LOAD = 0.05
 """Fraction by which a given mass of one load may differ from log to log, as two weighings do."""
@@ -93,8 +95,11 @@ class Knowledge(ComparedByContents):
         return max(self.logs, key=lambda log: log.date, default=None)
 
     @functools.cached_property
-    def combined(self) -> Combined:
+    def combined(self) -> "Combined":
         """The logs together, with the changes between them."""
+        from fifthwheel.identify.knowledge.changes import WINDOWS
+        from fifthwheel.identify.knowledge.combination import combine
+
         self.require_used()
         tests = len(self.used) * len(WINDOWS)
         combined = None
@@ -252,6 +257,8 @@ class Knowledge(ComparedByContents):
 
     def save(self, path: str | Path) -> None:
         """Write a file, complete or not at all; `load` reads an equal one."""
+        from fifthwheel.identify.knowledge import storage
+
         storage.write(Path(path), self.logs)
 
     @classmethod
@@ -261,6 +268,8 @@ class Knowledge(ComparedByContents):
         Raises:
             SignalError: the file cannot be read, or is not one of `save`.
         """
+        from fifthwheel.identify.knowledge import storage
+
         return cls(logs=storage.read(Path(path)))
 
 
@@ -279,7 +288,7 @@ def tyre_change(stiffness: str, log: str) -> LogChange:
     return LogChange(kind="tyres", unknowns=(stiffness,), text=f"{_CHANGES['tyres'].format(subject=subject, log=log)}.")
 
 
-def _change(combined: Combined, change: TripChange) -> LogChange:
+def _change(combined: "Combined", change: "TripChange") -> LogChange:
     log, names = combined.logs[change.trip], [u.name for u in combined.layout.unknowns]
     text = _CHANGES[change.kind.name].format(subject=change.kind.subject, log=log.name)
     members = tuple(names[i] for i in change.kind.members)

@@ -17,11 +17,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from fifthwheel._types import Array
-
-Indices = NDArray[np.int64]
+from fifthwheel._types import Array, Indices
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,7 +16,7 @@ from fifthwheel.identify.one_stage.estimator import EARLY_TOLERANCE
 from fifthwheel.identify.one_stage.gauss_newton import TOLERANCE, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Fit
+from fifthwheel.identify.result.parts import Fit
 from fifthwheel.identify.unknowns.unknown import UnknownKind
 from fifthwheel.vehicle import Vehicle
 

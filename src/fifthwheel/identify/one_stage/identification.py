@@ -20,7 +20,8 @@ from fifthwheel.identify.one_stage.gauss_newton import Minimum, remaining_step
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Estimate, Fit, Identification, LogSummary
+from fifthwheel.identify.result.identification import Identification
+from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary
 from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.gross_errors import is_possible

@@ -6,8 +6,7 @@ from functools import partial
 
 from fifthwheel.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.identify.given import applied
-from fifthwheel.identify.knowledge.changes import OUTLIER
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Occasion
 from fifthwheel.identify.knowledge.knowledge import OUTLYING, UNSURE, Knowledge, LogChange, tyre_change
 from fifthwheel.identify.one_stage.causes import likely_causes
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
@@ -16,7 +15,7 @@ from fifthwheel.identify.one_stage.identification import build_identification
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.one_stage.shared_information import log_knowledge, with_doubts
 from fifthwheel.identify.one_stage.solution import Solution
-from fifthwheel.identify.result import Identification
+from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import VARIATION

@@ -9,13 +9,12 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from fifthwheel._arguments import expect, expect_each, expect_optional
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.one_stage.estimator import TOLERANCE, solve_one_stage
 from fifthwheel.identify.one_stage.gauss_newton import minimise
-from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.profile import Profile
 from fifthwheel.identify.one_stage.solution import Solution

@@ -28,10 +28,11 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
+from typing import NamedTuple, Self
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.channels import ARTICULATION, SPEED, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
 from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
@@ -44,7 +45,6 @@ from fifthwheel.identify.initial_state import steady_state, steady_state_bank_sl
 from fifthwheel.identify.noise_model import CORRELATION_TIME, autocorrelation_factor, fit_noise_model
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
-from fifthwheel.identify.one_stage.layout import ProblemLayout
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
 from fifthwheel.identify.one_stage.segment_run import SegmentRun
@@ -64,6 +64,36 @@ START_DECAY = 0.3
 """Least rate at which the slowest mode decays at the start of a search, 1/s: a truck that hardly decays may spin."""
 FEWEST_RESIDUALS = 20
 """A channel with fewer residuals keeps its noise."""
+
+
+class ProblemLayout(NamedTuple):
+    """Where each unknown is in z."""
+
+    names: tuple[str, ...]
+    unknowns: tuple[Indices, ...]  # of each log: indices of its unknowns, in their order
+    initial_states: tuple[tuple[Indices, ...], ...]  # of each segment of each log; empty in the prediction-error form
+
+    @classmethod
+    def of(cls, unknowns: Sequence[Unknown], segments: Sequence[int], states: Sequence[str]) -> Self:
+        """The layout for logs with these numbers of segments, each of which has these initial states."""
+        names = [u.name for u in unknowns if not u.per_log]
+        shared = {name: i for i, name in enumerate(names)}
+        of_logs = []
+        for i in range(len(segments)):
+            indices = []
+            for u in unknowns:
+                indices.append(len(names) if u.per_log else shared[u.name])
+                if u.per_log:
+                    names.append(f"{u.name}@{i}")
+            of_logs.append(np.array(indices, dtype=np.int64))
+        initial_states = []
+        for i, count in enumerate(segments):
+            of_segments = []
+            for j in range(count):
+                of_segments.append(np.arange(len(names), len(names) + len(states)))
+                names += [f"{state}@{i}.{j}" for state in states]
+            initial_states.append(tuple(of_segments))
+        return cls(tuple(names), tuple(of_logs), tuple(initial_states))
 
 
 class Problem:

@@ -5,13 +5,12 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters import Noise, tangent
 from fifthwheel.filters.model import Model
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.noise_model import NoiseModel
-from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.native import AdjointScan, DirectionScan
 

@@ -6,16 +6,15 @@ from functools import cached_property
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, Indices
 from fifthwheel.identify.dataset import Dataset
 from fifthwheel.identify.doubts import PriorTest, prior_tests
-from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Minimum
-from fifthwheel.identify.one_stage.layout import Indices
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
+from fifthwheel.identify.result.parts import ParameterHistory
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.unknowns.unknown import UnknownKind, scaling
 from fifthwheel.identify.verdict import Verdict

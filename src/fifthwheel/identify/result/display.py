@@ -9,8 +9,8 @@ from fifthwheel._types import Array
 from fifthwheel.channels import si_unit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, relative, shown, with_sigma
-from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.result.parts import Estimate, Fit
+from fifthwheel.identify.doubts import Doubt, describe_doubt
+from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, ParameterHistory
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.items import Dash
 from fifthwheel.plots.palette import BLUE, DARK, GREY, VERMILLION
@@ -21,6 +21,34 @@ HISTORY_BAND = "± 1 sigma"
 
 DERIVED = ", derived"
 """Behind the verdict of an estimate that follows from the parameters."""
+
+
+def document(identification: IdentificationData, title: str) -> pages.Document:
+    """Tables of estimates and fits, the doubts, and the notes."""
+    estimates = estimates_table(identification.parameters, identification.derived)
+    doubts = pages.Items([_doubt_in_words(doubt) for doubt in identification.doubts], "Doubts")
+    fits = fits_table(identification.fits)
+    return pages.Document(title, [estimates, fits, doubts, pages.Items(identification.notes)])
+
+
+def _doubt_in_words(doubt: Doubt) -> str:
+    """A doubt, and which estimates it makes doubtful."""
+    doubtful = f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else ""
+    return f"{describe_doubt(doubt)}{doubtful}"
+
+
+def plot(identification: IdentificationData, title: str, kind: str, log: str | None) -> Plot:
+    """A plot of a kind, of the fits of one log; a SignalError if the kind or the log does not exist."""
+    if kind == "parameters":
+        return parameter_plot(identification.parameters, title)
+    if kind in ("fits", "residuals"):
+        panel = fit_panel if kind == "fits" else residual_panel
+        return Plot(title=title, panels=list(map(panel, chosen_fits(identification.fits, log))))
+    if kind == "histories":
+        if not identification.histories:
+            raise SignalError("histories: none in the file of this identification; identify again")
+        return history_plot(identification.histories, identification.parameters, title)
+    raise SignalError(f"{kind}: no such plot; available: parameters, fits, residuals, histories")
 
 
 def estimates_table(parameters: Iterable[Estimate], derived: Sequence[Estimate] = ()) -> pages.Table:

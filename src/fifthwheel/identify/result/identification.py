@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
-from fifthwheel import pages
-from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel.channels import (
     LATERAL_ACCELERATION,
@@ -21,23 +19,13 @@ from fifthwheel.channels import (
     is_sensor_error,
 )
 from fifthwheel.dynamics.chain import BANK
-from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
-from fifthwheel.identify.doubts import Doubt, describe_doubt
-from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.knowledge.storage import KNOWLEDGE
-from fifthwheel.identify.online import Learner, LearnerSettings
-from fifthwheel.identify.result import display, storage
+from fifthwheel.errors import FifthwheelError, suggestion
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
-from fifthwheel.identify.result.posterior import Posterior
-from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.statement import prior_of, with_values
 from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.observe import Observer, ObserverSettings
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.options import FRICTION_RANGE
-from fifthwheel.pages.html import notebook
-from fifthwheel.plots import Plot
 from fifthwheel.vehicle.quantities import (
     BANK_VARIATION,
     DRIVE_AXLE_BRAKING,
@@ -52,10 +40,18 @@ from fifthwheel.vehicle.quantities import (
 if TYPE_CHECKING:
     import pandas as pd
 
+    from fifthwheel import pages
+    from fifthwheel.identify.online import Learner, LearnerSettings
+    from fifthwheel.identify.result.posterior import Posterior
+    from fifthwheel.observe import Observer, ObserverSettings
+    from fifthwheel.plots import Plot
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Identification(IdentificationData):
     """The result of an identification.
+
+    It is data. What its methods make of it, such as plots, files and an observer, is imported when they are called.
 
     Example:
         >>> import fifthwheel as fw
@@ -80,13 +76,15 @@ class Identification(IdentificationData):
         known = [estimate.name for estimate in (*self.parameters, *self.derived)]
         raise KeyError(f"{name}: not estimated; {suggestion(name, known)}")
 
-    def observer_settings(self, log: str | None = None, **changes: Any) -> ObserverSettings:
+    def observer_settings(self, log: str | None = None, **changes: Any) -> "ObserverSettings":
         """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.
 
         Args:
             log: its sensor errors and noise; None for the errors that all logs share and the noise of the first.
             changes: further settings.
         """
+        from fifthwheel.observe import ObserverSettings
+
         return ObserverSettings(**self.sensor_settings(log) | changes)
 
     @property
@@ -168,12 +166,14 @@ class Identification(IdentificationData):
         return own or prior_of(self.settings.given, name)
 
     @property
-    def posterior(self) -> Posterior:
+    def posterior(self) -> "Posterior":
         """The joint posterior of parameters, uncertain numbers, sensor errors, and bank of the road.
 
         Raises:
             FifthwheelError: the method gives no joint posterior.
         """
+        from fifthwheel.identify.result.posterior import Posterior
+
         if self.covariance is None:
             raise FifthwheelError(f"posterior: the {self.method} method has none; identify with OneStage()")
         of_vehicle = self.vehicle.parameters().items()
@@ -195,13 +195,17 @@ class Identification(IdentificationData):
 
     def as_dict(self) -> dict[str, Any]:
         """The content of identification.json: everything but time series."""
+        from fifthwheel.identify.result import storage
+
         return storage.contents_of(self)
 
     def to_json(self) -> str:
         """`as_dict` as JSON; a number that is not finite becomes null."""
+        from fifthwheel.identify.result import storage
+
         return storage.as_json(self.as_dict())
 
-    def observer(self, signals: Iterable[str] | None = None, *, log: str | None = None, **changes: Any) -> Observer:
+    def observer(self, signals: Iterable[str] | None = None, *, log: str | None = None, **changes: Any) -> "Observer":
         """An observer of the identified vehicle, with the estimated sensor errors and noise.
 
         Args:
@@ -209,11 +213,13 @@ class Identification(IdentificationData):
             log: its sensor errors and noise; by default the errors that all logs share.
             changes: further settings, as of `ObserverSettings`.
         """
+        from fifthwheel.observe import Observer
+
         return Observer(
             self.vehicle, self.signals if signals is None else signals, self.observer_settings(log, **changes)
         )
 
-    def learner(self, signals: Iterable[str] | None = None, *, learner: LearnerSettings | None = None) -> Learner:
+    def learner(self, signals: Iterable[str] | None = None, *, learner: "LearnerSettings | None" = None) -> "Learner":
         """A learner that begins at the identified vehicle, with the priors of the settings.
 
         Its prior is not the covariance of this result, so that it can follow a change of the vehicle.
@@ -222,9 +228,10 @@ class Identification(IdentificationData):
             signals: available signals; those of the identification by default.
             learner: when it learns, and how it treats faults of the signals.
         """
-        settings = None
-        if isinstance(self.settings, OneStage):
-            settings = replace(self.settings, given=with_values(self.settings.given, self.surroundings))
+        from fifthwheel.identify.online import Learner
+
+        settings = self.settings.one_stage
+        settings = settings and replace(settings, given=with_values(settings.given, self.surroundings))
         return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:
@@ -272,7 +279,7 @@ class Identification(IdentificationData):
 
     def plot(
         self, kind: Literal["parameters", "fits", "residuals", "histories"] = "parameters", *, log: str | None = None
-    ) -> Plot:
+    ) -> "Plot":
         """A plot of the result.
 
         Args:
@@ -283,16 +290,9 @@ class Identification(IdentificationData):
         Raises:
             SignalError: the kind or the log does not exist, or the result was loaded without time series.
         """
-        if kind == "parameters":
-            return display.parameter_plot(self.parameters, self._title)
-        if kind in ("fits", "residuals"):
-            panel = display.fit_panel if kind == "fits" else display.residual_panel
-            return Plot(title=self._title, panels=list(map(panel, display.chosen_fits(self.fits, log))))
-        if kind == "histories":
-            if not self.histories:
-                raise SignalError("histories: none in the file of this identification; identify again")
-            return display.history_plot(self.histories, self.parameters, self._title)
-        raise SignalError(f"{kind}: no such plot; available: parameters, fits, residuals, histories")
+        from fifthwheel.identify.result import display
+
+        return display.plot(self, self._title, kind, log)
 
     def save(self, folder: str | Path) -> None:
         """Write identification.json, vehicle.toml, knowledge.json and series.npz, the time series, to a folder.
@@ -303,19 +303,9 @@ class Identification(IdentificationData):
             FifthwheelError: a file of one of these names is there, but no earlier result.
             OSError: a file cannot be written.
         """
-        folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
-        names = (storage.CONTENTS, "vehicle.toml", KNOWLEDGE, storage.SERIES)
-        if (foreign := [name for name in names if (folder / name).exists()]) and not storage.is_result(folder):
-            raise FifthwheelError(f"{folder / foreign[0]}: not of an earlier result; choose another folder, or move it")
-        with atomic_write(folder / storage.CONTENTS) as temporary:
-            temporary.write_text(self.to_json() + "\n", encoding="utf-8")
-        self.vehicle.save(folder / "vehicle.toml")
-        with atomic_write(folder / storage.SERIES) as temporary, temporary.open("wb") as file:
-            series: Any = storage.series_of(self)  # the stub of savez_compressed takes only arrays and a flag
-            np.savez_compressed(file, **series)
-        if self.knowledge is not None:
-            self.knowledge.save(folder / KNOWLEDGE)
+        from fifthwheel.identify.result import storage
+
+        storage.save(self, Path(folder))
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
@@ -327,25 +317,16 @@ class Identification(IdentificationData):
         Raises:
             SignalError: the file cannot be read, or is not one of an identification.
         """
-        path = Path(path)
-        path = path / storage.CONTENTS if path.is_dir() else path
-        contents = storage.read_contents(path)
-        series = storage.read_series(path.with_name(storage.SERIES))
-        require_own_functions(contents, str(path))
-        try:
-            known = path.with_name(KNOWLEDGE)
-            knowledge = Knowledge.load(known) if known.exists() else None
-            identification = cls(**storage.fields_of(contents, series), knowledge=knowledge)
-            for name in (None, *[log.name for log in identification.logs]):
-                identification.observer_settings(name)  # checks sensor errors and noise
-        except SignalError as error:
-            raise SignalError(f"{path}: {error}") from None
-        except (ValueError, LookupError, TypeError, AttributeError) as error:
-            reason = printable(str(error).partition("\n")[0])
-            raise SignalError(
-                f"{path}: not an identification.json of this version ({reason}); give the file that "
-                "`fifthwheel identify` wrote, or identify again"
-            ) from None
+        from fifthwheel.identify.result import storage
+
+        return storage.load(Path(path), cls._checked)
+
+    @classmethod
+    def _checked(cls, **fields: Any) -> Self:
+        """An identification whose sensor errors and noise are possible."""
+        identification = cls(**fields)
+        for name in (None, *[log.name for log in identification.logs]):
+            identification.observer_settings(name)
         return identification
 
     @property
@@ -360,17 +341,11 @@ class Identification(IdentificationData):
 
     def _repr_html_(self) -> str:
         """What a notebook shows: tables of estimates and fits."""
+        from fifthwheel.pages.html import notebook
+
         return notebook(self._document())
 
-    def _document(self) -> pages.Document:
-        estimates = display.estimates_table(self.parameters, self.derived)
-        doubts = pages.Items([_doubt_in_words(doubt) for doubt in self.doubts], "Doubts")
-        return pages.Document(
-            f"{self._title}, {self.model}", [estimates, display.fits_table(self.fits), doubts, pages.Items(self.notes)]
-        )
+    def _document(self) -> "pages.Document":
+        from fifthwheel.identify.result import display
 
-
-def _doubt_in_words(doubt: Doubt) -> str:
-    """A doubt, and which estimates it makes doubtful."""
-    doubtful = f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else ""
-    return f"{describe_doubt(doubt)}{doubtful}"
+        return display.document(self, f"{self._title}, {self.model}")

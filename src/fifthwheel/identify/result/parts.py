@@ -1,4 +1,4 @@
-"""The parts of a result: estimates, sensor errors, fits, and what was used of each log."""
+"""The parts of a result: estimates and their history, sensor errors, fits, and what was used of each log."""
 
 import math
 from collections.abc import Mapping
@@ -8,11 +8,9 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, PlainValidator, Strict
 
-from fifthwheel._contents import ComparedByContents
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
-from fifthwheel.identify.history import ParameterHistory
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.verdict import Verdict
@@ -26,6 +24,8 @@ Number = Annotated[Real, BeforeValidator(lambda value: math.nan if value is None
 """A number that may be NaN, which a JSON file states as null."""
 Series = Annotated[Array, PlainValidator(np.asarray)]
 """An array, which is not in the JSON file."""
+LAST_FRACTION = 0.1
+"""An estimate that settles only within this last fraction of its history has not settled."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,6 +91,54 @@ class LogSummary(ComparedByContents):
     bank: tuple[Real, Real] | None = None  # of the road in the first segment and sigma, rad, left edge higher
     drive_axle_braking: tuple[Real, Real] | None = None
     """Fraction of the braking force by engine and retarder, and its sigma."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ParameterHistory(ComparedByContents):
+    """Estimates after each of N samples, all passes one after another, of n parameters."""
+
+    names: tuple[str, ...]
+    time: Array  # (N,) s, continues over logs and passes
+    values: Array  # (N, n)
+    sigma: Array  # (N, n), of the filter
+    starts: tuple[int, ...]  # first row of each pass
+
+    @property
+    def passes(self) -> int:
+        """Number of passes."""
+        return len(self.starts)
+
+    def followed_by(self, later: "ParameterHistory") -> "ParameterHistory":
+        """This history followed by a later one of the same parameters."""
+        return ParameterHistory(
+            names=self.names,
+            time=np.concatenate([self.time, self.time[-1] + later.time]),
+            values=np.concatenate([self.values, later.values]),
+            sigma=np.concatenate([self.sigma, later.sigma]),
+            starts=(*self.starts, *[len(self.time) + start for start in later.starts]),
+        )
+
+    def settled_row(self, name: str, tolerance: float, *, first: int = 0) -> int | None:
+        """The row since which a parameter stays within a fraction of its value (`settled_since`), counted from row
+        `first`; None if it does not."""
+        values = self.values[first:, self.names.index(name)]
+        row = settled_since(values, tolerance)
+        return row if is_settled(row, len(values)) else None
+
+
+def settled_since(values: Array, tolerance: float) -> int:
+    """The first row from which all values (N,) stay within `tolerance` of their own average (section 2.2.3 of the
+    article)."""
+    backwards = values[::-1]
+    count = np.arange(1, len(values) + 1)
+    mean = np.cumsum(backwards) / count
+    deviation = np.maximum(np.maximum.accumulate(backwards) - mean, mean - np.minimum.accumulate(backwards))
+    return len(values) - 1 - int(np.flatnonzero(deviation <= tolerance * np.abs(mean)).max())
+
+
+def is_settled(row: int, rows: int) -> bool:
+    """Whether a history of so many rows that settles at `row` does so before its last tenth."""
+    return row <= (1 - LAST_FRACTION) * rows
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel._arguments import expect_known, expect_names
-from fifthwheel._contents import ComparedByContents
 from fifthwheel._extras import require
-from fifthwheel._types import Array
+from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.names import split_log

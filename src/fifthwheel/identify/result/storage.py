@@ -3,7 +3,7 @@
 import json
 import math
 import zipfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,13 +11,22 @@ from typing import Any, TypeVar
 import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
+from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
 from fifthwheel.checks import Finding
-from fifthwheel.errors import FifthwheelError, SignalError
+from fifthwheel.errors import FifthwheelError, SignalError, printable
 from fifthwheel.identify.doubts import Doubt
-from fifthwheel.identify.history import ParameterHistory
-from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, LogSummary, SensorError
-from fifthwheel.identify.settings import imported, method_named
+from fifthwheel.identify.knowledge.knowledge import Knowledge
+from fifthwheel.identify.knowledge.storage import KNOWLEDGE
+from fifthwheel.identify.result.parts import (
+    Estimate,
+    Fit,
+    IdentificationData,
+    LogSummary,
+    ParameterHistory,
+    SensorError,
+)
+from fifthwheel.identify.settings import imported, method_named, require_own_functions
 from fifthwheel.input_files import read_json, require_regular
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
@@ -29,6 +38,42 @@ FIT, HISTORY = ("time", "measured", "predicted", "whitened"), ("time", "values",
 """Time series of each fit and of each history."""
 MAX_SERIES = 1_000_000_000
 """Bytes of all time series together."""
+
+
+def save(identification: IdentificationData, folder: Path) -> None:
+    """Write the files of an identification to a folder; see `Identification.save`."""
+    folder.mkdir(parents=True, exist_ok=True)
+    names = (CONTENTS, "vehicle.toml", KNOWLEDGE, SERIES)
+    if (foreign := [name for name in names if (folder / name).exists()]) and not is_result(folder):
+        raise FifthwheelError(f"{folder / foreign[0]}: not of an earlier result; choose another folder, or move it")
+    with atomic_write(folder / CONTENTS) as temporary:
+        temporary.write_text(as_json(contents_of(identification)) + "\n", encoding="utf-8")
+    identification.vehicle.save(folder / "vehicle.toml")
+    with atomic_write(folder / SERIES) as temporary, temporary.open("wb") as file:
+        series: Any = series_of(identification)  # the stub of savez_compressed takes only arrays and a flag
+        np.savez_compressed(file, **series)
+    if identification.knowledge is not None:
+        identification.knowledge.save(folder / KNOWLEDGE)
+
+
+def load(path: Path, make: Callable[..., T]) -> T:
+    """What `make` makes of the fields in a folder, or of an identification.json; see `Identification.load`."""
+    path = path / CONTENTS if path.is_dir() else path
+    contents = read_contents(path)
+    series = read_series(path.with_name(SERIES))
+    require_own_functions(contents, str(path))
+    try:
+        known = path.with_name(KNOWLEDGE)
+        knowledge = Knowledge.load(known) if known.exists() else None
+        return make(**fields_of(contents, series), knowledge=knowledge)
+    except SignalError as error:
+        raise SignalError(f"{path}: {error}") from None
+    except (ValueError, LookupError, TypeError, AttributeError) as error:
+        reason = printable(str(error).partition("\n")[0])
+        raise SignalError(
+            f"{path}: not an identification.json of this version ({reason}); give the file that "
+            "`fifthwheel identify` wrote, or identify again"
+        ) from None
 
 
 def contents_of(identification: IdentificationData) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize, rosen
 
 from fifthwheel._types import Array
-from fifthwheel.identify.one_stage.nelder_mead import nelder_mead
+from fifthwheel.identify.noise_model import nelder_mead
 
 
 def rippled(x: Array) -> float:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.identify.history import ParameterHistory, settled_since
+from fifthwheel.identify.result.parts import ParameterHistory, settled_since
 
 
 @given(st.integers(2, 60), st.integers(0, 10**6), st.sampled_from([0.001, 0.01, 0.1]))
