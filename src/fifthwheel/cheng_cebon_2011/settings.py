@@ -47,8 +47,8 @@ def deviation(diagonal: Diagonal, unknown: Unknown) -> float | None:
 class TwoStage(CommonSettings):
     """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
 
-    Of a parameter, `given` states the prior: by default 30 % of a stiffness or inertia, 0.1 m +- 1 m of a payload
-    height. The article's covariances have their names there; each is a diagonal with an entry by name.
+    `given` states priors of the parameters; by default they are 30 % of a stiffness or inertia, and 0.1 m +- 1 m of a
+    payload height. `R`, `Q_x`, `Q_p` and `P_p` are diagonals of the article's covariances, by name.
 
     Example:
         >>> import fifthwheel as fw
@@ -63,8 +63,9 @@ class TwoStage(CommonSettings):
     R: Variances = field(default_factory=dict)
     """Noise variance by signal, SI squared, equations (10) and (12). A signal that is not listed has the article's."""
     Q_x: Mapping[str, FiniteNonNegative] = field(default_factory=dict)
-    """Variance that a state gains per sample, SI squared, by its name, with * for any words: {"*": 1e-8} is equation
-    (14). A state that is not listed has the default per second, `filters.variances.PROCESS_VARIANCE`."""
+    """Variance that a state gains per sample, SI squared, by its name, such as "yaw_rate.tractor", with * for any
+    words: equation (14) is {"*": 1e-8}. A state that is not listed has the default,
+    `filters.variances.PROCESS_VARIANCE` per second."""
     Q_p: Diagonal = field(default_factory=dict)
     """Variance that a parameter gains per sample, in its SI unit squared, by its path or the end of it: equation (11)
     begins {"tractor.front.cornering_stiffness": 475**2}. A text is a standard deviation: "+- 0.1 %", "+- 5 mm". A
@@ -92,6 +93,7 @@ class TwoStage(CommonSettings):
 
     @property
     def stated_noise(self) -> Mapping[str, float]:
+        """Noise variance by signal, SI squared, as far as it is stated."""
         return self.R
 
     def uses(self, name: str) -> bool:

@@ -187,4 +187,5 @@ class OneStage(CommonSettings):
 
     @property
     def stated_noise(self) -> Mapping[str, float]:
+        """Noise variance by signal, SI squared, as far as it is stated."""
         return self.noise
