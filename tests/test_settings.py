@@ -1,8 +1,9 @@
 """The base of all settings, and the options that front ends make from them."""
 
 import math
+import pydoc
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Annotated, Any, Literal
 
 import pytest
@@ -10,8 +11,20 @@ import typer
 
 from fifthwheel import cli
 from fifthwheel.errors import SignalError
+from fifthwheel.identify import OneStage
 from fifthwheel.options import FleetSettings, IdentifyOptions, LiveOptions, ObserverOptions, TruckOptions
-from fifthwheel.settings import Cure, Finite, FiniteNonNegative, Limits, Option, Settings, arguments, limits, options_of
+from fifthwheel.settings import (
+    Cure,
+    Finite,
+    FiniteNonNegative,
+    Limits,
+    Option,
+    Settings,
+    arguments,
+    limits,
+    meanings,
+    options_of,
+)
 
 CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
 
@@ -50,6 +63,17 @@ def test_a_wrong_value_is_named_with_its_cure(wrong: dict[str, Any], message: st
         Example(**wrong)
     with pytest.raises(SignalError, match=f"^{message}$"):
         replace(Example(), **wrong)
+
+
+def test_help_has_every_field_with_its_default_and_its_sentences() -> None:
+    shown = " ".join(pydoc.render_doc(OneStage, renderer=pydoc.plaintext).replace("|", " ").split())
+    sentences = meanings(OneStage)
+    assert list(sentences) == [f.name for f in fields(OneStage)]
+    assert all(sentence.endswith(".") and f"): {sentence}" in shown for sentence in sentences.values())
+    assert "gate (default 6): Measurements with" in shown
+    assert "Annotated" not in shown.partition("Data and other attributes")[0]
+    assert ObserverOptions.__doc__ is not None
+    assert "Tyres saturate at this peak friction" in ObserverOptions.__doc__, "the help of an option"
 
 
 def test_values_are_those_of_the_annotations() -> None:

@@ -80,6 +80,8 @@ WRONG: dict[str, Callable[[], object]] = {
     "settings min_speed str": lambda: fw.OneStage(min_speed="30 km/h"),
     "settings iterations": lambda: fw.OneStage(iterations=2.5),
     "two stage passes": lambda: fw.TwoStage(passes=0),
+    "two stage Q_p typo": lambda: fw.identify([RECORD], TRUCK, fw.TwoStage(Q_p={"yaw_inerta": 1.0})),
+    "two stage Q_x typo": lambda: fw.identify([RECORD], TRUCK, fw.TwoStage(Q_x={"yaw_rate.tracktor": 1e-8})),
     "learner settings": lambda: fw.LearnerSettings(hold=-1),
     "learner discrepancy typo": lambda: fw.Learner(
         TRUCK, RECORD.signals, learner=fw.LearnerSettings(discrepancy={"yaw_rat": 1.0})

@@ -18,7 +18,7 @@ from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.typing import stringify_annotation
 
 import fifthwheel
-from fifthwheel.settings import Settings, options_of
+from fifthwheel.settings import Settings
 
 SECTION = re.compile(r"(Args|Returns|Yields|Raises|Example|Examples|Attributes|Note|Notes):$")
 IDEAS = {
@@ -233,19 +233,15 @@ def without_limits(hint: Any) -> Any:
 
 
 def describe_fields(app: Sphinx, what: str, name: str, obj: Any, options: Any, lines: list[str]) -> None:
-    """Describe settings that are options by their help, and numbers of a vehicle by their description and SI unit."""
-    if not isinstance(obj, type):
+    """Describe the numbers of a vehicle by their description and SI unit."""
+    if not isinstance(obj, type) or not issubclass(obj, BaseModel):
         return
-    found: dict[str, str | None] = {}
-    if issubclass(obj, Settings):
-        found = {key: option.help for key, option in options_of(obj).items()}
-    elif issubclass(obj, BaseModel):
-        units = getattr(obj, "si_units", {})
-        found = {
-            key: field.description + (f" SI unit: {units[key]}." if key in units else "")
-            for key, field in obj.model_fields.items()
-            if field.description
-        }
+    units = getattr(obj, "si_units", {})
+    found = {
+        key: field.description + (f" SI unit: {units[key]}." if key in units else "")
+        for key, field in obj.model_fields.items()
+        if field.description
+    }
     if found:
         lines += ["", "Args:", *(f"    {key}: {text}" for key, text in found.items())]
 

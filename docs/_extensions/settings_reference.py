@@ -6,7 +6,6 @@ from dataclasses import fields
 from typing import Any
 
 from sphinx.application import Sphinx
-from sphinx.pycode import ModuleAnalyzer
 
 import fifthwheel as fw
 from fifthwheel.channels import PLACE_KINDS, SensorErrorName, channels_with_errors
@@ -14,7 +13,7 @@ from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.design import DesignSettings
 from fifthwheel.identify.unknowns.parameters import reported_parameters
 from fifthwheel.names import ends_with
-from fifthwheel.settings import Settings, options_of
+from fifthwheel.settings import Settings, meanings, shown
 from fifthwheel.vehicle.quantities import QUANTITIES
 
 LONG = 60
@@ -35,18 +34,18 @@ def reference() -> Iterator[str]:
 
 def chapter(title: str, settings: Settings, **presets: Settings) -> Iterator[str]:
     """A heading and the table of one class; a preset has a column with the values that it changes."""
-    meanings = described(type(settings))
+    texts = meanings(type(settings))
     yield f"## {title}\n\n| field | default | {''.join(f'`{name}()` | ' for name in presets)}meaning |"
     yield f"|---|---|{'---|' * len(presets)}---|"
     below = []
     for field in fields(settings):
         value = getattr(settings, field.name)
         changed = [getattr(preset, field.name) for preset in presets.values()]
-        cells = [f"`{field.name}`", shown(value), *("" if v == value else shown(v) for v in changed)]
+        cells = [f"`{field.name}`", f"`{shown(value)}`", *("" if v == value else f"`{shown(v)}`" for v in changed)]
         if isinstance(value, Mapping) and len(repr(value)) > LONG:
             cells[1] = "below"
             below.append(f"\n`{field.name}`:\n\n```python\n{lines(value)}\n```")
-        yield "| " + " | ".join([*cells, meanings[field.name].replace("|", r"\|")]) + " |"
+        yield "| " + " | ".join([*cells, texts[field.name].replace("|", r"\|")]) + " |"
     yield "\n".join(below) + "\n"
 
 
@@ -87,32 +86,8 @@ def prior(mean: float | None, sigma: float, unit: str) -> str:
     return f"{centre}± {sigma:.3g}{'' if unit == '1' else f' {unit}'}{angle}"
 
 
-def shown(value: Any) -> str:
-    """A number without the digits of a conversion of units, other settings by their name."""
-    if isinstance(value, Settings):
-        return f"`{type(value).__name__}()`"
-    if isinstance(value, tuple):
-        return "`(" + ", ".join(shown(item).strip("`") for item in value) + ")`"
-    return f"`{value:.4g}`" if isinstance(value, float) and value < 1e4 else f"`{value!r}`"
-
-
 def lines(value: Mapping[str, Any]) -> str:
     return "{\n" + "".join(f"    {key!r}: {item!r},\n" for key, item in value.items()) + "}"
-
-
-def described(kind: type[Settings]) -> dict[str, str]:
-    """What each field means: its docstring, else its help on the command line."""
-    found = {name: option.help for name, option in options_of(kind).items()}
-    for base in reversed(kind.__mro__[:-1]):
-        analyzer = ModuleAnalyzer.for_module(base.__module__)
-        analyzer.analyze()
-        for (owner, name), text in analyzer.attr_docs.items():
-            if owner == base.__qualname__:
-                found[name] = " ".join(text).strip()
-    missing = [field.name for field in fields(kind) if not found.get(field.name)]
-    if missing:
-        raise ValueError(f"{kind.__name__}: no docstring of {', '.join(missing)}; add one below the field")
-    return found
 
 
 def add_reference(app: Sphinx, document: str, source: list[str]) -> None:

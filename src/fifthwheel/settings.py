@@ -1,10 +1,15 @@
 """Settings: frozen data, validated when made; which of them are options of the command line and of the workbench."""
 
+import ast
+import inspect
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import MISSING, asdict, dataclass, field, fields
 from functools import cache
+from itertools import pairwise
 from reprlib import repr as shorten
+from textwrap import dedent, fill
 from typing import Annotated, Any, NamedTuple, TypeVar, get_args, get_origin, get_type_hints
 
 from fifthwheel.errors import SignalError
@@ -71,6 +76,30 @@ class Option:
         return self.flags or (f"--{name.replace('_', '-')}",)
 
 
+class _Documentation:
+    """The `__doc__` of settings: their docstring with all fields, made when it is first read."""
+
+    def __init__(self, text: str | None) -> None:
+        self.text = text
+
+    def __get__(self, instance: object, kind: Any) -> str | None:
+        # the decorator of dataclasses reads it too, before it sets this: then the source need not be read
+        return _documentation(kind, self.text) if self.text and "__match_args__" in vars(kind) else self.text
+
+
+class _Signature:
+    """The signature of settings: the types with limits and cures would fill a screen."""
+
+    def __get__(self, instance: object, kind: Any) -> inspect.Signature:
+        return _signature(kind)
+
+
+class _Shown(str):
+    """A text that is its own representation: a default in a signature."""
+
+    __repr__ = str.__str__
+
+
 @dataclass(frozen=True, kw_only=True)
 class Settings:
     """Base of all settings.
@@ -78,6 +107,11 @@ class Settings:
     Raises:
         SignalError: a value has another type or is outside its range; each line names a setting and the cure.
     """
+
+    __signature__ = _Signature()
+
+    def __init_subclass__(cls) -> None:
+        type.__setattr__(cls, "__doc__", _Documentation(cls.__doc__))
 
     def __post_init__(self) -> None:
         from pydantic import ValidationError  # slow to import, and not needed for the options in a help text
@@ -105,6 +139,62 @@ def options_of(kind: Any) -> dict[str, Option]:
     """The option of each setting that a user can choose, by its name."""
     found = {name: _metadata(hint, Option) for name, hint in _hints(kind).items()}
     return {name: option for name, option in found.items() if option is not None}
+
+
+@cache
+def meanings(kind: Any) -> dict[str, str]:
+    """What each field of settings means: the text below it, else its help on the command line."""
+    found = {name: option.help for name, option in options_of(kind).items()}
+    for base in reversed(kind.__mro__[:-1]):
+        try:
+            (tree,) = ast.parse(dedent(inspect.getsource(base))).body
+        except (OSError, TypeError):  # no source, such as in a frozen program
+            continue
+        for statement, text in pairwise(getattr(tree, "body", ())):
+            match statement, text:
+                case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(sentences))):
+                    found[name] = " ".join(sentences.split())
+    return {f.name: found.get(f.name, "") for f in fields(kind)}
+
+
+def shown(value: Any) -> str:
+    """A value of a setting: a number without the digits of a conversion of units, other settings by their name."""
+    if isinstance(value, Settings):
+        return f"{type(value).__name__}()"
+    if isinstance(value, tuple):
+        return "(" + ", ".join(map(shown, value)) + ")"
+    return f"{value:.4g}" if isinstance(value, float) and value < 1e4 else repr(value)
+
+
+def _default(setting: Any) -> str:
+    """The default of a field, shortened; "" if it has none."""
+    if setting.default is MISSING and setting.default_factory is MISSING:
+        return ""
+    value = setting.default if setting.default_factory is MISSING else setting.default_factory()
+    text = shown(value)
+    return text if len(text) < 60 else shorten(value)
+
+
+@cache
+def _signature(kind: Any) -> inspect.Signature:
+    Parameter = inspect.Parameter
+    own = []
+    for f in fields(kind):
+        default = _Shown(_default(f)) or Parameter.empty if f.default is MISSING else f.default
+        own.append(Parameter(f.name, Parameter.KEYWORD_ONLY, default=default))
+    with_self = [Parameter("self", Parameter.POSITIONAL_OR_KEYWORD), *own]
+    kind.__init__.__signature__ = inspect.Signature(with_self)  # help() shows it too
+    return inspect.Signature(own)
+
+
+@cache
+def _documentation(kind: Any, text: str) -> str:
+    """A docstring with all fields before its sections."""
+    head, *sections = re.split(r"\n\n(?=[A-Z]\w+:\n)", inspect.cleandoc(text), maxsplit=1)
+    defaults = {f.name: f" (default {default})" if (default := _default(f)) else "" for f in fields(kind)}
+    entries = [f"    {name}{defaults[name]}: {meaning}" for name, meaning in meanings(kind).items()]
+    lines = [fill(entry, width=110, subsequent_indent=8 * " ") for entry in entries]
+    return "\n\n".join([head, "\n".join(["Args:", *lines]), *sections])
 
 
 def limits(kind: Any, name: str) -> tuple[float | None, float | None]:

@@ -22,7 +22,7 @@ from fifthwheel.vehicle import Vehicle
 
 YAW, TRAILER = "yaw_rate.tractor", "yaw_rate.semitrailer"
 NOISE = {YAW: 3e-4, TRAILER: 2e-3}
-SMOOTH = TwoStage(process_noise=1e-9, noise=NOISE, adapt_noise=False)
+SMOOTH = TwoStage(Q_x={"*": 0.0}, R=NOISE, adapt_noise=False)
 
 
 class Stage1:
@@ -40,7 +40,7 @@ class Stage1:
             vehicle=self.vehicle, outputs=self.channels, roll=False, unknowns=self.unknowns, settings=settings
         )
         self.values = {name: self.vehicle.parameters()[name] for name in self.names}
-        self.logs = [log.with_noise(self.vehicle, self.channels, settings.noise) for log in self.dataset.logs]
+        self.logs = [log.with_noise(self.vehicle, self.channels, settings.R) for log in self.dataset.logs]
 
     def scaled_logs(self, factor: float) -> list[LogData]:
         """The logs with the variance of the noise multiplied by a factor."""

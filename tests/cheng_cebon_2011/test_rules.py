@@ -80,7 +80,7 @@ def test_settling_time() -> None:
 
 def verdicts(truck: Vehicle, *, trusted: bool = True, **changes: dict) -> dict[str, tuple]:
     """Verdict, value, initial value, sigma over the prior's, and stage of each parameter."""
-    settings = TwoStage(given={DRIVE: "exact"}, initial_payload_height=None)
+    settings = TwoStage(given={DRIVE: "exact", HEIGHT: "+- 1 m"})
     stage_1 = parameter_unknowns(truck, [n for n in parameters.stage_1_names(truck) if n != DRIVE], settings)
     stage_2 = parameter_unknowns(truck, [HEIGHT], settings)
     names = [u.name for u in (*stage_1, *stage_2)]

@@ -50,7 +50,7 @@ def stage_1(truck: Vehicle, active: list[str] | None = None, **changes: object) 
         *parameter_unknowns(vehicle, parameters.stage_1_names(vehicle), settings),
         *sensor_unknowns(vehicle, dataset.yaw, settings),
     )
-    logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.noise) for log in dataset.logs)
+    logs = tuple(log.with_noise(vehicle, dataset.yaw, settings.R) for log in dataset.logs)
     start = {u.name: u.centre for u in unknowns if not u.is_sensor_error}
     result = run_stage(
         DualProblem(vehicle=vehicle, outputs=dataset.yaw, roll=False, unknowns=unknowns, settings=settings),

@@ -12,6 +12,7 @@ from hypothesis import settings as of_test
 from hypothesis import strategies as st
 
 from fifthwheel.cheng_cebon_2011 import TwoStage
+from fifthwheel.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import CommonSettings, OneStage
 from fifthwheel.identify.given import applied, possible_names, require_signals
@@ -307,10 +308,14 @@ def test_any_load_is_stated_of_the_laden_body() -> None:
     assert prior(body, settings=settings) is not None
 
 
-def test_two_stages_take_values_and_exact_numbers() -> None:
-    vehicle, settings = stated("tractor.mass=7.3 t", "payload.height=exact", settings=TwoStage())
+def test_two_stages_take_values_exact_numbers_and_priors_of_what_they_estimate() -> None:
+    texts = ("tractor.mass=7.3 t", "payload.height=0.2 m +- 0.5 m", "cornering_stiffness=+- 20 %")
+    vehicle, settings = stated(*texts, settings=TwoStage())
     assert vehicle.unit("tractor").mass == 7300.0
-    assert settings.given == {"payload.height": "exact"}
+    front, height = parameter_unknowns(vehicle, ["tractor.front.cornering_stiffness", HEIGHT], settings)
+    assert (front.scale, height.centre, height.scale) == (0.2, 0.2, 0.5)
+    with pytest.raises(FifthwheelError, match=r"payload\.height: two stages need its standard deviation, or exact"):
+        stated("payload.height=0.2 m", settings=TwoStage())
 
 
 LINEAR: dict[str, str] = {
@@ -361,7 +366,7 @@ OF_SATURATING_TYRES = {
     "softening=+- 50 %": "saturating tyres soften by their law.*--tyres linear",
 }
 OF_TWO_STAGES = (
-    *("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", f"{HEIGHT}=2 m"),
+    *("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", "yaw_inertia=+- 20 %"),
     *("road.bank=+- 1 deg", "steer.tractor.front.play=+- 1 deg", "speed.delay=+- 5 ms", "yaw_rate.*.gain=exact"),
     *("road.friction=wet", "softening=exact", "tyre.shape=+- 5 %"),
 )

@@ -20,9 +20,12 @@ from fifthwheel.vehicle import get
     ("kind", "changes", "message"),
     [
         (TwoStage, {"passes": 0}, "passes: expected a number of 1 or more, got 0; correct it"),
-        (TwoStage, {"prior": 0.0}, "prior: expected a number above 0"),
+        (TwoStage, {"Q_x": {"*": -1.0}}, "Q_x, .*: expected a finite number of 0 or more, got -1"),
+        (TwoStage, {"Q_p": {"yaw_inertia": -1.0}}, "yaw_inertia: expected a finite variance of 0 or more, got -1"),
+        (TwoStage, {"Q_p": {"yaw_inertia": "400"}}, "yaw_inertia=400: expected '[+]- SIGMA'"),
+        (TwoStage, {"P_p": {"yaw_inertia": None}}, r"yaw_inertia, float: .* give a variance in SI, such as 475\*\*2"),
         (TwoStage, {"forgetting": 0.0}, "forgetting: expected a number above 0 and at most 1, got 0"),
-        (TwoStage, {"noise": {"yaw_rate.tractor": 0.0}}, "yaw_rate.tractor: expected a finite number above 0, got 0"),
+        (TwoStage, {"R": {"yaw_rate.tractor": 0.0}}, "yaw_rate.tractor: expected a finite number above 0, got 0"),
         (OneStage, {"tolerance": float("nan")}, "tolerance: expected a number above 0, got nan"),
         (OneStage, {"iterations": 0}, "iterations: expected a number of 1 or more, got 0"),
         (
@@ -40,21 +43,13 @@ def test_refused(kind: type[CommonSettings], changes: dict[str, object], message
         kind(**changes)
 
 
-def test_article() -> None:
-    """Section 3: Q_p of 0.1 %, 5 mm for the height, lambda 0.999; changes replace single settings."""
-    settings = article(forgetting=0.9995)
-    assert (settings.preset, settings.random_walk, settings.height_walk) == ("article", 0.001, 0.005)
-    assert settings.forgetting == 0.9995
-    assert article().forgetting == 0.999
-
-
 BOTH = "tolerance gate min_speed"
 LEARNER = (
     "excitation_window high_pass_time max_lateral_acceleration discrepancy_time offset_time parameter_time "
     "max_innovation_ratio max_autocorrelation innovation_window max_steer max_steer_rate max_speed_change coast "
     "max_gap stop_excitation"
 )
-POSITIVE = {OneStage: f"{BOTH} outlier", TwoStage: f"{BOTH} prior height_prior", LearnerSettings: LEARNER}
+POSITIVE = {OneStage: f"{BOTH} outlier", TwoStage: BOTH, LearnerSettings: LEARNER}
 
 
 @pytest.mark.parametrize(
@@ -99,11 +94,13 @@ def test_limits_of_other_settings() -> None:
 
 
 def test_the_settings_of_the_article() -> None:
-    """Sections 3.1 to 3.3: random walk of 0.1 % and 5 mm, shrunk by 0.999, no process noise, one pass."""
+    """Sections 3.1 to 3.3, and 4.2: random walk of 0.1 % and 5 mm, shrunk by 0.999, no process noise, one pass."""
     settings = article()
-    assert (settings.random_walk, settings.height_walk, settings.forgetting) == (0.001, 0.005, 0.999)
-    assert (settings.initial_sigma, settings.initial_height_sigma) == (0.001, 0.005)
-    assert (settings.passes, settings.rounds, settings.process_noise, settings.average) == (1, 1, 0.0, True)
+    of_all = {"cornering_stiffness": "+- 0.1 %", "yaw_inertia": "+- 0.1 %", "payload.height": "+- 5 mm"}
+    assert (settings.Q_p, settings.P_p, settings.forgetting) == (of_all, of_all, 0.999)
+    assert (settings.passes, settings.rounds, settings.Q_x, settings.average) == (1, 1, {"*": 0.0}, True)
+    of_test = article(Q_p={"yaw_inertia": 400**2}, forgetting=0.9995)
+    assert of_test == replace(settings, Q_p=of_test.P_p, P_p=of_all | {"yaw_inertia": 400.0**2}, forgetting=0.9995)
     switched_off = ("logarithmic", "consistent", "coupled", "restart", "relaxation", "adapt_noise")
     assert not any(getattr(settings, name) for name in switched_off)
     assert settings.given == {"sensors": "exact"}
@@ -116,9 +113,8 @@ def test_the_settings_of_the_article() -> None:
     [
         (OneStage, {"form": "banana"}, "form: expected 'output_error' or 'prediction_error', got 'banana'"),
         (OneStage, {"tyres": "round"}, "tyres: expected 'linear', 'saturating', 'auto' or a tyre law, got 'round'"),
-        (TwoStage, {"prior": "0.3"}, "prior: expected a number above 0, got '0.3'"),
         (OneStage, {"check": "no"}, "check: expected a valid boolean, got 'no'"),
-        (TwoStage, {"noise": {"yaw_rat.tractor": 1e-4}}, "noise, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
+        (TwoStage, {"R": {"yaw_rat.tractor": 1e-4}}, "R, yaw_rat.tractor: .* did you mean 'yaw_rate.tractor'"),
         (ObserverSettings, {"noise": {"speed.tractor": 1e-4}}, "noise, speed.tractor: .* belongs to the whole vehicle"),
         (ObserverSettings, {"sensor_errors": {"steer.tractor.front.ofset": 0.1}}, "not the name of a sensor error"),
         (ObserverSettings, {"positions": {"sidelip.semitrailer": -2.0}}, "did you mean 'sideslip.semitrailer'"),
@@ -162,7 +158,7 @@ def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:
     )
     for refused in (
         lambda: identify([record], truck, OneStage(noise=noise)),
-        lambda: identify([record], truck, TwoStage(noise=noise)),
+        lambda: identify([record], truck, TwoStage(R=noise)),
         lambda: Learner(truck, record.signals, OneStage(noise=noise)),
         lambda: Observer(truck, record.signals, ObserverSettings(noise=noise)),
     ):
@@ -173,4 +169,4 @@ def test_noise_of_a_unit_that_the_vehicle_does_not_have_is_refused() -> None:
 def test_lists_and_whole_numbers_are_accepted() -> None:
     settings = OneStage(given={"tractor.mass": 7000}, reported=["tractor.mass"])
     assert settings == OneStage(given={"tractor.mass": 7000.0}, reported=("tractor.mass",))
-    assert isinstance(TwoStage(prior=1).prior, float)
+    assert isinstance(TwoStage(gate=1).gate, float)

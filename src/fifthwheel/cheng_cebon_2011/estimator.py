@@ -26,7 +26,8 @@ from fifthwheel.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_po
 from fifthwheel.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
-from fifthwheel.errors import SignalError, VehicleError
+from fifthwheel.dynamics import ChainModel
+from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import estimates
 from fifthwheel.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
@@ -35,6 +36,7 @@ from fifthwheel.identify.given import applied
 from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.result.parts import Estimate, Fit, ParameterHistory, is_settled, settled_since
 from fifthwheel.identify.settings import Progress
+from fifthwheel.identify.statement import Statement, applies
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.parameters import known_of
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -182,7 +184,7 @@ class _TwoStages:
         given = self.dataset.vehicle.parameters()
         values = {u.name: given[u.name] if u.name in not_excited else u.centre for u in self.estimated}
         channels = (*self.dataset.yaw, *self.dataset.roll)
-        vehicle, noise = self.dataset.vehicle, self.settings.noise
+        vehicle, noise = self.dataset.vehicle, self.settings.R
         logs = tuple(log.with_noise(vehicle, channels, noise) for log in self.dataset.logs)
         return _State(values=values, logs=logs, not_excited=not_excited)
 
@@ -254,6 +256,15 @@ class _TwoStages:
         return sigma
 
 
+def _require_names(vehicle: Vehicle, model: ChainModel, settings: TwoStage) -> None:
+    """Refuse an entry of a covariance that fits no parameter or no state; a truck without payload has no height."""
+    names = (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle), "yaw_inertia", "payload.height")
+    for title, known in (("Q_x", model.states), ("Q_p", names), ("P_p", names)):
+        for pattern in getattr(settings, title):
+            if not any(applies(Statement(name=pattern), name) for name in known):
+                raise VehicleError(f"{title}, {pattern}: fits nothing in {vehicle.name}; {suggestion(pattern, known)}")
+
+
 def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     """Unknowns and models of both stages; a VehicleError if nothing is left to estimate or cannot be fixed."""
     vehicle = dataset.vehicle
@@ -285,6 +296,7 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
         full = problem((*dataset.yaw, *dataset.roll), [*stage_1, *stage_2], roll=True)
     else:
         notes.append(NO_STAGE_2_NOTE)
+    _require_names(vehicle, full.model, settings)
     return _TwoStages(dataset=dataset, notes=tuple(notes), yaw=yaw, full=full)
 
 

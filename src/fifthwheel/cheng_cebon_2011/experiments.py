@@ -164,8 +164,9 @@ def section_4(*, repetitions: int, errors: bool = False) -> Experiment:
     if errors:
         assumed = with_factor(truck, dict.fromkeys(group_paths(truck, "roll_stiffness"), ROLL_STIFFNESS_ERROR))
         sensors |= {name: replace(sensors[name], bias=bias) for name, bias in BIASES.items()}
-    # the published noise of C1r, C2 and I2zz, 600, 1000 and 400, is 0.05 to 0.1 % of their values, equation (15)
-    preset = article(given={FRONT: "exact"}, forgetting=0.9995, random_walk=0.0007)
+    # equation (15) has 600, 1000 and 400 for C1r, C2 and I2zz of the test vehicle: 0.05 to 0.1 % of their values
+    walk = {"cornering_stiffness": "+- 0.07 %", "yaw_inertia": "+- 0.07 %"}
+    preset = article(given={FRONT: "exact"}, forgetting=0.9995, Q_p=walk, P_p=article().P_p)
     front = {FRONT: MANUFACTURER_FRONT_STIFFNESS}
     arms = [
         Arm(name="article", settings=preset, assumed=assumed, fixed=front),
@@ -203,10 +204,14 @@ def variants(truck: Vehicle) -> tuple[Variant, ...]:
     """All variants: settings that the article does not publish, and errors of its models. The first has no change."""
     on_roll_axis = {unit.group_path(group): unit.roll_axis_height for unit in truck.units for group in unit.axle_groups}
     stiff = dict.fromkeys(group_paths(truck, "roll_stiffness"), 1.1)
+    ten_times = {"cornering_stiffness": "+- 1 %", "yaw_inertia": "+- 1 %"}
     return (
         Variant(name="no change"),
         Variant(name="twice as many lane changes", repetitions=2),
-        Variant(name="estimator: initial sigma ten times Q_p^(1/2)", settings=lambda s: replace(s, initial_sigma=0.01)),
+        Variant(
+            name="estimator: initial sigma ten times Q_p^(1/2)",
+            settings=lambda s: replace(s, P_p={**s.P_p, **ten_times}),
+        ),
         Variant(name="estimator: sampling rate 50 Hz", rate=50),
         Variant(name="estimator: sampling rate 200 Hz", rate=200),
         Variant(name="estimator: zero-order hold of the steer angle", steer_latency=0.005),

@@ -17,21 +17,24 @@ from fifthwheel.filters.initial_state import initial_state, steady_initial_state
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, step_rows
 from fifthwheel.identify.dataset import LogData
+from fifthwheel.identify.statement import Stated, Statement, applies
 from fifthwheel.identify.unknowns.parameters import known_of, sensor_error_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown, linear_unknown, logarithmic_unknown, scaling
 from fifthwheel.names import ends_with
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
+PRIOR = 0.3
+"""Prior standard deviation of a stiffness or inertia of which nothing is stated, as a fraction of its value."""
+HEIGHT_PRIOR = 0.1, 1.0
+"""Prior mean and standard deviation of a payload height of which nothing is stated, m; section 3.3 starts there."""
+
 
 def parameter_unknowns(vehicle: Vehicle, names: Sequence[str], settings: TwoStage) -> list[Unknown]:
     """The unknowns for those of the named parameters that are not exact; the vehicle has the prior means."""
     values = vehicle.parameters()
-    return [
-        _unknown(name, values[name], settings)
-        for name in names
-        if not known_of(name, values[name], settings, reported=True).exact
-    ]
+    known = [known_of(name, values[name], settings, reported=True) for name in names]
+    return [_unknown(each, settings) for each in known if not each.exact]
 
 
 def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage) -> list[Unknown]:
@@ -39,12 +42,18 @@ def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage
     return [u for u in sensor_error_unknowns(vehicle, outputs, settings) if settings.uses(u.name)]
 
 
-def _unknown(name: str, value: float, settings: TwoStage) -> Unknown:
+def _unknown(known: Stated, settings: TwoStage) -> Unknown:
+    name, value, sigma = known.name, known.value, known.sigma
     if ends_with(name, "payload.height"):
-        initial = settings.initial_payload_height
-        return linear_unknown(name, value if initial is None else initial, settings.height_prior)
-    unknown = logarithmic_unknown(name, value, settings.prior)
-    return unknown if settings.logarithmic else replace(unknown, logarithmic=False, scale=settings.prior * value)
+        return linear_unknown(name, *((value, sigma) if sigma else HEIGHT_PRIOR))
+    prior = sigma / value if sigma else PRIOR
+    unknown = logarithmic_unknown(name, value, prior)
+    return unknown if settings.logarithmic else replace(unknown, logarithmic=False, scale=prior * value)
+
+
+def sample_period(rows: StepRows) -> float:
+    """Usual time between two samples, s."""
+    return float(np.median(np.diff(rows.time[rows.sample_indices])))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +113,7 @@ class DualProblem:
             self.model,
             rows[:],
             c=self.model.known_values(dynamics.all_parameters(self.vehicle, self.model.outputs)),
-            noise=self._noise(log),
+            noise=self._noise(log, rows),
             scaling=self.shifted_scaling(values),
             start=DualState(x=x0, P=P0, z=z, Pz=Pz, sensitivity=sensitivity, walk=walk),
             coupling=coupling,
@@ -128,12 +137,17 @@ class DualProblem:
         applied = [values.get(name, 0.0) if is_sensor_error(name, "delay") else 0.0 for name in self.names]
         return replace(self.scaling, centre=self.scaling.centre - np.array(applied))
 
-    def _noise(self, log: LogData) -> Noise:
-        """Process noise, and the effective noise variance of each channel of a log."""
-        # at least 1e-9 of the default: a covariance that decays to denormal numbers is slow to compute
-        factor = max(self.settings.process_noise, 1e-9)
+    def _noise(self, log: LogData, rows: StepRows) -> Noise:
+        """Process noise per second, and the effective noise variance of each channel of a log."""
+        process = variances.process_covariance(self.model.states, variances.PROCESS_VARIANCE)
+        stated = {Statement(name=pattern): variance for pattern, variance in self.settings.Q_x.items()}
+        for i, name in enumerate(self.model.states):
+            if found := [each for each in stated if applies(each, name)]:
+                own = stated[max(found, key=lambda each: each.rank)] / sample_period(rows)
+                # at least 1e-9 of the default: a covariance that decays to denormal numbers is slow to compute
+                process[i, i] = max(own, 1e-9 * process[i, i])
         return Noise(
-            process=variances.process_covariance(self.model.states, variances.PROCESS_VARIANCE, factor),
+            process=process,
             measurement=np.array([log.effective_variance(name) for name in self.model.outputs]),
             gate=self.settings.gate,
         )

@@ -18,15 +18,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.cheng_cebon_2011.dual import DualCoupling
-from fifthwheel.cheng_cebon_2011.problem import DualProblem
-from fifthwheel.cheng_cebon_2011.settings import TwoStage
+from fifthwheel.cheng_cebon_2011.problem import DualProblem, sample_period
+from fifthwheel.cheng_cebon_2011.settings import TwoStage, deviation
 from fifthwheel.filters.step_rows import StepRows
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.noise_model import CORRELATION_TIME, autocorrelation_factor
 from fifthwheel.identify.result.parts import ParameterHistory
 from fifthwheel.identify.settings import Progress
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import ends_with
 
 FEWEST_INNOVATIONS = 20
 """A channel with at most so many accepted innovations keeps its noise."""
@@ -210,7 +209,7 @@ class _Stage:
 
     def _coupling(self, rows: StepRows) -> DualCoupling:
         """Random walk and forgetting per second; the settings have them per sample."""
-        step = float(np.median(np.diff(rows.time[rows.sample_indices])))
+        step = sample_period(rows)
         return DualCoupling(
             consistent=self.settings.consistent,
             coupled=self.settings.coupled,
@@ -272,8 +271,5 @@ def filter_sigmas(unknown: Unknown, settings: TwoStage) -> tuple[float, float]:
     """Standard deviations of z at the start of the filter, and that z gains per sample."""
     if unknown.is_sensor_error:
         return 1.0, 0.0
-    if ends_with(unknown.name, "payload.height"):
-        start, walk, prior = settings.initial_height_sigma, settings.height_walk, settings.height_prior
-    else:
-        start, walk, prior = settings.initial_sigma, settings.random_walk, settings.prior
-    return (start or prior) / prior, walk / prior
+    start, walk, prior = deviation(settings.P_p, unknown), deviation(settings.Q_p, unknown), unknown.prior_sigma
+    return 1.0 if start is None else start / prior, (walk or 0.0) / prior

@@ -56,7 +56,7 @@ def identify(
     (digests of these files). With several loads (--load) these are of the last log's, and each other load has a
     folder of its own. With a result folder as --vehicle the estimates begin with the information of its logs.
     --any-load, --form, --tyres, --knowledge, --trailer, --load and --road belong to the one-stage
-    method; two stages take values and "exact" of parameters by --set.
+    method; two stages take ± of the estimated parameters, values and "exact" by --set.
     """
     from fifthwheel.logs import start_reader
 

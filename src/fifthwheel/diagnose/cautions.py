@@ -198,7 +198,7 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
     """Channels that the identified truck predicts poorly, and channels with many rejected samples."""
     excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
     for fit in identification.fits:
-        quality, unit = fit_quality(fit, identification.settings.noise), si_unit(fit.signal)
+        quality, unit = fit_quality(fit, identification.settings.stated_noise), si_unit(fit.signal)
         place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
         severity: Severity = "warning"
         if fit.log in excited and quality.unrelated:

@@ -76,7 +76,7 @@ def predicted_logs(identification: Identification) -> list[PredictedLog]:
     logs: dict[str, list[FitQuality]] = {}
     for fit in identification.fits:
         if not fit.identified_on:
-            logs.setdefault(fit.log, []).append(fit_quality(fit, identification.settings.noise))
+            logs.setdefault(fit.log, []).append(fit_quality(fit, identification.settings.stated_noise))
     return [
         PredictedLog(
             log=log,

@@ -85,7 +85,7 @@ def evaluate_fits(
 
 def _is_unexplained(fit: Fit, vehicle: Vehicle, settings: CommonSettings) -> bool:
     """Whether the model explains too little of a clear signal."""
-    noise = variances.sensor_variance(vehicle, fit.signal, settings.noise)
+    noise = variances.sensor_variance(vehicle, fit.signal, settings.stated_noise)
     channel = CHANNELS[SignalName.of(fit.signal).quantity]
     if channel.large_offset:  # its noise is different on every truck
         noise = max(noise, estimate_noise_variance(fit.time, fit.measured) or 0.0)

@@ -79,7 +79,7 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     found = [stated(given, path, unit_of(path), value, reported=path in reported) for path, value in own.items()]
     found = [each for each in found if each.source is not None]
     values = {each.name: each.value for each in found if each.has_value}
-    sigmas = dict(_sigmas(vehicle, settings, found))
+    sigmas = dict(_sigmas(vehicle, settings, found, reported))
     known = {s.name: s.value for s in found if s.name in sigmas and s.source and s.source.name not in GROUPS}
     changed = with_consistent_masses(vehicle, known | values)
     sigmas = {path: sigma for path, sigma in sigmas.items() if changed.stated.get(path) != sigma}
@@ -94,12 +94,17 @@ def _with_law(vehicle: Vehicle, settings: CommonSettings) -> OneStage:
     return OneStage(tyres="linear")
 
 
-def _sigmas(vehicle: Vehicle, settings: CommonSettings, found: Sequence[Stated]) -> Iterator[tuple[str, float]]:
+def _sigmas(
+    vehicle: Vehicle, settings: CommonSettings, found: Sequence[Stated], reported: Sequence[str]
+) -> Iterator[tuple[str, float]]:
     """The standard deviations that are stated of numbers of the vehicle; a VehicleError where one has no use."""
     for each in found:
         is_height = ends_with(each.name, "payload.height")
-        if not isinstance(settings, OneStage) and (each.free or each.sigma or (is_height and not each.exact)):
-            raise refused(each, "needs one stage; remove it, or choose that method")
+        if not isinstance(settings, OneStage):
+            if each.free or (each.sigma and each.name not in reported):
+                raise refused(each, "needs one stage; remove it, or choose that method")
+            if is_height and each.sigma is None:
+                raise refused(each, "two stages need its standard deviation, or exact; give it, such as '+- 1 m'")
         if each.free:
             _require_possible(each)
         elif each.sigma is not None:

@@ -35,12 +35,8 @@ class CommonSettings(Settings):
     parameter by more than a tenth of this fraction, or of its sigma if that is larger."""
     relaxation: bool = True
     """Model the lag of the side forces by the relaxation lengths of the vehicle file; the article has no lag."""
-    noise: Variances = field(default_factory=dict)
-    """Noise variance by signal, SI squared. A signal that is not listed starts from the article's R."""
     adapt_noise: bool = True
     """Rescale R to the variance of the residuals after every pass or step."""
-    process_noise: float = 1.0
-    """Process noise as a multiple of the default (`filters.variances.PROCESS_VARIANCE`); the article has none."""
     gate: Positive = 6.0
     """Measurements with an innovation beyond this number of standard deviations are rejected."""
     min_speed: Positive = 5.0
@@ -80,6 +76,11 @@ class CommonSettings(Settings):
     def one_stage(self) -> "OneStage | None":
         """These settings if they are of one stage, which alone uses earlier logs, predicts and learns; else None."""
         return None
+
+    @property
+    def stated_noise(self) -> Mapping[str, float]:
+        """Noise variance by signal, SI squared, as far as it is stated."""
+        return {}
 
 
 class Implementation(NamedTuple):
@@ -162,6 +163,10 @@ class OneStage(CommonSettings):
     form: Literal["output_error", "prediction_error"] = "output_error"
     """Output error: residuals of the model without correction by measurements; more robust to model error. Prediction
     error: innovations of a Kalman filter; robust to unmeasured disturbances such as side wind."""
+    noise: Variances = field(default_factory=dict)
+    """Noise variance by signal, SI squared. A signal that is not listed starts from the article's R."""
+    process_noise: float = 1.0
+    """Process noise as a multiple of the default (`filters.variances.PROCESS_VARIANCE`); the article has none."""
     outlier: Positive = 4.0
     """Residuals beyond this number of standard deviations get less weight (Huber 1964)."""
     iterations: Count = 50
@@ -190,3 +195,8 @@ class OneStage(CommonSettings):
     def one_stage(self) -> "OneStage":
         """These settings."""
         return self
+
+    @property
+    def stated_noise(self) -> Mapping[str, float]:
+        """Noise variance by signal, SI squared, as far as it is stated."""
+        return self.noise

@@ -42,7 +42,7 @@ def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
     Raises:
         SignalError: noise of a signal whose unit the vehicle does not have.
     """
-    require_units(vehicle, settings.noise)
+    require_units(vehicle, settings.stated_noise)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in vehicle.group_paths()})
     return vehicle if settings.uniform_payload else vehicle.lumped()

@@ -389,7 +389,7 @@ def _fit_tables(identification: Identification) -> Iterator[pages.Table]:
     for log, fits in _fits_by_log(identification).items():
         rows = []
         for fit in fits:
-            unit, noise = si_unit(fit.signal), fit_quality(fit, identification.settings.noise).noise
+            unit, noise = si_unit(fit.signal), fit_quality(fit, identification.settings.stated_noise).noise
             shown_noise = approximate(noise, unit) if np.isfinite(noise) else "–"
             rows.append((fit.signal, _explained(fit), approximate(fit.rms, unit), shown_noise))
         head = log if fits[0].identified_on else f"{log} (validation log)"

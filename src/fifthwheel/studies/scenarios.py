@@ -55,6 +55,7 @@ class SimulatedRun(Settings):
     manoeuvre: str = "lane_changes"
     """One of `MANOEUVRES` that the model has."""
     model: Literal["linear", "nonlinear"] = "linear"
+    """The linear model of the estimators, or the nonlinear truck."""
     count: int | None = None
     """Number of lane changes."""
     speed: float | None = None

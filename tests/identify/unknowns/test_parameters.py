@@ -119,7 +119,7 @@ def test_priors(truck: Vehicle) -> None:
     """Standard deviation and slope agree with the transformation z -> p."""
     for settings in (TwoStage(), TwoStage(logarithmic=False)):
         for u in parameter_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
-            expected = settings.height_prior if u.name == HEIGHT else settings.prior * truck.parameters()[u.name]
+            expected = 1.0 if u.name == HEIGHT else 0.3 * truck.parameters()[u.name]
             assert u.prior_sigma == pytest.approx(expected)
             assert u.slope(u.centre) == pytest.approx(expected)
 
@@ -340,17 +340,20 @@ def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
 
 
 def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
-    """As a fraction of the prior; the random walk likewise."""
+    """As a fraction of the prior, which `given` states; the random walk likewise. A number is a variance, SI."""
     names = ("tractor.front.cornering_stiffness", HEIGHT)
     settings = TwoStage(
-        prior=0.2, height_prior=0.5, initial_sigma=0.02, initial_height_sigma=0.1, random_walk=0.004, height_walk=0.025
+        given={"cornering_stiffness": "+- 20 %", HEIGHT: "0.4 m +- 0.5 m"},
+        P_p={"cornering_stiffness": "+- 2 %", names[0]: "+- 1 %", HEIGHT: "+- 100 mm"},
+        Q_p={names[0]: 475**2, HEIGHT: 0.025**2},
     )
     stiffness, height = parameter_unknowns(truck, names, settings)
-    assert filter_sigmas(stiffness, settings) == pytest.approx((0.1, 0.02))
+    assert filter_sigmas(stiffness, settings) == pytest.approx((0.05, 475 / (0.2 * stiffness.centre)))
     assert filter_sigmas(height, settings) == pytest.approx((0.2, 0.05))
+    assert (height.centre, height.scale) == (0.4, 0.5)
     usual = parameter_unknowns(truck, names, TwoStage())
     assert {filter_sigmas(u, TwoStage()) for u in usual} == {(1.0, 0.0)}
-    linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, prior=0.2))[0]
+    linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, given={names[0]: "+- 20 %"}))[0]
     assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
     fixed = parameter_unknowns(truck, names, TwoStage(given={**dict.fromkeys(names[:1], "exact")}))
     assert [u.name for u in fixed] == [HEIGHT]
