@@ -71,7 +71,7 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     listed = list(_without_wheelbases(vehicle, [statement(*item) for item in settings.given.items()]))
     without_value = vehicle.locations().keys() - vehicle.parameters().keys()
     vehicle = vehicle.replace({s.name: 0.0 for s in listed if s.value != "" and s.name in without_value})
-    law, own = _with_law(vehicle, settings), vehicle.parameters()
+    law, own = with_tyre_law(vehicle, settings.one_stage or OneStage(tyres="linear"))[0], vehicle.parameters()
     others = _beyond_vehicle(vehicle, law)
     for each in listed:
         _require_use(vehicle, law, settings, each, others)
@@ -87,20 +87,13 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     return changed.with_stated(sigmas) if sigmas else changed, replace(settings, given=kept)
 
 
-def _with_law(vehicle: Vehicle, settings: CommonSettings) -> OneStage:
-    """The settings of one stage, or their default, with one law of the tyres."""
-    if isinstance(settings, OneStage):
-        return with_tyre_law(vehicle, settings)[0]
-    return OneStage(tyres="linear")
-
-
 def _sigmas(
     vehicle: Vehicle, settings: CommonSettings, found: Sequence[Stated], reported: Sequence[str]
 ) -> Iterator[tuple[str, float]]:
     """The standard deviations that are stated of numbers of the vehicle; a VehicleError where one has no use."""
     for each in found:
         is_height = ends_with(each.name, "payload.height")
-        if not isinstance(settings, OneStage):
+        if settings.one_stage is None:
             if each.free or (each.sigma and each.name not in reported):
                 raise refused(each, "needs one stage; remove it, or choose that method")
             if is_height and each.sigma is None:
@@ -247,7 +240,7 @@ def _refuse(
     """The reason why a statement fits no number, as an error."""
     if settings.tyre_law == "linear":
         if any(applies(each, path) for path in saturation_names(vehicle.group_paths())):
-            if not isinstance(chosen, OneStage):
+            if chosen.one_stage is None:
                 raise VehicleError(f"{each}: needs one stage; remove it, or choose that method")
             noun = "friction" if applies(each, FRICTION) else "such parameter"
             raise VehicleError(
