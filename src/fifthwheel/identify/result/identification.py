@@ -20,7 +20,7 @@ from fifthwheel.channels import (
     is_of,
     is_sensor_error,
 )
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.errors import FifthwheelError, SignalError, printable, suggestion
 from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
