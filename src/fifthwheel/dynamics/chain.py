@@ -247,7 +247,7 @@ def equations(
         force += J.T @ (applied - inertia[:, 0] * (u * motion.r[0] - rate * motion.heading[i] + GRAVITY * motion.bank))
     if roll:
         force += coupling_moments(p, vehicle, motion)
-    names = list(states)
+    names = tuple(states)
     right |= {names[index]: force[row] for row, index in enumerate(velocities)}
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)

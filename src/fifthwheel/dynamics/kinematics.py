@@ -34,10 +34,12 @@ class Angles(NamedTuple):
     """The angle of a velocity (u, v) from the x axis."""
 
 
-LARGE = Angles(
-    rotated=lambda u, v, angle: (u * ca.cos(angle) + v * ca.sin(angle), v * ca.cos(angle) - u * ca.sin(angle)),
-    direction=lambda u, v: ca.atan(v / u),
-)
+def _rotated(u: ca.SX, v: ca.SX, angle: ca.SX) -> tuple[ca.SX, ca.SX]:
+    cos, sin = ca.cos(angle), ca.sin(angle)
+    return u * cos + v * sin, v * cos - u * sin
+
+
+LARGE = Angles(rotated=_rotated, direction=lambda u, v: ca.atan(v / u))
 SMALL = Angles(rotated=lambda u, v, angle: (u, v - u * angle), direction=lambda u, v: v / u)
 """The linearisation of `LARGE`."""
 
@@ -148,11 +150,10 @@ def group_motion(
     for axle in group.on_road:
         path = f"{unit.name}.{axle.name}"
         arm = p[f"{path}.position"] - p[f"{unit.name}.cog"]
-        if f"steer.{path}" in steer:
-            angle, castor = steer[f"steer.{path}"], 0
-        else:
+        angle, castor = steer.get(f"steer.{path}"), ca.SX(0)
+        if angle is None:
             angle = p.get(f"{path}.command_steering", ca.SX(0)) * motion.articulation[i]
-            castor = p.get(f"{path}.self_steering", 0)
+            castor = p.get(f"{path}.self_steering", castor)
         direction = motion.angles.direction(motion.u[i], motion.v[i] + arm * motion.r[i])
         axles.append(AxleMotion(arm, angle, (1 - castor) * (angle - direction)))
     mean = sum((axle.slip for axle in axles), ca.SX(0)) / len(axles)

@@ -107,7 +107,7 @@ def large_angles(
         forward = ca.vertcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
         along = speed_rate * forward
         convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]) + along)
-        J = ca.jacobian(ca.vertcat(motion.u[i], motion.velocity[i]), x)[:, velocities]
+        J = ca.jacobian(ca.vertcat(motion.u[i], motion.velocity[i]), x[velocities])
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
         applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, longitudinal, changes, law)
@@ -121,7 +121,7 @@ def large_angles(
             applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
         forward_force = sum((longitudinal[path].total for path in of_unit), ca.SX(0))
-        force += ca.jacobian(beside[i], x)[:, velocities].T @ (
+        force += ca.jacobian(beside[i], x[velocities]).T @ (
             ca.vertcat(forward_force, 0) - p[f"{unit.name}.mass"] * along
         )
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
