@@ -38,14 +38,7 @@ import casadi as ca
 
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import unit_equations
-from fifthwheel.dynamics.kinematics import (
-    BANK,
-    SMALL,
-    Motion,
-    angle_rates,
-    coupling_arms,
-    group_motion,
-)
+from fifthwheel.dynamics.kinematics import BANK, SMALL, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.dynamics.steering import SteeringSlopes, linear_slopes, own_states, wheel_signals
 from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
@@ -53,11 +46,6 @@ from fifthwheel.vehicle import Vehicle
 
 GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"})
 """Quantities of the states that are generalised velocities."""
-
-
-def by_name(vehicle: Vehicle, x: ca.SX, *, roll: bool, bank: bool = False) -> dict[str, ca.SX]:
-    """The elements of the state x (n,) by name."""
-    return dict(zip(state_names(vehicle, roll=roll, bank=bank), ca.vertsplit(x), strict=True))
 
 
 def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
@@ -73,6 +61,11 @@ def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[st
     names += [f"slip_angle.{path}" for path in relaxation_groups(vehicle)]
     names += own_states(vehicle)
     return (*names, BANK) if bank else tuple(names)
+
+
+def by_name(vehicle: Vehicle, x: ca.SX, *, roll: bool, bank: bool = False) -> dict[str, ca.SX]:
+    """The elements of the state x (n,) by name."""
+    return dict(zip(state_names(vehicle, roll=roll, bank=bank), ca.vertsplit(x), strict=True))
 
 
 def relaxation_groups(vehicle: Vehicle) -> tuple[str, ...]:
@@ -162,15 +155,6 @@ class Equations:
         return solved
 
 
-def forward_velocity(p: Expressions, vehicle: Vehicle, motion: Motion, i: int) -> ca.SX:
-    """Forward velocity of unit i > 0 less that of the unit in front, m/s, to second order: the velocity of the coupling
-    across the unit in front, and couplings that are beside the roll axes of rolled units."""
-    arms, r, roll = coupling_arms(p, vehicle, i - 1), motion.r, motion.roll
-    across = motion.v[i - 1] + arms.ahead * r[i - 1] - arms.above_front * motion.roll_rate[i - 1]
-    beside = arms.above_front * roll[i - 1] * r[i - 1] - arms.above_rear * roll[i] * r[i]
-    return motion.articulation[i] * across + beside
-
-
 def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     """Indices of the generalised velocities in the state."""
     names = state_names(vehicle, roll=roll)
@@ -215,20 +199,17 @@ def equations(
     """
     symbols, without_factors = {name: ca.SX.sym(name) for name in stiffness_factors}, p
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
-    x, u, inverse_speed = (
-        ca.SX.sym("x", len(state_names(vehicle, roll=roll, bank=bank))),
-        ca.SX.sym("u"),
-        ca.SX.sym("1/u"),
-    )
+    names = state_names(vehicle, roll=roll, bank=bank)
+    x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
     rate, pull, states = ca.SX.sym("rate"), ca.SX.sym("pull"), by_name(vehicle, x, roll=roll, bank=bank)
     steer = {name: ca.SX.sym(name) for name in wheel_signals(vehicle)}
     motion = Motion.of(p, vehicle, states, u, SMALL._replace(direction=lambda _, v: v * inverse_speed))
     velocities, right = velocity_indices(vehicle, roll=roll), angle_rates(vehicle, motion)
-    m = len(velocities)
-    M, force, forward = ca.SX(m, m), ca.SX(m, 1), ca.SX(0)
+    w, along, beside = x[velocities], ca.SX(0), beside_roll_axes(p, vehicle, motion)
+    M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
     for i, unit in enumerate(vehicle.units):
         inertia = unit_equations.mass_matrix(p, unit, roll=roll)
-        J = ca.jacobian(motion.velocity[i], x[velocities])
+        J = ca.jacobian(motion.velocity[i], w)
         M += ca.mtimes([J.T, inertia, J])
         applied = ca.SX(2, 1)
         for group in unit.axle_groups:
@@ -241,13 +222,12 @@ def equations(
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
             applied[1] -= body.moment * motion.roll[i] * rate
         if i:
-            forward += forward_velocity(p, vehicle, motion, i)
-            force -= ca.jacobian(forward, x[velocities]).T * (p[f"{unit.name}.mass"] * pull)
+            along += motion.articulation[i] * motion.at_coupling[i - 1]  # of the forward velocity, to second order
+            force -= ca.jacobian(along + beside[i][0], w).T * (p[f"{unit.name}.mass"] * pull)
         # a_i = J_i w' + u r_1 - u' (psi_i - psi_1): v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
         force += J.T @ (applied - inertia[:, 0] * (u * motion.r[0] - rate * motion.heading[i] + GRAVITY * motion.bank))
     if roll:
         force += coupling_moments(p, vehicle, motion)
-    names = tuple(states)
     right |= {names[index]: force[row] for row, index in enumerate(velocities)}
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)
@@ -275,7 +255,7 @@ def _slope(matrix: ca.SX, symbol: ca.SX) -> ca.SX:
 
 
 def _by_speed(matrix: ca.SX, u: ca.SX, inverse_speed: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """M0, M1 and M2 of M0 + M1 / u + M2 u, from a matrix with terms up to u and u^2 / u in these symbols."""
+    """M0, M1 and M2 of M0 + M1 / u + M2 u, from a matrix with u, 1 / u and their products up to u^2 / u."""
     over_u = _slope(matrix, inverse_speed)
     terms = matrix + _slope(over_u, u), over_u, _slope(matrix, u) + _slope(_slope(over_u, u), u) / 2
     at_zero = [ca.substitute(term, ca.vertcat(u, inverse_speed), ca.DM.zeros(2)) for term in terms]

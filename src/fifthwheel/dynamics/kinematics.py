@@ -56,6 +56,7 @@ class Motion:
     roll: tuple[ca.SX, ...]  # rad, zeros without roll
     roll_rate: tuple[ca.SX, ...]  # rad/s, zeros without roll
     velocity: tuple[ca.SX, ...]  # (v, r[, p]) of each unit
+    at_coupling: tuple[ca.SX, ...]  # m/s, lateral velocity of the coupling behind each unit but the last, in its axes
     lagged_slip: Expressions  # rad, by the path of each group with a relaxation length
     bank: ca.SX  # rad, of the road; zero if it is not a state
     angles: Angles
@@ -72,10 +73,11 @@ class Motion:
         names, groups = [unit.name for unit in vehicle.units], vehicle.group_paths()
         r, articulation, roll, roll_rate = map(of_units, ("yaw_rate", "articulation", "roll", "roll_rate"))
         u, v, heading = [speed], [states[f"lateral_velocity.{names[0]}"]], [ca.SX(0)]
+        at_coupling = []
         for i in range(len(vehicle.couplings)):
             arms = coupling_arms(p, vehicle, i)
-            across = v[i] + arms.ahead * r[i] - arms.above_front * roll_rate[i]
-            forward, lateral = angles.rotated(u[i], across, articulation[i + 1])
+            at_coupling.append(v[i] + arms.ahead * r[i] - arms.above_front * roll_rate[i])
+            forward, lateral = angles.rotated(u[i], at_coupling[i], articulation[i + 1])
             u.append(forward)
             v.append(lateral - arms.behind * r[i + 1] + arms.above_rear * roll_rate[i + 1])
             heading.append(heading[i] + articulation[i + 1])
@@ -89,6 +91,7 @@ class Motion:
             roll=roll,
             roll_rate=roll_rate,
             velocity=tuple(map(ca.vertcat, *velocities)),
+            at_coupling=tuple(at_coupling),
             lagged_slip={path: states[name] for path in groups if (name := f"slip_angle.{path}") in states},
             bank=states.get(BANK, ca.SX(0)),
             angles=angles,
@@ -122,11 +125,26 @@ def angle_rates(vehicle: Vehicle, motion: Motion) -> dict[str, ca.SX]:
     return articulations | {f"roll.{name}": rate for name, rate in zip(names, motion.roll_rate, strict=True)}
 
 
+def beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
+    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes.
+
+    `Motion` does not have it: it is of second order.
+    """
+    parts = [ca.SX(2, 1)]
+    for i in range(len(vehicle.couplings)):
+        arms = coupling_arms(p, vehicle, i)
+        # the rolled unit in front adds (h_c - h_r) phi r to u of the coupling, the one behind subtracts it
+        u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
+        forward, lateral = motion.angles.rotated(u, v, motion.articulation[i + 1])
+        parts.append(ca.vertcat(forward - arms.above_rear * motion.roll[i + 1] * motion.r[i + 1], lateral))
+    return parts
+
+
 class AxleMotion(NamedTuple):
     """Place, wheels and motion of an axle."""
 
     arm: ca.SX  # m, of the axle ahead of the CoG of its unit
-    steer: ca.SX  # rad, angle of its wheels from the heading of its unit, without that of castor wheels
+    steer: ca.SX  # rad, angle of its wheels from the heading of its unit; the small one of castor wheels is left out
     slip: ca.SX  # rad, angle of its wheels from the direction in which it moves
 
 

@@ -36,7 +36,7 @@ from typing import NamedTuple
 import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
-from fifthwheel.dynamics.kinematics import LARGE, Motion, angle_rates, coupling_arms, group_motion
+from fifthwheel.dynamics.kinematics import LARGE, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.dynamics.tyres import (
     NO_CHANGE,
@@ -50,6 +50,7 @@ from fifthwheel.dynamics.tyres import (
 from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
+from fifthwheel.vehicle.axle_loads import group_position
 from fifthwheel.vehicle.driveline import drag
 from fifthwheel.vehicle.parameters import DRAG_AREA
 
@@ -95,7 +96,7 @@ def large_angles(
         if name in index:
             rate[index[name]] = of_angle
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
+    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), beside_roll_axes(p, vehicle, motion)
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     lateral = [u * r for u, r in zip(motion.u, motion.r, strict=True)]
@@ -162,11 +163,9 @@ def large_angles(
 def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
     """Distance between the means of the first and of the last axle group of the first unit, m."""
     unit = vehicle.units[0]
-    front, rear = (
-        sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road), ca.SX(0)) / len(group.on_road)
-        for group in (unit.axle_groups[0], unit.axle_groups[-1])
-    )
-    return front - rear
+    front, rear = (group_position(p, unit, unit.axle_groups[end]) for end in (0, -1))
+    length: ca.SX = front - rear
+    return length
 
 
 def _coupling_arms(p: Expressions, vehicle: Vehicle) -> dict[str, ca.SX]:
@@ -195,18 +194,6 @@ def _known_load_changes(
     changes[unit.group_path(unit.axle_groups[0])] -= air
     changes[unit.group_path(unit.axle_groups[-1])] += air
     return changes
-
-
-def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
-    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes."""
-    parts = [ca.SX(2, 1)]
-    for i in range(len(vehicle.couplings)):
-        arms = coupling_arms(p, vehicle, i)
-        # the rolled unit in front adds (h_c - h_r) phi r to u of the coupling, the one behind subtracts it
-        u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
-        forward, lateral = LARGE.rotated(u, v, motion.articulation[i + 1])
-        parts.append(ca.vertcat(forward - arms.above_rear * motion.roll[i + 1] * motion.r[i + 1], lateral))
-    return parts
 
 
 class _Tyres(NamedTuple):
@@ -270,10 +257,7 @@ def _tyre_forces(
         forward /= count
         for axle, own, secant in zip(axles, ca.vertsplit(slip), secants, strict=True):
             side, aligning = axle_forces(secant, own)
-            cos, sin = (
-                ca.cos(axle.steer),
-                ca.sin(axle.steer),
-            )  # the small side force of castor wheels acts across their unit
+            cos, sin = ca.cos(axle.steer), ca.sin(axle.steer)
             lateral = side * cos + forward * sin
             total += ca.vertcat(forward * cos - side * sin, lateral, axle.arm * lateral + aligning)
     return total, tyres
