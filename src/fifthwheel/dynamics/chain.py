@@ -203,6 +203,7 @@ def equations(
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
     rate, pull, states = ca.SX.sym("rate"), ca.SX.sym("pull"), by_name(vehicle, x, roll=roll, bank=bank)
     steer = {name: ca.SX.sym(name) for name in wheel_signals(vehicle)}
+    # with a symbol for 1 / u the equations are polynomials, whose terms `_by_speed` separates
     motion = Motion.of(p, vehicle, states, u, SMALL._replace(direction=lambda _, v: v * inverse_speed))
     velocities, right = velocity_indices(vehicle, roll=roll), angle_rates(vehicle, motion)
     w, along, beside = x[velocities], ca.SX(0), beside_roll_axes(p, vehicle, motion)
