@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel import dynamics, vehicle
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.filters.step_rows import corrected_inputs
 from fifthwheel.record import Record

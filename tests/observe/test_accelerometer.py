@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel import dynamics
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.record import Record

@@ -28,7 +28,7 @@ from fifthwheel.assess.measures import STRAIGHT
 from fifthwheel.assess.truck import Truck, Values
 from fifthwheel.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.dynamics import linear_system, matrices, understeer_gradient
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.units import STANDARD_GRAVITY
 
 ACCELERATION = 0.2 * STANDARD_GRAVITY

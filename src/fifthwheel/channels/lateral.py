@@ -20,14 +20,17 @@ from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 ACCELERATION_WORDS = "acc(el|eleration)?(_hor|_body)?"
 
 
-def _acceleration(now: Instant, i: int, name: str) -> Symbol:
-    """a + (x - x_cog) r' - (h - h_r) p' at the place, with g times the roll angle and the bank."""
+def _at_place(now: Instant, i: int, name: str, of_unit: Symbol) -> Symbol:
+    """a + (x - x_cog) b - (h - h_r) c at the place, of (a, b[, c]) of the unit."""
     unit = now.vehicle.units[i].name
     arm = now.p[f"{name}.position"] - now.p[f"{unit}.cog"]
     above = now.p[f"{name}.height"] - now.p[f"{unit}.roll_axis_height"]
-    a = now.acceleration[i]
-    planar = a[0] + arm * a[1] + GRAVITY * now.motion.bank
-    return planar - above * a[2] + GRAVITY * now.motion.roll[i] if now.roll else planar
+    return of_unit[0] + arm * of_unit[1] - (above * of_unit[2] if now.roll else 0)
+
+
+def _acceleration(now: Instant, i: int, name: str) -> Symbol:
+    """That of the place, with g times the roll angle and the bank."""
+    return _at_place(now, i, name, now.acceleration[i]) + GRAVITY * now.motion.bank + GRAVITY * now.motion.roll[i]
 
 
 LATERAL_ACCELERATION = Channel(
@@ -64,11 +67,7 @@ LATERAL_ACCELERATION = Channel(
 
 
 def _lateral_velocity(now: Instant, i: int, name: str) -> Symbol:
-    """v + (x - x_cog) r - (h - h_r) p at the place."""
-    unit = now.vehicle.units[i].name
-    arm = now.p[f"{name}.position"] - now.p[f"{unit}.cog"]
-    above = now.p[f"{name}.height"] - now.p[f"{unit}.roll_axis_height"]
-    return now.motion.v[i] + arm * now.motion.r[i] - above * now.motion.roll_rate[i]
+    return _at_place(now, i, name, now.motion.velocity[i])
 
 
 LATERAL_VELOCITY = Channel(

@@ -80,7 +80,7 @@ ARTICULATION = Channel(
     shows_clock=True,
     state=StateNoise(process=3e-5**2, observer_process=1e-3**2, initial_sigma=0.01),
     model=SensorModel(
-        value=lambda now, i, _: now.motion.heading[i] - now.motion.heading[i - 1],
+        value=lambda now, i, _: now.motion.articulation[i],
         rate=lambda now, i, _: now.motion.r[i] - now.motion.r[i - 1],
         behind_coupling=True,
     ),

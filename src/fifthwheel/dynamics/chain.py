@@ -38,13 +38,12 @@ import casadi as ca
 
 from fifthwheel.channels import SignalName
 from fifthwheel.dynamics import unit_equations
+from fifthwheel.dynamics.kinematics import BANK, SMALL, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.dynamics.steering import SteeringSlopes, linear_slopes, own_states, wheel_signals
 from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
 
-BANK = "bank.road"
-"""Name of the state that is the bank of the road, rad, positive with the left edge higher."""
 GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"})
 """Quantities of the states that are generalised velocities."""
 
@@ -64,30 +63,14 @@ def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[st
     return (*names, BANK) if bank else tuple(names)
 
 
+def by_name(vehicle: Vehicle, x: ca.SX, *, roll: bool, bank: bool = False) -> dict[str, ca.SX]:
+    """The elements of the state x (n,) by name."""
+    return dict(zip(state_names(vehicle, roll=roll, bank=bank), ca.vertsplit(x), strict=True))
+
+
 def relaxation_groups(vehicle: Vehicle) -> tuple[str, ...]:
     """Paths of the axle groups with a relaxation length, front to rear."""
     return tuple(unit.group_path(group) for unit in vehicle.units for group in unit.axle_groups if group.has_relaxation)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Motion:
-    """Motion of every unit as expressions of the state; tuples have one entry for each unit."""
-
-    u: tuple[ca.SX, ...]  # m/s, forward speed
-    v: tuple[ca.SX, ...]  # m/s, lateral velocity on the roll axis under the CoG
-    across: tuple[ca.SX, ...]  # m/s, lateral velocity across the heading of the first unit, v + u heading
-    r: tuple[ca.SX, ...]  # rad/s, yaw rate
-    heading: tuple[ca.SX, ...]  # rad, psi_i - psi_1
-    articulation: tuple[ca.SX, ...]  # rad, psi_i - psi_(i-1), zero of the first unit
-    roll: tuple[ca.SX, ...]  # rad, zeros without roll
-    roll_rate: tuple[ca.SX, ...]  # rad/s, zeros without roll
-    jacobian: tuple[ca.SX, ...]  # J_i, (2 or 3, m): (v, r[, p]) of unit i by the m generalised velocities
-    lagged_slip: Expressions  # rad, by the path of each group with a relaxation length
-    bank: ca.SX  # rad, of the road; zero if it is not a state
-
-    def of_axles(self, i: int) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
-        """What the slip angles of unit i depend on: across, heading, articulation, r."""
-        return self.across[i], self.heading[i], self.articulation[i], self.r[i]
 
 
 class SpeedChange(NamedTuple):
@@ -172,109 +155,18 @@ class Equations:
         return solved
 
 
-class CouplingArms(NamedTuple):
-    """Place of a coupling from the points under the CoG on the roll axes of both units, m."""
-
-    ahead: ca.SX  # of the unit in front, along x
-    behind: ca.SX  # of the unit behind, along x
-    above_front: ca.SX  # the roll axis of the unit in front
-    above_rear: ca.SX  # the roll axis of the unit behind
-
-
-def coupling_arms(p: Expressions, vehicle: Vehicle, i: int) -> CouplingArms:
-    """The arms of the coupling between units i and i + 1."""
-    coupling, front, rear = vehicle.couplings[i].name, vehicle.units[i].name, vehicle.units[i + 1].name
-    return CouplingArms(
-        ahead=p[f"{coupling}.leading_position"] - p[f"{front}.cog"],
-        behind=p[f"{coupling}.trailing_position"] - p[f"{rear}.cog"],
-        above_front=p[f"{coupling}.height"] - p[f"{front}.roll_axis_height"],
-        above_rear=p[f"{coupling}.height"] - p[f"{rear}.roll_axis_height"],
-    )
-
-
-def motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool = False) -> Motion:
-    """Kinematics of every unit, coupling by coupling from the front.
-
-    The lateral velocity of a coupling point is the same on both units: v + (x_c - x_cog) r - (h_c - h_r) p of the unit
-    in front, less u times the articulation angle, equals v + (x_c - x_cog) r - (h_c - h_r) p of the unit behind.
-    """
-    units = vehicle.units
-    n = len(units)
-    index = {name: i for i, name in enumerate(state_names(vehicle, roll=roll, bank=bank))}
-    m = 1 + (2 if roll else 1) * n
-    basis = ca.SX.eye(m)
-    yaw, rolling = [basis[1 + i, :] for i in range(n)], [basis[1 + n + i, :] if roll else ca.SX(1, m) for i in range(n)]
-    lateral, heading, articulation = [basis[0, :]], [ca.SX(0)], [ca.SX(0)]
-    for i in range(n - 1):
-        arms, rear = coupling_arms(p, vehicle, i), units[i + 1].name
-        lateral.append(
-            lateral[i]
-            + arms.ahead * yaw[i]
-            - arms.above_front * rolling[i]
-            - arms.behind * yaw[i + 1]
-            + arms.above_rear * rolling[i + 1]
-        )
-        articulation.append(x[index[f"articulation.{rear}"]])
-        heading.append(heading[i] + articulation[i + 1])
-    w = x[velocity_indices(vehicle, roll=roll)]
-    return Motion(
-        u=tuple(speed for _ in units),
-        v=tuple(lateral[i] @ w - speed * heading[i] for i in range(n)),
-        across=tuple(lateral[i] @ w for i in range(n)),
-        r=tuple(x[index[f"yaw_rate.{u.name}"]] for u in units),
-        heading=tuple(heading),
-        articulation=tuple(articulation),
-        roll=tuple(x[index[f"roll.{u.name}"]] if roll else ca.SX(0) for u in units),
-        roll_rate=tuple(x[index[f"roll_rate.{u.name}"]] if roll else ca.SX(0) for u in units),
-        jacobian=tuple(ca.vertcat(lateral[i], yaw[i], *([rolling[i]] if roll else [])) for i in range(n)),
-        lagged_slip={path: x[index[f"slip_angle.{path}"]] for path in relaxation_groups(vehicle)},
-        bank=x[index[BANK]] if bank else ca.SX(0),
-    )
-
-
-def forward_row(p: Expressions, vehicle: Vehicle, motions: Motion, i: int, front: ca.SX) -> ca.SX:
-    """Derivative (1, m) of the forward velocity of unit i > 0 by the generalised velocities, from that of the unit in
-    front, to first order in angles: the velocity of the coupling across the unit in front, and couplings that are
-    beside the roll axes of rolled units."""
-    arms, before, after = coupling_arms(p, vehicle, i - 1), motions.jacobian[i - 1], motions.jacobian[i]
-    rolling = before[2, :] if before.shape[0] > 2 else ca.SX(1, before.shape[1])
-    across = before[0, :] + arms.ahead * before[1, :] - arms.above_front * rolling
-    beside = arms.above_front * motions.roll[i - 1] * before[1, :] - arms.above_rear * motions.roll[i] * after[1, :]
-    return front + motions.articulation[i] * across + beside
-
-
-def slip_angles(
-    p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, steer: Expressions, *, roll: bool
-) -> dict[str, ca.SX]:
-    """Slip angle of each axle group by its path, rad: the lagged one, or the mean of its axles."""
-    motions, angles = motion(p, vehicle, x, speed, roll=roll), {}
-    for i, unit in enumerate(vehicle.units):
-        for group in unit.axle_groups:
-            path = unit.group_path(group)
-            mean = unit_equations.mean_slip_angle(p, unit, group, *motions.of_axles(i), steer)
-            angles[path] = motions.lagged_slip.get(path, mean.direction - mean.drift / speed)
-    return angles
-
-
 def velocity_indices(vehicle: Vehicle, *, roll: bool) -> list[int]:
     """Indices of the generalised velocities in the state."""
     names = state_names(vehicle, roll=roll)
     return [i for i, name in enumerate(names) if SignalName.of(name).quantity in GENERALISED_VELOCITIES]
 
 
-def angle_rates(vehicle: Vehicle, motions: Motion) -> dict[str, ca.SX]:
-    """Derivatives of articulation angles and roll angles by the names of the states."""
-    names = [unit.name for unit in vehicle.units]
-    articulations = {f"articulation.{name}": motions.r[i] - motions.r[i - 1] for i, name in enumerate(names) if i}
-    return articulations | {f"roll.{name}": rate for name, rate in zip(names, motions.roll_rate, strict=True)}
-
-
-def coupling_moments(p: Expressions, vehicle: Vehicle, motions: Motion) -> ca.SX:
+def coupling_moments(p: Expressions, vehicle: Vehicle, motion: Motion) -> ca.SX:
     """Generalised forces (m,) of the roll moments of all couplings, N m; with roll."""
     n = len(vehicle.units)
     force = ca.SX(1 + 2 * n, 1)
     for i, coupling in enumerate(vehicle.couplings):
-        twist, rate = motions.roll[i + 1] - motions.roll[i], motions.roll_rate[i + 1] - motions.roll_rate[i]
+        twist, rate = motion.roll[i + 1] - motion.roll[i], motion.roll_rate[i + 1] - motion.roll_rate[i]
         moment = p[f"{coupling.name}.roll_stiffness"] * twist + p[f"{coupling.name}.roll_damping"] * rate
         front = 1 + n + i
         force[front] += moment
@@ -282,19 +174,13 @@ def coupling_moments(p: Expressions, vehicle: Vehicle, motions: Motion) -> ca.SX
     return force
 
 
-def own_values(vehicle: Vehicle, x: ca.SX, *, roll: bool, bank: bool) -> dict[str, ca.SX]:
-    """The own states of the steering in x (n,), by name."""
-    names = state_names(vehicle, roll=roll, bank=bank)
-    return {name: x[names.index(name)] for name in own_states(vehicle)}
-
-
 def linear_wheels(
-    p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, steer: ca.SX, *, roll: bool, bank: bool = False
+    p: Expressions, vehicle: Vehicle, states: Expressions, speed: ca.SX, steer: ca.SX
 ) -> dict[str, ca.SX]:
     """Steer angle of each steered axle by its signal, rad, from measured angles (k,); own equations are linear."""
     if vehicle.steering is not None:
-        by_state, by_steer, *_ = linear_slopes(p, vehicle, state_names(vehicle, roll=roll, bank=bank), speed)
-        steer = by_state @ x + by_steer @ steer
+        by_state, by_steer, *_ = linear_slopes(p, vehicle, tuple(states), speed)
+        steer = by_state @ ca.vertcat(*states.values()) + by_steer @ steer
     names = wheel_signals(vehicle)
     return dict(zip(names, ca.vertsplit(steer), strict=True)) if names else {}
 
@@ -315,47 +201,41 @@ def equations(
     p = {**p, **{name: p[name] * symbol for name, symbol in symbols.items()}}
     names = state_names(vehicle, roll=roll, bank=bank)
     x, u, inverse_speed = ca.SX.sym("x", len(names)), ca.SX.sym("u"), ca.SX.sym("inverse_speed")
-    rate, pull, forward = ca.SX.sym("rate"), ca.SX.sym("pull"), ca.SX(1, 1 + (2 if roll else 1) * len(vehicle.units))
+    rate, pull, states = ca.SX.sym("rate"), ca.SX.sym("pull"), by_name(vehicle, x, roll=roll, bank=bank)
     steer = {name: ca.SX.sym(name) for name in wheel_signals(vehicle)}
-    motions = motion(p, vehicle, x, u, roll=roll, bank=bank)
-    size = 3 if roll else 2
-    m = 1 + (2 if roll else 1) * len(vehicle.units)
-    M, force = ca.SX(m, m), ca.SX(m, 1)
-    speed_times_slip: dict[str, ca.SX] = {}  # u times the mean slip angle of each axle group
+    # with a symbol for 1 / u the equations are polynomials, whose terms `_by_speed` separates
+    motion = Motion.of(p, vehicle, states, u, SMALL._replace(direction=lambda _, v: v * inverse_speed))
+    velocities, right = velocity_indices(vehicle, roll=roll), angle_rates(vehicle, motion)
+    w, along, beside = x[velocities], ca.SX(0), beside_roll_axes(p, vehicle, motion)
+    M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
     for i, unit in enumerate(vehicle.units):
-        J, inertia = motions.jacobian[i], unit_equations.mass_matrix(p, unit, roll=roll)
+        inertia = unit_equations.mass_matrix(p, unit, roll=roll)
+        J = ca.jacobian(motion.velocity[i], w)
         M += ca.mtimes([J.T, inertia, J])
-        kinematics = (*motions.of_axles(i), steer)
-        applied = unit_equations.tyre_forces(p, unit, *kinematics, inverse_speed, motions.lagged_slip)
+        applied = ca.SX(2, 1)
+        for group in unit.axle_groups:
+            path, moving = unit.group_path(group), group_motion(p, unit, group, motion, i, steer)
+            applied += unit_equations.tyre_forces(p, path, moving)
+            length = unit_equations.relaxation_length(without_factors, unit, path)
+            right[f"slip_angle.{path}"] = u * (moving.mean - moving.slip) / length
         if roll:
             body = unit_equations.roll_body(p, unit)
-            applied = ca.vertcat(applied, unit_equations.roll_moment(body, motions.roll[i], motions.roll_rate[i]))
-            applied[1] -= body.moment * motions.roll[i] * rate
+            applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
+            applied[1] -= body.moment * motion.roll[i] * rate
         if i:
-            forward = forward_row(p, vehicle, motions, i, forward)
-            force -= forward.T * (p[f"{unit.name}.mass"] * pull)
-        for group in unit.axle_groups:
-            slip = unit_equations.mean_slip_angle(p, unit, group, *kinematics)
-            speed_times_slip[unit.group_path(group)] = u * slip.direction - slip.drift
+            along += motion.articulation[i] * motion.at_coupling[i - 1]  # of the forward velocity, to second order
+            force -= ca.jacobian(along + beside[i][0], w).T * (p[f"{unit.name}.mass"] * pull)
         # a_i = J_i w' + u r_1 - u' (psi_i - psi_1): v_i' contains -u (r_i - r_1), and the rotating axes add u r_i
-        convective = inertia[:, 0] * (u * motions.r[0] - rate * motions.heading[i] + GRAVITY * motions.bank)
-        force += J.T @ (applied - convective[:size])
+        force += J.T @ (applied - inertia[:, 0] * (u * motion.r[0] - rate * motion.heading[i] + GRAVITY * motion.bank))
     if roll:
-        force += coupling_moments(p, vehicle, motions)
-    velocities = velocity_indices(vehicle, roll=roll)
-    right = angle_rates(vehicle, motions) | {names[index]: force[row] for row, index in enumerate(velocities)}
-    units = {unit.group_path(group): unit for unit in vehicle.units for group in unit.axle_groups}
-    for path, lagged in motions.lagged_slip.items():
-        length = unit_equations.relaxation_length(without_factors, units[path], path)
-        right[f"slip_angle.{path}"] = (speed_times_slip[path] - u * lagged) / length
+        force += coupling_moments(p, vehicle, motion)
+    right |= {names[index]: force[row] for row, index in enumerate(velocities)}
     right_side = ca.vertcat(*[right.get(name, ca.SX(0)) for name in names])
     by_state = ca.jacobian(right_side, x)
     by_steer = ca.jacobian(right_side, ca.vertcat(*steer.values())) if steer else ca.SX(len(names), 0)
-    factors = ca.vertcat(inverse_speed, u, rate, pull)
-    A1, A2, A3, A4 = (ca.reshape(ca.jacobian(by_state, s), by_state.shape) for s in ca.vertsplit(factors))
-    B2 = ca.reshape(ca.jacobian(by_steer, u), by_steer.shape)
-    A0, B0 = (ca.substitute(matrix, factors, ca.DM.zeros(4)) for matrix in (by_state, by_steer))
-    A0, A1, A2, A3, A4, B0, B2 = (ca.sparsify(ca.simplify(matrix)) for matrix in (A0, A1, A2, A3, A4, B0, B2))
+    A3, A4 = (ca.sparsify(ca.simplify(_slope(by_state, symbol))) for symbol in (rate, pull))
+    constant = (ca.substitute(matrix, ca.vertcat(rate, pull), ca.DM.zeros(2)) for matrix in (by_state, by_steer))
+    (A0, A1, A2), (B0, _, B2) = (_by_speed(matrix, u, inverse_speed) for matrix in constant)
     return Equations(
         mass=M,
         A0=A0,
@@ -369,3 +249,16 @@ def equations(
         factors=tuple((symbol, stiffness_factors[name]) for name, symbol in symbols.items()),
         steering=partial(linear_slopes, without_factors, vehicle, names) if vehicle.steering else None,
     )
+
+
+def _slope(matrix: ca.SX, symbol: ca.SX) -> ca.SX:
+    return ca.reshape(ca.jacobian(matrix, symbol), matrix.shape)
+
+
+def _by_speed(matrix: ca.SX, u: ca.SX, inverse_speed: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """M0, M1 and M2 of M0 + M1 / u + M2 u, from a matrix with u, 1 / u and their products up to u^2 / u."""
+    over_u = _slope(matrix, inverse_speed)
+    terms = matrix + _slope(over_u, u), over_u, _slope(matrix, u) + _slope(_slope(over_u, u), u) / 2
+    at_zero = [ca.substitute(term, ca.vertcat(u, inverse_speed), ca.DM.zeros(2)) for term in terms]
+    M0, M1, M2 = (ca.sparsify(ca.simplify(term)) for term in at_zero)
+    return M0, M1, M2

@@ -1,12 +1,7 @@
 """Equations of motion with tyres that saturate and articulation angles that are not small.
 
-The forward speed u of the first unit and its derivative u' are given. With the generalised velocities w of `chain`,
-each unit i has the velocity (u_i, v_i) on the roll axis under its CoG, in its own axes. Behind a coupling with the
-articulation angle g,
-
-    u_i = u_h cos g + v_h sin g,        v_i = -u_h sin g + v_h cos g - arms,
-
-where (u_h, v_h) is the velocity of the coupling point in the axes of the unit in front. Kane's equations
+The forward speed u of the first unit and its derivative u' are given. With the generalised velocities w of `chain`
+and the velocities of `kinematics`, Kane's equations
 
     sum J_i' (M_i a_i - f_i) = 0,        J_i = d(u_i, v_i, r_i, p_i) / dw,
 
@@ -35,13 +30,13 @@ On a road with a grade, u' + g sin(grade) takes the place of u' in all of this, 
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import casadi as ca
 
 from fifthwheel.dynamics import chain, unit_equations
-from fifthwheel.dynamics.chain import Motion
+from fifthwheel.dynamics.kinematics import LARGE, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.dynamics.tyres import (
     NO_CHANGE,
@@ -52,9 +47,10 @@ from fifthwheel.dynamics.tyres import (
     longitudinal_forces,
     saturating,
 )
-from fifthwheel.dynamics.unit_equations import steering, suspension_moment
+from fifthwheel.dynamics.unit_equations import suspension_moment
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Unit, Vehicle
+from fifthwheel.vehicle.axle_loads import group_position
 from fifthwheel.vehicle.driveline import drag
 from fifthwheel.vehicle.quantities import DRAG_AREA
 
@@ -91,16 +87,16 @@ def large_angles(
 
     The parameters are also those of `tyres.saturation_parameters`.
     """
-    names, n, stages = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.units), Stages()
-    index = {name: i for i, name in enumerate(names)}
-    motion = _motion(p, vehicle, x, speed, roll=roll, bank=bank)
+    states, n, stages = chain.by_name(vehicle, x, roll=roll, bank=bank), len(vehicle.units), Stages()
+    index = {name: i for i, name in enumerate(states)}
+    motion = Motion.of(p, vehicle, states, speed, LARGE)
     velocities = chain.velocity_indices(vehicle, roll=roll)
-    rate = ca.SX(len(names), 1)
-    for name, of_angle in chain.angle_rates(vehicle, motion).items():
+    rate = ca.SX(len(index), 1)
+    for name, of_angle in angle_rates(vehicle, motion).items():
         if name in index:
             rate[index[name]] = of_angle
     M, force = ca.SX(len(velocities), len(velocities)), ca.SX(len(velocities), 1)
-    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), _beside_roll_axes(p, vehicle, motion)
+    convective, jacobians, beside = list[ca.SX](), list[ca.SX](), beside_roll_axes(p, vehicle, motion)
     tyres: dict[str, _Tyres] = {}
     pull, pull_rate = ca.SX(0), ca.SX(1, len(velocities))  # X = pull + pull_rate w'
     lateral = [u * r for u, r in zip(motion.u, motion.r, strict=True)]
@@ -109,10 +105,10 @@ def large_angles(
     for i, unit in enumerate(vehicle.units):
         planar = ca.vertcat(motion.u[i], motion.v[i])
         turn = ca.jtimes(planar, x, rate)  # by the articulation angles, at constant w
-        along = speed_rate * ca.vertcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
+        forward = ca.vertcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
+        along = speed_rate * forward
         convective.append(turn + motion.r[i] * ca.vertcat(-motion.v[i], motion.u[i]) + along)
-        spins = ca.vertcat(motion.r[i], motion.roll_rate[i]) if roll else motion.r[i]
-        J = ca.jacobian(ca.vertcat(planar, spins), x)[:, velocities]
+        J = ca.jacobian(ca.vertcat(motion.u[i], motion.velocity[i]), x[velocities])
         jacobians.append(J)
         inertia = ca.diagcat(p[f"{unit.name}.mass"], unit_equations.mass_matrix(p, unit, roll=roll))
         applied, of_unit = _tyre_forces(p, unit, stages, motion, i, steer, longitudinal, changes, law)
@@ -126,7 +122,7 @@ def large_angles(
             applied[2] -= body.moment * motion.roll[i] * along[0]
             applied = ca.vertcat(applied, unit_equations.roll_moment(body, motion.roll[i], motion.roll_rate[i]))
         forward_force = sum((longitudinal[path].total for path in of_unit), ca.SX(0))
-        force += ca.jacobian(beside[i], x)[:, velocities].T @ (
+        force += ca.jacobian(beside[i], x[velocities]).T @ (
             ca.vertcat(forward_force, 0) - p[f"{unit.name}.mass"] * along
         )
         known = ca.vertcat(convective[i], ca.SX(2 if roll else 1, 1))
@@ -134,9 +130,8 @@ def large_angles(
         M += ca.mtimes([J.T, inertia, J])
         force += J.T @ (applied - inertia @ known)
         if i:
-            forward = ca.horzcat(ca.cos(motion.heading[i]), -ca.sin(motion.heading[i]))
-            pull += forward @ (inertia @ known - applied)[:2]
-            pull_rate += forward @ (inertia @ J)[:2, :]
+            pull += forward.T @ (inertia @ known - applied)[:2]
+            pull_rate += forward.T @ (inertia @ J)[:2, :]
             on_coupling = p[f"{unit.name}.mass"] - sum(p[f"{path}.static_load"] for path in of_unit) / GRAVITY
             pull -= on_coupling * speed_rate  # the braking loads contain it
             brakes_behind += sum((longitudinal[path].braking for path in of_unit), ca.SX(0))
@@ -168,11 +163,9 @@ def large_angles(
 def _wheelbase(p: Expressions, vehicle: Vehicle) -> ca.SX:
     """Distance between the means of the first and of the last axle group of the first unit, m."""
     unit = vehicle.units[0]
-    front, rear = (
-        sum((p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road), ca.SX(0)) / len(group.on_road)
-        for group in (unit.axle_groups[0], unit.axle_groups[-1])
-    )
-    return front - rear
+    front, rear = (group_position(p, unit, unit.axle_groups[end]) for end in (0, -1))
+    length: ca.SX = front - rear
+    return length
 
 
 def _coupling_arms(p: Expressions, vehicle: Vehicle) -> dict[str, ca.SX]:
@@ -201,35 +194,6 @@ def _known_load_changes(
     changes[unit.group_path(unit.axle_groups[0])] -= air
     changes[unit.group_path(unit.axle_groups[-1])] += air
     return changes
-
-
-def _motion(p: Expressions, vehicle: Vehicle, x: ca.SX, speed: ca.SX, *, roll: bool, bank: bool) -> Motion:
-    """`chain.motion` with rotations in place of small angles; (u, v) are in the axes of each unit."""
-    small = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
-    forward, lateral = [speed], [small.v[0]]
-    for i in range(len(vehicle.couplings)):
-        arms = chain.coupling_arms(p, vehicle, i)
-        at_hitch = lateral[i] + arms.ahead * small.r[i] - arms.above_front * small.roll_rate[i]
-        angle = small.heading[i + 1] - small.heading[i]
-        cos, sin = ca.cos(angle), ca.sin(angle)
-        forward.append(forward[i] * cos + at_hitch * sin)
-        lateral.append(
-            at_hitch * cos - forward[i] * sin - arms.behind * small.r[i + 1] + arms.above_rear * small.roll_rate[i + 1]
-        )
-    return replace(small, u=tuple(forward), v=tuple(lateral))
-
-
-def _beside_roll_axes(p: Expressions, vehicle: Vehicle, motion: Motion) -> list[ca.SX]:
-    """The part (2,) of the velocity (u_i, v_i) of each unit, m/s, that is due to couplings beside the roll axes."""
-    parts = [ca.SX(2, 1)]
-    for i in range(len(vehicle.couplings)):
-        arms = chain.coupling_arms(p, vehicle, i)
-        # the rolled unit in front adds (h_c - h_r) phi r to u of the coupling, the one behind subtracts it
-        u, v = ca.vertsplit(parts[i] + ca.vertcat(arms.above_front * motion.roll[i] * motion.r[i], 0))
-        angle = motion.heading[i + 1] - motion.heading[i]
-        cos, sin, own = ca.cos(angle), ca.sin(angle), arms.above_rear * motion.roll[i + 1] * motion.r[i + 1]
-        parts.append(ca.vertcat(u * cos + v * sin - own, v * cos - u * sin))
-    return parts
 
 
 class _Tyres(NamedTuple):
@@ -274,14 +238,8 @@ def _tyre_forces(
     total, tyres = ca.SX(3, 1), dict[str, _Tyres]()
     for group in unit.axle_groups:
         path, count = unit.group_path(group), len(group.on_road)
-        arms = [p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"] for axle in group.on_road]
-        angles, slips = list[ca.SX](), list[ca.SX]()
-        for arm, axle in zip(arms, group.on_road, strict=True):
-            direction = ca.atan((motion.v[i] + arm * motion.r[i]) / motion.u[i])  # of the motion of the axle
-            delta, self_steering = steering(p, unit, axle, motion.articulation[i], steer)
-            angles.append(delta)  # the small side force of castor wheels acts across their unit
-            slips.append(delta - (1 - self_steering) * direction)
-        each = stages.variable(ca.vertcat(*slips))
+        axles = group_motion(p, unit, group, motion, i, steer).axles
+        each = stages.variable(ca.vertcat(*[axle.slip for axle in axles]))
         mean = ca.sum1(each) / count
         slip = motion.lagged_slip.get(path, mean) + (each - mean)
         suspension = stages.variable(suspension_moment(p, path, motion.roll[i], motion.roll_rate[i]))
@@ -297,8 +255,9 @@ def _tyre_forces(
         )
         tyres[path] = _Tyres(slip, mean - motion.lagged_slip.get(path, mean), secants, by_load)
         forward /= count
-        for arm, angle, own, secant in zip(arms, angles, ca.vertsplit(slip), secants, strict=True):
+        for axle, own, secant in zip(axles, ca.vertsplit(slip), secants, strict=True):
             side, aligning = axle_forces(secant, own)
-            lateral = side * ca.cos(angle) + forward * ca.sin(angle)
-            total += ca.vertcat(forward * ca.cos(angle) - side * ca.sin(angle), lateral, arm * lateral + aligning)
+            cos, sin = ca.cos(axle.steer), ca.sin(axle.steer)
+            lateral = side * cos + forward * sin
+            total += ca.vertcat(forward * cos - side * sin, lateral, axle.arm * lateral + aligning)
     return total, tyres

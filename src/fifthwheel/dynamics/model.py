@@ -17,6 +17,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SignalName, channel_of, own_channels
 from fifthwheel.dynamics import chain, sensors, tyre_law
 from fifthwheel.dynamics import steering as steered
+from fifthwheel.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
 from fifthwheel.dynamics.steering import SteeringSlopes, Wheels
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
@@ -265,7 +266,7 @@ def model(
         KeyError: a free parameter does not exist.
     """
     for name in outputs:
-        if name == chain.BANK and bank:
+        if name == BANK and bank:
             continue
         sensors.require_available(vehicle, name, roll=roll)
     new = ChainModel(
@@ -381,7 +382,8 @@ def _softening(
 ) -> tuple[dict[str, ca.SX], dict[str, ca.SX]]:
     """Factors of the cornering stiffnesses by name; all parameters with them."""
     value = s.value
-    slips = chain.slip_angles(value, model.vehicle, s.x, speed, steer, roll=model.roll)
+    motion = Motion.of(value, model.vehicle, _by_name(model, s.x), speed)
+    slips = slip_angles(value, model.vehicle, motion, steer)
     factors = {
         f"{path}.cornering_stiffness": softening_factor(value[f"{path}.softening"], slip)
         for path, slip in slips.items()
@@ -393,7 +395,7 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     """With linear tyres: the chain, with linear equations of the steering."""
     vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.inputs[len(model.inputs)]
     angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
-    wheels = chain.linear_wheels(s.value, vehicle, s.x, now, angles, roll=roll, bank=bank)
+    wheels = chain.linear_wheels(s.value, vehicle, _by_name(model, s.x), now, angles)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
     mean, changes = (s.inputs[0] + now) / 2, _speed_changes(model, s)
@@ -474,7 +476,7 @@ def _saturating(model: ChainModel, s: _Symbols) -> _Motion:
         side_force=now.side_force,
         load_change=now.load_change,
         roll=roll,
-        own=chain.own_values(vehicle, s.x, roll=roll, bank=bank),
+        states=_by_name(model, s.x),
         rate_of=now.stages.rate(ca.vertcat(s.x, steering.measured), ca.vertcat(now.rates + last.rates, steering.rate)),
         ahead=now.stages.ahead(s.x, now.rates + last.rates),
     )

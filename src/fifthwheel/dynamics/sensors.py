@@ -15,7 +15,9 @@ import casadi as ca
 from fifthwheel.channels import LATERAL_ACCELERATION, MODELLED, SignalName, channel_of, is_of
 from fifthwheel.channels.channel import SensorModel
 from fifthwheel.dynamics import chain
-from fifthwheel.dynamics.chain import BANK, Equations, Motion
+from fifthwheel.dynamics.chain import Equations
+from fifthwheel.dynamics.kinematics import BANK, Motion, slip_angles
+from fifthwheel.dynamics.steering import own_states
 from fifthwheel.dynamics.symbolic import Stages
 from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
@@ -41,7 +43,7 @@ class SensorInputs(NamedTuple):
     roll: bool  # whether the model has roll
     rate_of: Callable[[ca.SX], ca.SX]  # derivative of an expression with respect to time
     ahead: Callable[[ca.SX, float], ca.SX]  # value of an expression after a horizon, s; see `Stages.ahead`
-    own: Mapping[str, ca.SX]  # own states of the steering, by name
+    states: Mapping[str, ca.SX]  # by name
 
     @property
     def half_track(self) -> ca.SX:
@@ -50,9 +52,10 @@ class SensorInputs(NamedTuple):
 
     def own_state(self, name: str) -> ca.SX:
         """An own state of the steering; a SignalError where the vehicle has no such state."""
-        if name not in self.own:
-            raise SignalError(f"{name}: {self.vehicle.name} has no such own state; {suggestion(name, self.own)}")
-        return self.own[name]
+        known = own_states(self.vehicle)
+        if name not in known:
+            raise SignalError(f"{name}: {self.vehicle.name} has no such own state; {suggestion(name, known)}")
+        return self.states[name]
 
     def coupling_force(self, i: int) -> ca.SX:
         """Side force of the coupling on unit i, N: inertia forces less tyre forces of this unit and all behind it."""
@@ -122,11 +125,12 @@ def sensor_inputs(
     """
     A, B = equations.state_space(speed, change)
     rate = A @ x + B @ steer
-    motion = chain.motion(p, vehicle, x, speed, roll=roll, bank=bank)
-    angles = chain.linear_wheels(p, vehicle, x, speed, steer, roll=roll, bank=bank)
-    slip = chain.slip_angles(p, vehicle, x, speed, angles, roll=roll)
+    states = chain.by_name(vehicle, x, roll=roll, bank=bank)
+    motion = Motion.of(p, vehicle, states, speed)
+    angles = chain.linear_wheels(p, vehicle, states, speed, steer)
+    slip = slip_angles(p, vehicle, motion, angles)
     staged = equations.rates(speed, x, steer, rate, stages, change)
-    velocity_rates = staged[list(equations.velocities)]
+    velocities = list(equations.velocities)
     no_turn = [0] * (2 if roll else 1)
     along = ca.SX(0) if change is None else change.rate
     convective = [ca.vertcat(speed * motion.r[0] - along * heading, *no_turn) for heading in motion.heading]
@@ -134,13 +138,16 @@ def sensor_inputs(
         p=p,
         vehicle=vehicle,
         motion=motion,
-        acceleration=tuple(J @ velocity_rates + turn for J, turn in zip(motion.jacobian, convective, strict=True)),
+        acceleration=tuple(
+            ca.jacobian(velocity, x[velocities]) @ staged[velocities] + turn
+            for velocity, turn in zip(motion.velocity, convective, strict=True)
+        ),
         speed=speed,
         steer=angles,
         side_force={path: axle_forces(linear(p, path, Contact(alpha)), alpha)[0] for path, alpha in slip.items()},
         load_change={},
         roll=roll,
-        own=chain.own_values(vehicle, x, roll=roll, bank=bank),
+        states=states,
         rate_of=stages.rate(ca.vertcat(x, turning[0]), ca.vertcat(staged, turning[1])),
         ahead=stages.ahead(x, rate),
     )

@@ -19,6 +19,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import MODELLED, SignalName, si_unit
 from fifthwheel.dynamics import chain, sensors
 from fifthwheel.dynamics.analysis import matrices
+from fifthwheel.dynamics.kinematics import slip_angles
 from fifthwheel.dynamics.model import ChainModel, all_parameters, model
 from fifthwheel.dynamics.symbolic import Expressions, Stages
 from fifthwheel.dynamics.unit_equations import load_transfer_moment
@@ -297,7 +298,7 @@ def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Func
     equations = chain.equations(p, vehicle, roll=roll)
     stages = Stages()
     sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=stages)
-    slip = chain.slip_angles(p, vehicle, x, u, sensed.steer, roll=roll)
+    slip = slip_angles(p, vehicle, sensed.motion, sensed.steer)
     y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
     stacked = stages.expanded(ca.vertcat(*y)) if y else ca.SX(0, 1)
     both = ca.vec(ca.densify(ca.jacobian(stacked, ca.vertcat(x, d))))

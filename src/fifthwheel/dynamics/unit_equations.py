@@ -9,14 +9,15 @@ In all functions p has the parameters by path, numbers or symbols. Units and axl
 numbers are not used.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.dynamics.kinematics import GroupMotion
 from fifthwheel.dynamics.symbolic import Expressions
 from fifthwheel.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import Axle, AxleGroup, Unit, laden
+from fifthwheel.vehicle import AxleGroup, Unit, laden
 
 
 class RollBody(NamedTuple):
@@ -114,82 +115,18 @@ def mass_matrix(p: Expressions, unit: Unit, *, roll: bool) -> ca.SX:
     )
 
 
-class SlipAngle(NamedTuple):
-    """The two terms of a slip angle alpha = direction - drift / u, rad."""
-
-    direction: ca.SX  # of the wheel from the heading of the first unit, rad
-    drift: ca.SX  # lateral velocity across the heading of the first unit, m/s
-
-
-def steering(
-    p: Expressions, unit: Unit, axle: Axle, articulation: ca.SX, steer: Expressions
-) -> tuple[ca.SX, ca.SX | int]:
-    """Steer angle of the wheels of an axle by a steering or by the articulation angle in front of its unit, rad, and
-    the fraction of its slip angle by which castor wheels turn."""
-    name = f"{unit.name}.{axle.name}"
-    if f"steer.{name}" in steer:
-        return steer[f"steer.{name}"], 0
-    return p.get(f"{name}.command_steering", ca.SX(0)) * articulation, p.get(f"{name}.self_steering", 0)
-
-
-def axle_slip_angle(
-    p: Expressions,
-    unit: Unit,
-    axle: Axle,
-    across: ca.SX,
-    heading: ca.SX,
-    articulation: ca.SX,
-    r: ca.SX,
-    steer: Expressions,
-) -> SlipAngle:
-    """Slip angle of the wheels of one axle; arguments as in `tyre_forces`."""
-    arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-    delta, self_steering = steering(p, unit, axle, articulation, steer)
-    return SlipAngle((1 - self_steering) * (delta + heading), (1 - self_steering) * (across + arm * r))
-
-
-def mean_slip_angle(p: Expressions, unit: Unit, group: AxleGroup, *motion: Any) -> SlipAngle:
-    """Mean slip angle of the axles of a group; `motion` as in `axle_slip_angle` from `across` on."""
-    slips = [axle_slip_angle(p, unit, axle, *motion) for axle in group.on_road]
-    n = len(slips)
-    return SlipAngle(sum((s.direction for s in slips), ca.SX(0)) / n, sum((s.drift for s in slips), ca.SX(0)) / n)
-
-
-def tyre_forces(
-    p: Expressions,
-    unit: Unit,
-    across: ca.SX,
-    heading: ca.SX,
-    articulation: ca.SX,
-    r: ca.SX,
-    steer: Expressions,
-    inverse_speed: ca.SX,
-    lagged_slip: Expressions,
-) -> ca.SX:
-    """Side force (N) and yaw moment about the CoG (N m) of all tyres: (2, 1), linear in the slip angles.
+def tyre_forces(p: Expressions, path: str, group: GroupMotion) -> ca.SX:
+    """Side force (N) and yaw moment about the CoG (N m) of the tyres of a group: (2, 1), linear in the slip angles.
 
     An axle has the side force C_alpha / n times its slip angle (equation (7), positive C_alpha). In a group with a
     relaxation length, the lagged slip angle replaces the mean slip angle of the group; the difference of an axle's slip
     angle from the mean acts without lag.
-
-    `across`, `heading`, `articulation` and r are those of the unit in `chain.Motion`; steer angles, rad, positive to
-    the left, by the names of their signals, lagged slip angles, rad, by the paths of their groups.
     """
-    force, moment = ca.SX(0), ca.SX(0)
-    for group in unit.axle_groups:
-        path = unit.group_path(group)
-        kinematics = (across, heading, articulation, r, steer)
-        mean = mean_slip_angle(p, unit, group, *kinematics)
-        mean_slip = mean.direction - mean.drift * inverse_speed
-        lag = lagged_slip[path] - mean_slip if path in lagged_slip else 0
-        secants = linear(p, path, Contact(lagged_slip.get(path, mean_slip))) / len(group.on_road)
-        for axle in group.on_road:
-            arm = p[f"{unit.name}.{axle.name}.position"] - p[f"{unit.name}.cog"]
-            slip = axle_slip_angle(p, unit, axle, *kinematics)
-            side_force, aligning = axle_forces(secants, slip.direction - slip.drift * inverse_speed + lag)
-            force += side_force
-            moment += arm * side_force + aligning
-    return ca.vertcat(force, moment)
+    secants, total = linear(p, path, Contact(group.slip)) / len(group.axles), ca.SX(2, 1)
+    for axle in group.axles:
+        side_force, aligning = axle_forces(secants, axle.slip + (group.slip - group.mean))
+        total += ca.vertcat(side_force, axle.arm * side_force + aligning)
+    return total
 
 
 def roll_moment(body: RollBody, roll: ca.SX, roll_rate: ca.SX) -> ca.SX:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from fifthwheel.channels import GYROS, is_sensor_error
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import block_diagonal

@@ -13,7 +13,7 @@ from fifthwheel import dynamics
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.symbolic import Matrix, transition_matrix
 from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.vehicle import Vehicle

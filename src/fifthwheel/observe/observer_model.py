@@ -19,7 +19,7 @@ from fifthwheel.channels import (
     is_of,
     measured_signals,
 )
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.sensors import sensor_parameters
 from fifthwheel.dynamics.steps import StepLimit, step_limit
 from fifthwheel.errors import SignalError, suggestion

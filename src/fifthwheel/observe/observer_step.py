@@ -33,7 +33,7 @@ from fifthwheel.channels import (
     SIDESLIP,
     YAW_RATE,
 )
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.steering import own_states
 from fifthwheel.dynamics.symbolic import Matrix
 from fifthwheel.errors import VehicleError

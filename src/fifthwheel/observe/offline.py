@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from fifthwheel._memory import release_memory
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import smoother
 from fifthwheel.filters.model import packed_size

@@ -12,7 +12,7 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.filters.step_rows import SampleRows
 from fifthwheel.observe.observer_model import ObserverModel
 from fifthwheel.observe.observer_step import ObserverLayout, TrackedLayout, sensitivity_step, tracked_step

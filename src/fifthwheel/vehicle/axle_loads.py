@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle.unit import Coupling, Unit
+from fifthwheel.vehicle.unit import AxleGroup, Coupling, Unit
 
 
 class SupportedBody(NamedTuple):
@@ -31,6 +31,11 @@ class Joint(NamedTuple):
     pitches: bool = True  # whether it is free in pitch
 
 
+def group_position(p: Mapping[str, Any], unit: Unit, group: AxleGroup) -> Any:
+    """Mean x of the axles on the road of a group, m."""
+    return sum(p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road) / len(group.on_road)
+
+
 def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[Coupling]) -> dict[str, Any]:
     """Vertical load of each axle group of a vehicle by its path, N; see `static_axle_loads`, also for the error.
 
@@ -41,11 +46,7 @@ def axle_loads(p: Mapping[str, Any], units: Sequence[Unit], couplings: Sequence[
             unit.name,
             p[f"{unit.name}.mass"],
             p[f"{unit.name}.cog"],
-            {
-                unit.group_path(group): sum(p[f"{unit.name}.{axle.name}.position"] for axle in group.on_road)
-                / len(group.on_road)
-                for group in unit.axle_groups
-            },
+            {unit.group_path(group): group_position(p, unit, group) for group in unit.axle_groups},
         )
         for unit in units
     ]

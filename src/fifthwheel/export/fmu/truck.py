@@ -8,7 +8,8 @@ from fifthwheel import dynamics
 from fifthwheel._arguments import expect
 from fifthwheel.channels import LATERAL_VELOCITY, MODELLED, WHEEL_SPEED_DIFFERENCE
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.dynamics.chain import BANK, equations
+from fifthwheel.dynamics.chain import equations
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.state_space import MAX_SPEED
 from fifthwheel.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.errors import FifthwheelError, SignalError

@@ -9,7 +9,7 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.identify import estimates
 from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.fit_evaluation import evaluate_fits

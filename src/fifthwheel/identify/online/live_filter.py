@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import WHEEL_SPEED_DIFFERENCE, names_of
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.steps import StepLimit
 from fifthwheel.filters import Noise, joint, variances
 from fifthwheel.filters.model import block_diagonal

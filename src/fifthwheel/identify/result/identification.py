@@ -18,7 +18,7 @@ from fifthwheel.channels import (
     is_of,
     is_sensor_error,
 )
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.errors import FifthwheelError, suggestion
 from fifthwheel.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.identify.statement import prior_of, with_values
