@@ -16,7 +16,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.dynamics.simulation import free_response
 from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record

@@ -20,7 +20,7 @@ import numpy as np
 
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.dynamics.chain import BANK
+from fifthwheel.dynamics.kinematics import BANK
 from fifthwheel.filters.kalman import ChannelUpdate, gate
 from fifthwheel.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
 from fifthwheel.native import Scan
