@@ -16,24 +16,17 @@ from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.spoken_names import named, named_unit
-from fifthwheel.vehicle.quantities import FRICTION
+from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
+ROLL = "roll"
 EXCITATION = {
     "cornering_stiffness": f"add a log with a lane change ({LANE_CHANGE}), or with bends at another speed. With "
     "one speed only, the stiffness of the axles and the steering ratio cannot be distinguished.",
     "yaw_inertia": "add fast lane changes or a slalom (0.3 to 0.5 Hz). Slow bends hardly depend on yaw inertia.",
-    **dict.fromkeys(
-        ("height", "cog_height", "roll_inertia", "roll_axis_height", "roll_stiffness", "roll_damping"),
-        f"add lane changes with more roll ({LANE_CHANGE}).",
-    ),
+    ROLL: f"add lane changes with more roll ({LANE_CHANGE}).",
 }
-"""Quantity of a parameter -> the excitation that it needs."""
-OF_SUSPENSION = (
-    *("roll_stiffness", "tyre_roll_stiffness", "roll_damping", "roll_axis_height"),
-    *("sprung.cog_height", "sprung.roll_inertia"),
-)
-"""Ends of paths, of numbers that act on the roll rate as the payload height does, and stay with another payload."""
+"""Quantity of a parameter, or roll -> the excitation that it needs."""
 VERDICTS = {
     Verdict.AT_BOUND: (
         "A parameter at its bound usually indicates an error in the vehicle file or a log. Check masses, axle "
@@ -106,10 +99,21 @@ def _more_excitation(identification: Identification, runs: Sequence[RunSummary])
             parameters=missing,
         )
         return
-    for quantity, excitation in EXCITATION.items():
-        names = tuple(name for name in missing if ParameterPath.of(name).quantity == quantity)
+    for needed, excitation in EXCITATION.items():
+        names = tuple(name for name in missing if needed == _excited_by(name))
         if names:
             yield Advice(f"To improve {_listed(names)}, {excitation}", parameters=names)
+
+
+def _excited_by(name: str) -> str:
+    """The key of the excitation that a parameter needs."""
+    return ROLL if quantity_of(name).of_roll else ParameterPath.of(name).quantity
+
+
+def _is_of_suspension(name: str) -> bool:
+    """Whether a number acts on the roll rate as a payload height does, and stays with another payload."""
+    row = quantity_of(name)
+    return row.of_roll and row.scope != "load"
 
 
 def _has_no_information(e: Estimate) -> bool:
@@ -199,7 +203,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         options = [
             f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
         ]
-        if ends_with(name, "payload.height") and any(ends_with(s, end) for s in sources for end in OF_SUSPENSION):
+        if ends_with(name, "payload.height") and any(map(_is_of_suspension, sources)):
             message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
             options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
         yield Advice(message, "\n".join(options), parameters=(name,))

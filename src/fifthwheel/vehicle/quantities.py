@@ -12,7 +12,7 @@ with all sizes halved or doubled.
 """
 
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 from fifthwheel.errors import VehicleError, suggestion
 from fifthwheel.names import ParameterPath, ends_with
@@ -31,6 +31,11 @@ ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE = "road.bank", "road.bank_vari
 MASS_SCALE = "mass_scale"
 COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
 """A word with one of these ends the name of a coupling."""
+
+
+Scope = Literal["truck", "unit", "load", "axle load", "road"]
+"""The whole truck; one unit; the load of a unit behind the first; all loads, as a load moves those of other axles; the
+road."""
 
 
 class Quantity(NamedTuple):
@@ -58,6 +63,10 @@ class Quantity(NamedTuple):
     """Limits of its estimate, SI, if they are closer than those of the field."""
     by_change: bool = False
     """Whether `sigma` acts through a change that alters several numbers (`uncertainty.changes`)."""
+    scope: Scope = "unit"
+    """What it belongs to, and thus which logs share it."""
+    of_roll: bool = False
+    """Whether it acts on roll, so that lane changes with roll inform on it."""
     words: str = ""
     """Spoken name, where it is not the words of the key."""
     part: str = ""
@@ -90,7 +99,7 @@ class Quantity(NamedTuple):
 
 
 TYRES: dict[str, Quantity] = {
-    FRICTION: Quantity(0.4, default=0.75, mean=0.75),  # of truck tyres on a dry road
+    FRICTION: Quantity(0.4, default=0.75, mean=0.75, scope="road"),  # of truck tyres on a dry road
     SHAPE: Quantity(0.12, default=1.1, gross=0.2, weight=0.3),
     # half the distance of the tyres of both sides
     HALF_TRACK: Quantity(0.05, unit="m", default=ObserverOptions.half_track, gross=0.1, weight=0.3),
@@ -111,11 +120,13 @@ TYRES: dict[str, Quantity] = {
 }
 """Of all tyres that saturate."""
 GROUP_TYRES: dict[str, Quantity] = {
-    "static_load": Quantity(0.02, unit="N", part="axle"),
+    "static_load": Quantity(0.02, unit="N", scope="axle load", part="axle"),
     "relative_friction": Quantity(0.1, gross=0.2, weight=0.3, part="tyres"),  # to the friction of the road
     "tyres": Quantity(),  # their number
-    "braking_load": Quantity(unit="N/(m/s^2)"),  # gained by a deceleration, where each group brakes by its load
-    "pull_load": Quantity(),  # gained by a pull of the first coupling, as a fraction of the pull
+    "braking_load": Quantity(
+        unit="N/(m/s^2)", scope="axle load"
+    ),  # gained by a deceleration, where each group brakes by its load
+    "pull_load": Quantity(scope="axle load"),  # gained by a pull of the first coupling, as a fraction of the pull
 }
 """Of the tyres of each axle group that saturate; they follow from the vehicle."""
 QUANTITIES: dict[str, Quantity] = {
@@ -131,7 +142,7 @@ QUANTITIES: dict[str, Quantity] = {
     # within a log, with side wind and the pull of misaligned axles
     BANK_VARIATION: Quantity(0.005, unit="rad", absolute=True),
     # timestamps are sometimes made from a nominal sampling rate
-    TIME_BASE: Quantity(0.002, absolute=True, gross=0.03, weight=0.3),
+    TIME_BASE: Quantity(0.002, absolute=True, gross=0.03, weight=0.3, scope="truck"),
     "time_base.delay": Quantity(0.1, unit="s", absolute=True, gross=0.3, weight=2.0),
     # changes of several numbers of the vehicle file; gross: tare in place of gross mass, or another load
     MASS_SCALE: Quantity(
@@ -139,6 +150,7 @@ QUANTITIES: dict[str, Quantity] = {
         gross=0.3,
         weight=3.0,
         by_change=True,
+        scope="truck",
         source="one scale weighs all units: a static weighbridge has 0.1 %, weighing in motion of class 2 (OIML R 134)"
         " 2 %, on-board scales 5 %",
     ),

@@ -84,18 +84,21 @@ class AxleGroup(Component):
     )
     # of the suspension: the spread of published trucks; gross: of one axle in place of the group
     roll_stiffness: Positive = number(
-        "N m/rad", "Suspension, total of the group.", Quantity(0.1, gross=0.5, part="suspension"), plausible=(1e4, 1e8)
+        "N m/rad",
+        "Suspension, total of the group.",
+        Quantity(0.1, gross=0.5, of_roll=True, part="suspension"),
+        plausible=(1e4, 1e8),
     )
     tyre_roll_stiffness: Positive = number(
         "N m/rad",
         "Tyres, total of the group.",
-        Quantity(0.1, gross=0.5, weight=0.5, words="roll stiffness", part="tyres"),
+        Quantity(0.1, gross=0.5, weight=0.5, of_roll=True, words="roll stiffness", part="tyres"),
         plausible=(1e4, 1e8),
     )
     roll_damping: NonNegative = number(
         "N m s/rad",
         "Suspension, total of the group.",
-        Quantity(0.3, gross=0.8, weight=0.5, part="suspension"),
+        Quantity(0.3, gross=0.8, weight=0.5, of_roll=True, part="suspension"),
         plausible=(0.0, 1e7),
     )
     relaxation_length: NonNegative = number(
@@ -167,13 +170,13 @@ class SprungMass(Component):
     owner = "sprung"
     mass: Positive = number("kg", "Without axles, wheels and payload.", Quantity(gross=0.3, weight=3.0), plausible=MASS)
     cog_height: Positive = number(
-        "m", "CoG above the ground.", Quantity(0.1, gross=0.3, words="CoG height"), plausible=(0.2, 5.0)
+        "m", "CoG above the ground.", Quantity(0.1, gross=0.3, of_roll=True, words="CoG height"), plausible=(0.2, 5.0)
     )
     roll_inertia: Positive = number(
         "kg m^2",
         "About the longitudinal axis through its own CoG.",
         # guess: a payload of the same height may be a point, or stand along the sides
-        Quantity(0.2, guess=0.6, gross=0.4, weight=0.5),
+        Quantity(0.2, guess=0.6, gross=0.4, weight=0.5, of_roll=True),
         plausible=(20.0, 1e6),
     )
     roll_yaw_product: Number = number(
@@ -200,6 +203,7 @@ class Payload(Component):
             gross=0.3,
             weight=2.0,
             by_change=True,
+            scope="load",
             source="difference of two weighings, or freight documents without pallets",
         ),
         plausible=(0.0, MASS[1]),
@@ -208,11 +212,15 @@ class Payload(Component):
         "m",
         "Of the load, from the floor to its top, h_p.",
         # any height up to 2.7 m, the inside of a usual body
-        Quantity(0.75, absolute=True, mean=1.4, bounds=(0.01, 3.5)),
+        Quantity(0.75, absolute=True, mean=1.4, bounds=(0.01, 3.5), scope="load", of_roll=True),
         plausible=(0.0, 6.0),
     )
-    width: Positive = number("m", "Of the load, D_p; not used by a point payload.", plausible=(0.0, 6.0))
-    floor_height: Positive = number("m", "Of the floor above the ground, h_f.", plausible=(0.1, 3.0))
+    width: Positive = number(
+        "m", "Of the load, D_p; not used by a point payload.", Quantity(scope="load"), plausible=(0.0, 6.0)
+    )
+    floor_height: Positive = number(
+        "m", "Of the floor above the ground, h_f.", Quantity(scope="load"), plausible=(0.1, 3.0)
+    )
     shape: Literal["uniform", "point"] = Field(default="uniform", description="Distribution of the mass.")
 
 
@@ -239,6 +247,7 @@ class Unit(Component):
             gross=0.3,
             weight=3.0,
             by_change=True,
+            scope="load",
             source="axle-by-axle weighing of coupled units; 150 kg of fuel are 2 % of a tractor",
         ),
         le=5e5,
@@ -253,16 +262,20 @@ class Unit(Component):
             guess=WIDE,
             gross=0.7,
             by_change=True,
+            scope="load",
             words="CoG position",
             source="a load of 60 % of the unit's mass that lies 0.25 m from its assumed position",
         ),
         plausible=ON_UNIT,
     )
     yaw_inertia: Positive = number(
-        "kg m^2", "Of the unit about its CoG.", Quantity(0.1, gross=0.4), plausible=(100.0, 1e7)
+        "kg m^2", "Of the unit about its CoG.", Quantity(0.1, gross=0.4, scope="load"), plausible=(100.0, 1e7)
     )
     roll_axis_height: NonNegative = number(
-        "m", "Of the roll axis above the ground, h_r.", Quantity(0.1, gross=0.4, weight=0.5), plausible=(0.0, 3.0)
+        "m",
+        "Of the roll axis above the ground, h_r.",
+        Quantity(0.1, gross=0.4, weight=0.5, of_roll=True),
+        plausible=(0.0, 3.0),
     )
     sprung: SprungMass
     payload: Payload | None = None

@@ -17,14 +17,8 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import FRICTION, MASS_SCALE, TIME_BASE
+from fifthwheel.vehicle.quantities import FRICTION, TIME_BASE, quantity_of
 
-OF_LOAD = ("mass", "cog", "yaw_inertia")
-"""Quantities of a unit behind the first that depend on its load, besides those of its payload."""
-OF_AXLE_LOADS = ("static_load", "braking_load", "pull_load")
-"""Quantities of an axle group of any unit that depend on the load."""
-OF_TRUCK = (MASS_SCALE, TIME_BASE)
-"""Unknowns of no unit that belong to the truck."""
 OUTLIER = "outlier"
 """Kind of a trip that differs from those before and after it."""
 
@@ -152,13 +146,12 @@ def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "",
 
     `lumped`: a body is that with its payload.
     """
-    path = ParameterPath.of(name)
-    if path.quantity in OF_AXLE_LOADS:
+    scope = quantity_of(name).scope
+    if scope == "axle load":
         return Owned(name, trailer, load, origin)
-    if name in OF_TRUCK or unit_of_unknown(name) == tractor:
+    if scope == "truck" or unit_of_unknown(name) == tractor:
         return Owned(name, origin=origin)
-    of_load = path.component == "payload" or (lumped and path.component == "sprung")
-    of_load = of_load or (not path.component and path.quantity in OF_LOAD)
+    of_load = scope == "load" or (lumped and ParameterPath.of(name).component == "sprung")
     return Owned(name, trailer, load if of_load and of_vehicle(name) else None, origin)
 
 
@@ -169,7 +162,7 @@ def of_vehicle(name: str) -> bool:
 
 def origin(unknown: Unknown, given: Mapping[str, float]) -> str:
     """`Owned.origin`: the numbers of the vehicle file that an unknown changes, without a relative one's."""
-    if unknown.name in OF_TRUCK or not unknown.moves:
+    if quantity_of(unknown.name).scope == "truck" or not unknown.moves:
         return ""
     return ", ".join(f"{name} = {given[name]:.9g}" for name in unknown.moves if name in given)
 
