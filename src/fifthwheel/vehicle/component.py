@@ -1,7 +1,7 @@
 """Base of all components of a vehicle: immutable, keyword-only, finite, with errors that name the path and the cure."""
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from reprlib import repr as shorten
 from types import UnionType
 from typing import Annotated, Any, ClassVar, TypeVar, Union, get_args, get_origin
@@ -77,14 +77,13 @@ class Component(BaseModel):
         cls.si_units = {key: extra["unit"] for key, extra in numbers.items()}
         cls.plausible = {key: extra["plausible"] for key, extra in numbers.items() if extra["plausible"]}
         anything = (-math.inf, math.inf)
-        cls.ranges = {
-            key: _range(cls.model_fields[key].metadata, cls.plausible.get(key, anything)) for key in cls.si_units
-        }
+        limits = {key: [*field.metadata, *_nested(field.annotation)] for key, field in cls.model_fields.items()}
+        cls.ranges = {key: _range(limits[key], cls.plausible.get(key, anything)) for key in cls.si_units}
         for key, field in cls.model_fields.items():
             if _is_number(field.annotation) != (key in cls.si_units):
                 raise TypeError(f"{cls.__name__}.{key}: a number, and only a number, has a unit; use `number`")
         for key, number in numbers.items():
-            lowest = _range(cls.model_fields[key].metadata, anything)[0]
+            lowest = _range(limits[key], anything)[0]
             row = number["row"]._replace(unit=number["unit"], signed=lowest < 0)
             register(f"{cls.owner}.{key}".lstrip("."), row)
 
@@ -126,6 +125,13 @@ def _range(limits: Iterable[Any], plausible: tuple[float, float]) -> tuple[float
         low = max(low, getattr(limit, "ge", low), getattr(limit, "gt", low))
         high = min(high, getattr(limit, "le", high), getattr(limit, "lt", high))
     return low, high
+
+
+def _nested(annotation: Any) -> Iterator[Any]:
+    """The limits of the numbers in an annotation such as `Positive | None`."""
+    for part in get_args(annotation):
+        yield from getattr(part, "metadata", ())
+        yield from _nested(part)
 
 
 def _is_number(annotation: Any) -> bool:

@@ -134,6 +134,7 @@ QUANTITIES: dict[str, Quantity] = {
     **GROUP_TYRES,
     # of linear tyres; sigma: `parameters.softening_priors`; gross: a slippery road
     "softening": Quantity(unit="1/rad", absolute=True, gross=8.0, part="tyres"),
+    "cog_height": Quantity(unit="m", words="CoG height"),  # of a laden unit, which follows from others
     # from log to log, with temperature and pressure of the tyres; gross: other tyres, or flat ones
     "cornering_stiffness.variation": Quantity(0.025, absolute=True, gross=0.3, weight=0.5),
     # the least one of a free-running model, as a fraction of each signal

@@ -374,10 +374,12 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
             continue
         known = None if name in own else known_of(name, value, settings).sigma
         sigma = vehicle.stated.get(name, known) if name in own else known
-        if sigma := row.sigma_of(value) if sigma is None else sigma:
-            uncertain = UnknownKind.UNCERTAIN
-            if row.signed:
-                unknowns.append(linear_unknown(name, value, sigma, uncertain))
-            else:
-                unknowns.append(logarithmic_unknown(name, value, sigma / value, uncertain))
+        if sigma == 0:
+            continue
+        if row.signed:
+            sigma = row.sigma_of(value) if sigma is None else sigma
+            unknowns.append(linear_unknown(name, value, sigma, UnknownKind.UNCERTAIN))
+        else:
+            fraction = row.sigma if sigma is None else sigma / value
+            unknowns.append(logarithmic_unknown(name, value, fraction, UnknownKind.UNCERTAIN))
     return unknowns
