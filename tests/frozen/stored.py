@@ -21,7 +21,8 @@ SHOWN = 6
 LONG = 24
 """Number of elements from which a list of numbers is stored as an array."""
 TOLERANCE = 1e-4
-"""Relative, on another processor or with other libraries, whose last digits differ."""
+"""On another processor or with other libraries, whose last digits differ: relative to the number, or to the largest of
+one entry, so that an offset near 0 counts by its sigma, and a term of a budget by the largest one."""
 
 
 def machine() -> dict[str, str]:
@@ -68,10 +69,22 @@ def differences(name: str, tolerance: float = 0.0) -> list[str]:
     results = results_of(name)
     found = [f"{key}: missing" for key in expected if key not in results]
     found += [f"{key}: new" for key in results if key not in expected]
+    sizes = largest_of_entries(expected)
     for key, value in results.items():
-        if key in expected and not same(value, expected[key], tolerance):
+        smallest = max(1e-9, tolerance * sizes.get(key.rpartition("/")[0], 0.0))
+        if key in expected and not same(value, expected[key], tolerance, smallest):
             found.append(f"{key}: {value!r}, expected {expected[key]!r}")
     return found
+
+
+def largest_of_entries(results: Mapping[str, Any]) -> dict[str, float]:
+    """The largest number of each entry, such as an estimate, by its path; not of the whole result."""
+    sizes: dict[str, float] = {}
+    for key, value in results.items():
+        entry = key.rpartition("/")[0]
+        if entry.count("/") > 1 and isinstance(value, float) and math.isfinite(value):
+            sizes[entry] = max(sizes.get(entry, 0.0), abs(value))
+    return sizes
 
 
 def same(value: Any, expected: Any, tolerance: float, smallest: float = 1e-9) -> bool:
