@@ -14,8 +14,6 @@ from fifthwheel.identify.unknowns.unknown import (
     GUESS_TAIL,
     Unknown,
     UnknownKind,
-    change_unknown,
-    error_unknown,
     fraction_unknown,
     linear_unknown,
     logarithmic_unknown,
@@ -164,10 +162,13 @@ def time_base_delays(
     for name in outputs:
         base = time_bases.get(name, "")
         if base != main:
-            moves.setdefault(f"{TIME_BASE}.{base or 'main'}", {})[f"{name}.delay"] = 1.0
-    priors = {f"{base}.delay": prior_of(settings.given, f"{base}.delay") for base in moves}
-    unknowns = {name: error_unknown(name, sigma, centre=mean) for name, (mean, sigma) in priors.items() if sigma}
-    return [replace(unknown, moves=moves[name.removesuffix(".delay")]) for name, unknown in unknowns.items()]
+            moves.setdefault(f"{TIME_BASE}.{base or 'main'}.delay", {})[f"{name}.delay"] = 1.0
+    priors = {name: prior_of(settings.given, name) for name in moves}
+    return [
+        linear_unknown(name, *prior, UnknownKind.SENSOR, moves=moves[name])
+        for name, prior in priors.items()
+        if prior[1]
+    ]
 
 
 def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
@@ -207,9 +208,8 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
         for kind in channel.errors if channel else ():
             prior = prior_of_sensor_error(vehicle, f"{name}.{kind.kind}", settings)
             if prior and prior[1]:
-                mean, sigma = prior
-                unknown = error_unknown(f"{name}.{kind.kind}", sigma, centre=mean, per_log=kind.per_log)
-                unknown = replace(unknown, kind=UnknownKind.UNCERTAIN) if kind.uncertain else unknown
+                of = UnknownKind.UNCERTAIN if kind.uncertain else UnknownKind.SENSOR
+                unknown = linear_unknown(f"{name}.{kind.kind}", *prior, of, per_log=kind.per_log)
                 unknowns.append(replace(unknown, lower=max(unknown.lower, 0.0)) if kind.positive else unknown)
     return unknowns
 
@@ -224,7 +224,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
             sigma = abs(moves[change.name])
             unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
         elif moves:
-            unknown = change_unknown(change.name, 1.0, moves | of_tyres)
+            unknown = linear_unknown(change.name, 0.0, 1.0, UnknownKind.UNCERTAIN, moves=moves | of_tyres)
             given = {p: values[p] for p in moves if values[p] > 0 and not quantity_of(p).signed}
             unknowns.append(replace(unknown, given=given))
     return unknowns
@@ -251,8 +251,11 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
         sigmas[name] = vehicle.stated.get(name, known_of(name, 0.0, settings).or_sigma(default))
     for change in changes(vehicle):
         sigmas |= {name: slope for name, slope in change.slopes.items() if ends_with(name, "self_steering")}
-    unknowns = [change_unknown(name, sigma) for name, sigma in sigmas.items() if sigma and name not in done]
-    return [replace(u, centre=values.get(u.name, 0.0), upper=1.0).within(0.0, 1.0) for u in unknowns]
+    return [
+        fraction_unknown(name, values.get(name, 0.0), sigma)
+        for name, sigma in sigmas.items()
+        if sigma and name not in done
+    ]
 
 
 def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
@@ -275,19 +278,19 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
     for path, (mean, default) in (softening_priors(vehicle) if settings.tyre_law == "linear" else {}).items():
         found = known_of(f"{path}.softening", mean, settings)
         if sigma := found.or_sigma(default):
-            change = change_unknown(found.name, sigma)
-            lower, upper = found.value + change.lower, found.value + change.upper
-            unknowns.append(replace(change, centre=found.value, lower=lower, upper=upper))
+            unknowns.append(linear_unknown(found.name, found.value, sigma, UnknownKind.UNCERTAIN))
     for name in (f"{path}.cornering_stiffness" for path in vehicle.group_paths()):
         _, sigma = prior_of(settings.given, f"{name}{VARIATION}")
         if sigma and not known_of(name, values[name], settings, reported=True).exact:
             moves = {name: values[name]}
-            unknowns.append(change_unknown(f"{name}{VARIATION}", sigma, moves, per_log=True))
+            unknown = linear_unknown(f"{name}{VARIATION}", 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves, per_log=True)
+            unknowns.append(unknown)
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
-        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
+        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma, per_log=True))
     if rate := prior_of(settings.given, TIME_BASE)[1]:
-        unknowns.append(change_unknown(TIME_BASE, rate, {dynamics.TIME_SCALE: 1.0}))
+        moves = {dynamics.TIME_SCALE: 1.0}
+        unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, UnknownKind.UNCERTAIN, moves=moves))
     return unknowns
 
 
@@ -313,30 +316,28 @@ def softening_priors(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """The estimated parameters: with the prior that is stated, else as a guess."""
-    values, named = given_parameters(vehicle, settings), vehicle.paths(settings.reported)
+    values, named, of_steering = (
+        given_parameters(vehicle, settings),
+        vehicle.paths(settings.reported),
+        own_parameters(vehicle.steering),
+    )
     unknowns = []
     for name in estimated:
-        value, row = values[name], quantity_of(name)
-        prior = _stated_prior(vehicle, name, value, settings)
-        if name in named and not prior and not known_of(name, value, settings).free:
-            prior = value, _default_sigma(vehicle, name, value)
+        value, row, found = values[name], quantity_of(name), known_of(name, values[name], settings, reported=True)
+        of_file = 0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0)
+        sigma = 0.0 if found.free else found.or_sigma(of_file)
+        if name in named and not (sigma or found.free):
+            sigma = _default_sigma(vehicle, name, value)
+        may_be_zero = name in of_steering and sigma and 2 * sigma > value
         if row.bounds:
-            unknowns.append(linear_unknown(name, *(prior or (row.mean or value, row.sigma))))
-        elif row.signed or _may_be_zero(vehicle, name, prior):
-            unknowns.append(linear_unknown(name, *(prior or (value, row.guess_of(value)))))
-        elif prior or name == FRICTION:
-            unknowns.append(logarithmic_unknown(name, value, prior[1] / value if prior else row.sigma))
+            unknowns.append(linear_unknown(name, *((value, sigma) if sigma else (row.mean or value, row.sigma))))
+        elif row.signed or may_be_zero:
+            unknowns.append(linear_unknown(name, value, sigma or row.guess_of(value)))
+        elif sigma or name == FRICTION:
+            unknowns.append(logarithmic_unknown(name, value, sigma / value if sigma else row.sigma))
         else:
             unknowns.append(logarithmic_unknown(name, value, row.guess, tail=GUESS_TAIL))
     return unknowns
-
-
-def _stated_prior(vehicle: Vehicle, name: str, value: float, settings: OneStage) -> tuple[float, float] | None:
-    """Prior mean and standard deviation of a parameter, SI, by the settings or the vehicle file; None if they state
-    nothing, or that it is free."""
-    found = known_of(name, value, settings, reported=True)
-    sigma = found.or_sigma(0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0))
-    return (value, sigma) if sigma and not found.free else None
 
 
 def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
@@ -355,11 +356,6 @@ def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
     return sigma
 
 
-def _may_be_zero(vehicle: Vehicle, name: str, prior: tuple[float, float] | None) -> bool:
-    """Whether an own parameter of a steering is 0 within two of its standard deviations."""
-    return prior is not None and name in own_parameters(vehicle.steering) and 2 * prior[1] > prior[0]
-
-
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """Uncertain numbers of the vehicle file and of saturating tyres, beside masses and lengths.
 
@@ -372,12 +368,8 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
         hidden = path.unit in loaded and ends_with(name, "sprung.roll_inertia")
         if not row.is_uncertain or name in estimated or hidden or not (value or row.signed):
             continue
-        known = None if name in own else known_of(name, value, settings).sigma
-        sigma = vehicle.stated.get(name, known) if name in own else known
+        sigma = vehicle.stated.get(name) if name in own else known_of(name, value, settings).sigma
         if sigma := row.sigma_of(value) if sigma is None else sigma:
-            uncertain = UnknownKind.UNCERTAIN
-            if row.signed:
-                unknowns.append(linear_unknown(name, value, sigma, uncertain))
-            else:
-                unknowns.append(logarithmic_unknown(name, value, sigma / value, uncertain))
+            make, scale = (linear_unknown, sigma) if row.signed else (logarithmic_unknown, sigma / value)
+            unknowns.append(make(name, value, scale, UnknownKind.UNCERTAIN))
     return unknowns
