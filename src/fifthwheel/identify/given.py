@@ -168,11 +168,8 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
     """Names of the numbers that a vehicle file does not have."""
     groups, linear = vehicle.group_paths(), settings.tyre_law == "linear"
     of_tyres = [f"{path}.softening" for path in groups] if linear else saturation_names(groups)
-    signals = ["speed", *vehicle.steer_signals()]
-    for channel in channels_with_errors():
-        signals += (
-            [f"{channel.quantity}.{unit.name}" for unit in vehicle.units] if channel not in (SPEED, STEER) else []
-        )
+    quantities = [channel.quantity for channel in channels_with_errors() if channel not in (SPEED, STEER)]
+    signals = ["speed", *vehicle.steer_signals(), *[f"{q}.{unit.name}" for q in quantities for unit in vehicle.units]]
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     variations = [f"{path}.cornering_stiffness{VARIATION}" for path in groups]
     own = vehicle.parameters()

@@ -100,21 +100,11 @@ class InformationAssessment:
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
-        return {
-            "version": self.version,
-            "vehicle": self.vehicle,
-            "logs": self.logs,
-            "speed": self.speed,
-            "findings": [
-                {"log": log, "signal": f.signal, "fault": f.fault.value, "severity": f.severity, "message": f.message}
-                for log, f in self.findings
-            ],
-            "parameters": [asdict(parameter) for parameter in self.parameters],
-            "sensors": {signal: dict(sigmas) for signal, sigmas in self.sensors.items()},
-            "noise": {log: dict(noise) for log, noise in self.noise.items()},
-            "cautions": self.cautions,
-            "notes": self.notes,
-        }
+        findings = [
+            {"log": log, "signal": f.signal, "fault": f.fault.value, "severity": f.severity, "message": f.message}
+            for log, f in self.findings
+        ]
+        return asdict(self) | {"findings": findings}
 
     def to_json(self) -> str:
         """`as_dict` as JSON."""

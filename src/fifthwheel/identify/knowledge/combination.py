@@ -19,7 +19,7 @@ from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
 from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
-from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed, together
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
@@ -195,18 +195,14 @@ def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
 
 def _without_zeros(trips: Sequence[Observation], layout: UnknownLayout) -> list[Observation]:
     """The trips without the non-negative unknowns that all trips together determine as 0."""
-    n, zeros = len(layout.unknowns), np.zeros(0, dtype=np.int64)
     bounded = np.flatnonzero(layout.scaling.lower == layout.scaling.centre)
     while True:
-        trips = [_reduced(trip, zeros) for trip in trips]
-        H, v = np.eye(n), np.zeros(n)
-        for trip in trips:
-            H[np.ix_(trip.places, trip.places)] += trip.information
-            v[trip.places] += trip.vector
-        z = np.linalg.solve(H, v)
-        zeros = bounded[z[bounded] < 0]
+        total = together(trips)
+        z = np.linalg.solve(np.eye(len(total.places)) + total.information, total.vector)
+        zeros = np.intersect1d(bounded, total.places[z < 0])
         if not len(zeros):
-            return trips
+            return list(trips)
+        trips = [_reduced(trip, zeros) for trip in trips]
 
 
 def _reduced(trip: Observation, zeros: Indices) -> Observation:
@@ -223,13 +219,13 @@ def _reduced(trip: Observation, zeros: Indices) -> Observation:
 
 
 def _widening(trips: Sequence[Observation], n: int) -> Array:
-    """Factors (n,) of model error from the scores of all trips together."""
-    H, M = np.zeros((n, n)), np.zeros((n, n))
-    for trip in trips:
-        part = np.ix_(trip.places, trip.places)
-        H[part] += trip.information
-        M[part] += trip.score_covariance
-    return model_error_factors(np.asarray(np.linalg.inv(np.eye(n) + H)), np.eye(n), M)
+    """Factors (n,) of model error from the scores of all trips together; 1 for an unknown of none."""
+    total, widening = together(trips), np.ones(n)
+    W = np.eye(len(total.places))
+    widening[total.places] = model_error_factors(
+        np.asarray(np.linalg.inv(W + total.information)), W, total.score_covariance
+    )
+    return widening
 
 
 def _rate(layout: UnknownLayout, tyre_walk: float) -> Array:

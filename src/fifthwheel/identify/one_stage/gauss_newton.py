@@ -101,7 +101,7 @@ def minimise(
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
         if not interior:
             free, step = ~_held(z, gradient, lower, upper), np.zeros_like(z)
-            step[free], _ = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
+            step[free] = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
             step = np.clip(z + step, lower, upper) - z
         slope = -float(gradient @ step)
         predicted_decrease = slope - float(step @ hessian @ step) / 2
@@ -123,15 +123,7 @@ def minimise(
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break
-    return Minimum(
-        objective=objective,
-        z=z,
-        model=model,
-        converged=converged,
-        steps=steps,
-        lower=lower,
-        upper=upper,
-    )
+    return Minimum(objective=objective, z=z, model=model, converged=converged, steps=steps, lower=lower, upper=upper)
 
 
 def remaining_step(minimum: Minimum[ObjectiveT]) -> Array:
@@ -180,8 +172,8 @@ def _held(z: Array, gradient: Array, lower: Array, upper: Array) -> NDArray[np.b
     return ((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0))
 
 
-def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[Array, bool]:
-    """The minimiser of a quadratic within a ball, and whether it is the unconstrained minimiser.
+def trust_region_step(gradient: Array, hessian: Array, radius: float) -> Array:
+    """The minimiser of a quadratic within a ball.
 
     On the boundary the step is s = -(H + mu I)^-1 g with ||s|| = radius; mu is found by bisection.
     """
@@ -189,10 +181,10 @@ def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[A
     values = np.maximum(values, 1e-12 * values.max(initial=1.0))
     components = -vectors.T @ gradient
     if np.linalg.norm(components / values) <= radius:
-        return vectors @ (components / values), True
+        return np.asarray(vectors @ (components / values))
     low, high = 0.0, float(np.linalg.norm(gradient)) / radius
     for _ in range(60):
         middle = (low + high) / 2
         too_long = np.linalg.norm(components / (values + middle)) > radius
         low, high = (middle, high) if too_long else (low, middle)
-    return vectors @ (components / (values + high)), False
+    return np.asarray(vectors @ (components / (values + high)))

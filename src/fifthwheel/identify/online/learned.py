@@ -83,7 +83,7 @@ class LearnedLog:
     def restored(cls, content: Mapping[str, Any], live: LiveFilter) -> "LearnedLog":
         """That of `as_dict`, whose start the filter gets."""
         began = EstimateBlock.from_dict(content["began"])
-        live.set_start(began.z, began.Pz)
+        live.began = live.joint_estimate(began.z, began.Pz)
         return cls(
             occasions={name: Occasion(trailer=of[0], load=of[1]) for name, of in content["occasions"].items()},
             logs=tuple(log_of(log) for log in content["logs"]),

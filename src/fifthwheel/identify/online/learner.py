@@ -419,7 +419,7 @@ class Learner:
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             start = combine_blocks(setup.unknowns, blocks)
             learner._live = live = LiveFilter(setup, learner._live.learner, *start)
-            live.set_estimate(*start, *scores)
+            live.filter.set_estimate(live.joint_estimate(*start, *scores))
             live.innovations.restore(**evidence["innovations"])
             learner._log = LearnedLog.restored(content["knowledge"], live)
             for name, block in content["uncoupled"].items():

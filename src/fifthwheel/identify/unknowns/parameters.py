@@ -163,11 +163,10 @@ def time_base_delays(
         base = time_bases.get(name, "")
         if base != main:
             moves.setdefault(f"{TIME_BASE}.{base or 'main'}.delay", {})[f"{name}.delay"] = 1.0
-    priors = {name: prior_of(settings.given, name) for name in moves}
     return [
-        linear_unknown(name, *prior, UnknownKind.SENSOR, moves=moves[name])
-        for name, prior in priors.items()
-        if prior[1]
+        linear_unknown(name, *prior, UnknownKind.SENSOR, moves=of_channels)
+        for name, of_channels in moves.items()
+        if (prior := prior_of(settings.given, name))[1]
     ]
 
 
