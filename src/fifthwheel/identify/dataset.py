@@ -85,28 +85,18 @@ class LogData:
 class Dataset:
     """What `prepare_dataset` makes of logs and vehicle."""
 
-    records: tuple[Record, ...]
-    """The given records without their empty channels, one for each of `logs`."""
-    logs: tuple[LogData, ...]
-    """To identify the vehicle on."""
-    validation: tuple[LogData, ...]
-    """Only predicted."""
-    initial_vehicle: Vehicle
-    """The given vehicle, simplified as the settings demand."""
-    vehicle: Vehicle
-    """The same with the axles locked whose steer angle is not in the logs."""
-    yaw: tuple[str, ...]
-    """Measured yaw rates and articulation angles."""
-    roll: tuple[str, ...]
-    """Measured roll rates."""
+    records: tuple[Record, ...]  # the given records without their empty channels, one for each of `logs`
+    logs: tuple[LogData, ...]  # to identify the vehicle on
+    validation: tuple[LogData, ...]  # only predicted
+    initial_vehicle: Vehicle  # the given vehicle, simplified as the settings demand
+    vehicle: Vehicle  # the same with the axles locked whose steer angle is not in the logs
+    yaw: tuple[str, ...]  # measured yaw rates and articulation angles
+    roll: tuple[str, ...]  # measured roll rates
     others: tuple[str, ...]
     """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
-    sensors: Mapping[str, SensorPrior]
-    """What the logs state of their sensors, by signal."""
-    findings: tuple[Finding, ...]
-    """What is implausible in the signals of all logs."""
-    notes: tuple[str, ...]
-    """For the user."""
+    sensors: Mapping[str, SensorPrior]  # what the logs state of their sensors, by signal
+    findings: tuple[Finding, ...]  # what is implausible in the signals of all logs
+    notes: tuple[str, ...]  # for the user
 
     @property
     def outputs(self) -> tuple[str, ...]:

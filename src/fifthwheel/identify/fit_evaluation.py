@@ -54,8 +54,7 @@ class FitEvaluation:
 
     fits: tuple[Fit, ...]
     notes: tuple[str, ...]
-    trusted: bool
-    """False if the vehicle does not explain a clear signal of a log that was used for the identification."""
+    trusted: bool  # False if the vehicle does not explain a clear signal of a log that was used for the identification
 
 
 def evaluate_fits(

@@ -65,13 +65,11 @@ MEAN_GRADE = 0.01
 class DrivingMass(NamedTuple):
     """Gross mass by the balance of the longitudinal forces."""
 
-    mass: float
-    """kg"""
+    mass: float  # kg
     parts: Mapping[str, float]
     """Contributions to its standard deviation, kg: "driving" is that of the logs, and those of the scales of the force.
     """
-    used: float
-    """Time with known force, s."""
+    used: float  # time with known force, s
 
     @property
     def sigma(self) -> float:

@@ -37,12 +37,9 @@ FEWEST_SAMPLES = 64
 class NoiseModel:
     """White noise and discrepancy of one channel."""
 
-    white: float
-    """Variance r of the white noise, SI squared."""
-    discrepancy: float = 0.0
-    """Variance q of the discrepancy, SI squared."""
-    time_constant: float = 1.0
-    """tau of the discrepancy, s."""
+    white: float  # variance r of the white noise, SI squared
+    discrepancy: float = 0.0  # variance q of the discrepancy, SI squared
+    time_constant: float = 1.0  # tau of the discrepancy, s
 
     def with_discrepancy(self, least: float) -> "NoiseModel":
         """The same noise with a discrepancy of at least this variance, SI squared."""

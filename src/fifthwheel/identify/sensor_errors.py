@@ -98,12 +98,9 @@ def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> d
 class LogSensors(NamedTuple):
     """The sensors of one log."""
 
-    settings: dict[str, Any]
-    """Sensor errors, noise and bank, as arguments of `ObserverSettings`."""
-    uncertainty: Uncertainty | None
-    """Joint uncertainty of vehicle and sensors."""
-    note: str
-    """Where the sensor errors come from, if not from the identification; else empty."""
+    settings: dict[str, Any]  # sensor errors, noise and bank, as arguments of `ObserverSettings`
+    uncertainty: Uncertainty | None  # joint uncertainty of vehicle and sensors
+    note: str  # where the sensor errors come from, if not from the identification; else empty
 
 
 def log_sensors(

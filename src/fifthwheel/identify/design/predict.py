@@ -46,10 +46,8 @@ class RunInformation:
 
     names: tuple[str, ...]
     """Names (k,) of the unknowns; those that belong to the run alone end with "@0" or "@0.segment"."""
-    logged: Mapping[str, Array]
-    """Of each channel that is logged."""
-    not_logged: Mapping[str, Array]
-    """Of each other channel, if it were logged whenever any channel is."""
+    logged: Mapping[str, Array]  # of each channel that is logged
+    not_logged: Mapping[str, Array]  # of each other channel, if it were logged whenever any channel is
 
     def information(self, added: Collection[str] = ()) -> Array:
         """Information (k, k) of the logged channels and of the added ones."""
@@ -65,8 +63,7 @@ class PredictedPosterior:
     posterior: ScaledPosterior
     not_identified: Mapping[str, Verdict]
     """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
-    no_channel: frozenset[str]
-    """Parameters of roll without a roll rate of their unit."""
+    no_channel: frozenset[str]  # parameters of roll without a roll rate of their unit
 
     def verdict(self, name: str) -> Verdict:
         """CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE."""
@@ -127,14 +124,11 @@ def _wheel_speed_differences(vehicle: Vehicle, logged: Collection[str]) -> set[s
 class InformationPredictor:
     """The one-stage problem of a truck at the values of its vehicle file; made by `of`."""
 
-    setup: Setup
-    """With every channel that a fit can use."""
+    setup: Setup  # with every channel that a fit can use
     start: Mapping[str, float]
     """z of the axles' cornering stiffness where a fit starts, if the vehicle is unstable; else empty."""
-    start_vehicle: Vehicle
-    """The vehicle at `start`, stable at all speeds."""
-    earlier: JointPrior | None = None
-    """The information of earlier logs."""
+    start_vehicle: Vehicle  # the vehicle at `start`, stable at all speeds
+    earlier: JointPrior | None = None  # the information of earlier logs
 
     @classmethod
     def of(

@@ -55,12 +55,9 @@ class PredictedRemedies:
 
     predictor: InformationPredictor
     runs: tuple[RunInformation, ...]
-    knowable: tuple[str, ...]
-    """What could be known, as in `Remedy.known`."""
-    single: tuple[Change, ...]
-    """One change."""
-    double: tuple[Change, ...]
-    """One more lane change and one more channel."""
+    knowable: tuple[str, ...]  # what could be known, as in `Remedy.known`
+    single: tuple[Change, ...]  # one change
+    double: tuple[Change, ...]  # one more lane change and one more channel
 
     @classmethod
     def of(

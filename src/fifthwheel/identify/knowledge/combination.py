@@ -50,10 +50,8 @@ class Combined:
     widening: Array
     changes: Sequence[TripChange]
     p_values: Sequence[float]  # of each trip by its innovation
-    last: State
-    """After the last trip."""
-    walk: Walk
-    """With the resets of all changes."""
+    last: State  # after the last trip
+    walk: Walk  # with the resets of all changes
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""

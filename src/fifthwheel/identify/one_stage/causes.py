@@ -69,11 +69,9 @@ class Causes:
 class _Hypothesis:
     """A gross error of one number."""
 
-    test: PriorTest
-    """With the change and the shifts of the fit."""
+    test: PriorTest  # with the change and the shifts of the fit
     minimum: Minimum[Problem]
-    odds: float
-    """Their logarithm, over the hypothesis that all priors hold."""
+    odds: float  # their logarithm, over the hypothesis that all priors hold
 
 
 def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None) -> Causes:

@@ -117,8 +117,7 @@ class _Estimator:
 
     dataset: Dataset
     setup: Setup
-    grip: float
-    """Largest lateral acceleration of the logs over that of gravity."""
+    grip: float  # largest lateral acceleration of the logs over that of gravity
     earlier: JointPrior | None
 
     def minimise(self, progress: Progress) -> Minimum[Problem]:

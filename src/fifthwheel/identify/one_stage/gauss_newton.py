@@ -58,8 +58,7 @@ class Minimum(Generic[ObjectiveT]):
     converged: bool
     steps: int
     lower: Array
-    upper: Array
-    """Bounds of z (k,)."""
+    upper: Array  # bounds of z (k,)
 
 
 def minimise(

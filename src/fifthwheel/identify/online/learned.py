@@ -35,14 +35,10 @@ GAINED = 1e-3
 class LearnedLog:
     """What a learner learns from now on, which is one log, and the logs before it."""
 
-    occasions: Mapping[str, Occasion]
-    """Of each trailer by the name under which its estimates are kept."""
-    logs: tuple[LogKnowledge, ...] = ()
-    """Of the couplings that ended."""
-    digest: str = field(default_factory=lambda: uuid.uuid4().hex)
-    """Of the log that is learned."""
-    date: datetime.datetime | None = None
-    """Of the last sample before the learner was loaded."""
+    occasions: Mapping[str, Occasion]  # of each trailer by the name under which its estimates are kept
+    logs: tuple[LogKnowledge, ...] = ()  # of the couplings that ended
+    digest: str = field(default_factory=lambda: uuid.uuid4().hex)  # of the log that is learned
+    date: datetime.datetime | None = None  # of the last sample before the learner was loaded
 
     def finished(self, live: LiveFilter, trailer: str, time: float) -> "LearnedLog":
         """With what a filter learned up to a time, s, and a new log after it."""

@@ -37,22 +37,17 @@ class OnlineModel:
     """
 
     chain: ChainModel
-    own: tuple[tuple[str, int], ...]
-    """Parameter and index of each unknown that is the value of one parameter."""
-    slopes: tuple[tuple[str, int], ...]
-    """Parameter and index of the unknown of each slope."""
-    given: tuple[str, ...]
-    """Parameters that have no unknown of their own, but are changed by others."""
-    discrepancies: int
-    """Their number: that of the channels, or 0."""
+    own: tuple[tuple[str, int], ...]  # parameter and index of each unknown that is the value of one parameter
+    slopes: tuple[tuple[str, int], ...]  # parameter and index of the unknown of each slope
+    given: tuple[str, ...]  # parameters that have no unknown of their own, but are changed by others
+    discrepancies: int  # their number: that of the channels, or 0
     transition: ca.Function
     observation: ca.Function
     transition_parts: ca.Function
     rates: ca.Function
     rate_slopes: ca.Function
     observation_slopes: ca.Function
-    identity: tuple[object, ...]
-    """Of the model, for the cache of machine code."""
+    identity: tuple[object, ...]  # of the model, for the cache of machine code
 
     def constant(self, values: Mapping[str, float], unknowns: Sequence[Unknown], time_constant: float) -> Array:
         """c from the values of all parameters of the chain, SI, and the time constant of the discrepancies, s."""

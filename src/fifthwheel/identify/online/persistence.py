@@ -22,13 +22,10 @@ class EstimateBlock:
     """Estimates of some unknowns, without their correlation with all others."""
 
     names: tuple[str, ...]
-    centre: tuple[float, ...]
-    """With `scale` the meaning of z."""
+    centre: tuple[float, ...]  # with `scale` the meaning of z
     scale: tuple[float, ...]
-    z: Array
-    """(n,)."""
-    Pz: Array
-    """Covariance of z (n, n)."""
+    z: Array  # (n,)
+    Pz: Array  # covariance of z (n, n)
 
     @classmethod
     def of(cls, unknowns: Sequence[Unknown], z: Array, Pz: Array, places: Sequence[int]) -> "EstimateBlock":
