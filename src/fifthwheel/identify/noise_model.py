@@ -171,14 +171,10 @@ class Point(NamedTuple):
 
 
 def nelder_mead(function: Callable[[Array], float], simplex: Array, *, tolerance: float, iterations: int) -> Point:
-    """The best vertex of the simplex of Nelder and Mead (1965, The Computer Journal 7, 308-313).
+    """The best vertex of the simplex of Nelder and Mead (1965, The Computer Journal 7, 308-313), from (n + 1, n).
 
-    Args:
-        function: of x (n,).
-        simplex: first simplex (n + 1, n).
-        tolerance: the search ends when all vertices are within this distance of the best one, in each element of x and
-            in the value of the function.
-        iterations: largest number of iterations.
+    The search ends when all vertices are within the tolerance of the best one, in each element of x (n,) and in the
+    value of the function, or after so many iterations.
     """
     points = _sorted([Point(x, function(x)) for x in simplex])
     for _ in range(1, iterations):

@@ -163,15 +163,8 @@ class Stated:
 def stated(given: Mapping[str, str | float], name: str, si: str, value: float, *, reported: bool = False) -> Stated:
     """What is stated on a number: value and sigma each by the most specific statement that has one.
 
-    Args:
-        given: statements by pattern.
-        name: of the number.
-        si: its unit.
-        value: its default.
-        reported: whether it is among the parameters of a result.
-
-    Raises:
-        FifthwheelError: two statements that are equally specific disagree, or a unit does not fit.
+    `si` is its unit, `value` its default; `reported`: it is among the parameters of a result. A FifthwheelError: two
+    statements that are equally specific disagree, or a unit does not fit.
     """
     if not given:
         return Stated(name=name, value=value)

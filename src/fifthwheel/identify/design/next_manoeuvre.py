@@ -110,10 +110,7 @@ def plan_manoeuvres(
     """The next manoeuvres for a learner with its present estimates.
 
     Each step is the candidate that most reduces the sigmas above their targets, in logarithms, for its duration.
-
-    Args:
-        candidates: of `manoeuvre_information`.
-        targets: wanted sigma by parameter of the learner, relative to its value.
+    `targets` are wanted sigmas by parameter of the learner, relative to their values.
     """
     live = learner.live
     unknowns, considered, limit = live.setup.estimated_unknowns, live.setup.considered_unknowns, live.setup.settings

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import (
@@ -71,7 +70,7 @@ class PredictedPosterior:
 
     def sigma(self, name: str) -> float:
         """Standard deviation of an unknown after the fit, relative to that of its prior."""
-        return float(self.posterior.sigma[self.posterior.names.index(name)])
+        return self.posterior.sigma_of(name)
 
     def reliable_sigma(self, name: str) -> float:
         """The same; that of the prior, 1, for a parameter without enough information, whose estimate is not used."""
@@ -79,7 +78,7 @@ class PredictedPosterior:
 
     def conditional_sigma(self, name: str) -> float:
         """The same if all other parameters were known; the sensors' errors remain unknown."""
-        return self.posterior.conditional_sigma(self.posterior.names.index(name))
+        return self.posterior.conditional_sigma(name)
 
     def correlated_with(self, name: str) -> list[str]:
         """Unknowns that can hardly be separated from this one, the worst first.
@@ -140,15 +139,10 @@ class InformationPredictor:
         *,
         earlier: Earlier = nothing,
     ) -> "InformationPredictor":
-        """Set up the problem.
+        """The problem of a vehicle with the steered axles that the logs have, at the speeds of all runs, m/s.
 
-        Args:
-            vehicle: what is known of the truck, with the steered axles that the logs have.
-            settings: settings of the fit; the output-error form, linear tyres and the payload heights of the
-                vehicle file are used.
-            speeds: speeds of all runs, or the lowest and the highest, m/s.
-            logged: signals that are or would be logged; see `possible_channels`.
-            earlier: the information of earlier logs on the unknowns of a setup.
+        `logged` are signals that are or would be logged; see `possible_channels`. The output-error form, linear tyres
+        and the payload heights of the vehicle file are used.
 
         Raises:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
@@ -185,23 +179,29 @@ class InformationPredictor:
         A channel without noise variance in the log has the default. `logged` are channels that count as logged at every
         sample; by default those that the segments have.
         """
-        presence = [self._presence(segment, logged) for segment in log.segments]
+        outputs = self.setup.outputs
+        presence = [
+            np.isfinite(measured_columns(segment, outputs))
+            if logged is None
+            else np.tile([name in logged for name in outputs], (len(segment), 1))
+            for segment in log.segments
+        ]
         log = LogData(
             name=log.name,
-            segments=[with_every_sample(segment, self.setup.outputs) for segment in log.segments],
+            segments=[with_every_sample(segment, outputs) for segment in log.segments],
             noise=dict(log.noise),
             noise_models=log.noise_models,
         )
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.setup, [log])
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
-        information = {name: np.zeros((len(z), len(z))) for name in self.setup.outputs}
+        information = {name: np.zeros((len(z), len(z))) for name in outputs}
         for j, samples in enumerate(presence):
             first = 0
             for block in problem.blocks(z, 0, j):
                 in_block, first = samples[first : first + len(block.time)], first + len(block.time)
                 places = np.ix_(block.indices, block.indices)
-                for c, name in enumerate(self.setup.outputs):
+                for c, name in enumerate(outputs):
                     used = in_block[:, c] if present[c] else in_block.any(axis=1)
                     scaled = block.jacobian[:, c] * (used / np.sqrt(block.variance[:, c]))[:, None]
                     information[name][places] += scaled.T @ scaled
@@ -210,18 +210,12 @@ class InformationPredictor:
                 f"{self.setup.vehicle.name}: unstable in {log.name}; "
                 "check masses, axle positions and cornering stiffnesses"
             )
-        is_logged = dict(zip(self.setup.outputs, present.tolist(), strict=True))
+        is_logged = dict(zip(outputs, present.tolist(), strict=True))
         return RunInformation(
             names=problem.names,
             logged={name: matrix for name, matrix in information.items() if is_logged[name]},
             not_logged={name: matrix for name, matrix in information.items() if not is_logged[name]},
         )
-
-    def _presence(self, segment: Record, logged: Collection[str] | None) -> NDArray[np.bool_]:
-        """Whether each channel has each sample (N, m)."""
-        if logged is not None:
-            return np.tile([name in logged for name in self.setup.outputs], (len(segment), 1))
-        return np.isfinite(measured_columns(segment, self.setup.outputs))
 
     def posterior(
         self,
@@ -231,14 +225,11 @@ class InformationPredictor:
         better_known: Mapping[str, float] = MappingProxyType({}),
         added: Collection[str] = (),
     ) -> PredictedPosterior:
-        """The posterior that a fit of these runs would give.
+        """The posterior that a fit of these runs would give, with the `added` channels logged as well.
 
-        Args:
-            runs: information of each run.
-            known: unknowns that are known exactly; of an unknown that every run has, all of them.
-            better_known: factor of the prior sigma of unknowns that every run shares; their sigma after the fit is
-                relative to the smaller prior.
-            added: channels that are logged as well.
+        `known` are unknowns that are known exactly; of an unknown that every run has, all of them. `better_known` has
+        the factor of the prior sigma of unknowns that every run shares; their sigma after the fit is relative to the
+        smaller prior.
         """
         names, information = combine_information(runs, known=known, added=added)
         factors = np.array([better_known.get(name, 1.0) for name in names])
@@ -261,7 +252,7 @@ class InformationPredictor:
         posterior = ScaledPosterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        remaining = {name: float(posterior.sigma[posterior.names.index(name)]) for name in estimated}
+        remaining = {name: posterior.sigma_of(name) for name in estimated}
         not_identified = uninformed_parameters(posterior, remaining, no_channel, self.setup.settings.excited)
         return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
 

@@ -102,10 +102,8 @@ class Combined:
 def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: float) -> Combined:
     """Combine the logs of a truck.
 
-    Args:
-        logs: of one truck.
-        tyre_walk: standard deviation that the stiffness of tyres gains in a day, as a fraction.
-        false_alarm: probability of a false alarm in one test.
+    `tyre_walk` is the standard deviation that the stiffness of tyres gains in a day, as a fraction, `false_alarm` the
+    probability of a false alarm in one test.
     """
     logs = sorted(logs, key=lambda log: (log.date, log.name))
     layout = _layout(logs)
@@ -123,7 +121,10 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
     )
     changes, walk, p_values = find_changes(data, false_alarm)
     outliers = {change.trip for change in changes if change.kind.name == OUTLIER}
-    used = [_without_information(o) if k in outliers else o for k, o in enumerate(observations)]
+    used = [
+        replace(o, vector=np.zeros_like(o.vector), information=np.zeros_like(o.information)) if k in outliers else o
+        for k, o in enumerate(observations)
+    ]
     forwards = filtered(start, used, walk)
     backwards = [(state.z, np.diag(state.P).copy()) for state in smoothed(forwards, used, walk)]
     return Combined(
@@ -267,10 +268,6 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
 
 def _of_trailer(trailer: str | None) -> str:
     return f" of {trailer}" if trailer else ""
-
-
-def _without_information(trip: Observation) -> Observation:
-    return replace(trip, vector=np.zeros_like(trip.vector), information=np.zeros_like(trip.information))
 
 
 def date_of(trip: Observation) -> datetime.datetime:

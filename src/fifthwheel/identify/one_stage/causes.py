@@ -151,12 +151,7 @@ def _corrected(solution: Solution, base: Minimum[Problem]) -> Minimum[Problem]:
 
 def _unexplained(minimum: Minimum[Problem]) -> float:
     """The discrepancy that a fit leaves with the noise of its own residuals, as `_left`."""
-    return _left(_with_own_noise(minimum))
-
-
-def _with_own_noise(minimum: Minimum[Problem]) -> Minimum[Problem]:
-    """The fit with the noise of its residuals."""
-    return _fit(minimum.objective.with_residual_noise(minimum.z, autocorrelated=True), minimum.z)
+    return _left(_fit(minimum.objective.with_residual_noise(minimum.z, autocorrelated=True), minimum.z))
 
 
 def _left(fit: Minimum[Problem]) -> float:

@@ -144,7 +144,7 @@ class _Estimator:
         def uninformed_by(logs: Problem) -> dict[str, Verdict]:
             information = logs.expand(excited_by_inputs).hessian - own
             posterior = ScaledPosterior.from_information(logs.names, information, nuisances=logs.nuisances)
-            remaining = {name: float(posterior.sigma[posterior.names.index(name)]) for name in setup.estimated}
+            remaining = {name: posterior.sigma_of(name) for name in setup.estimated}
             return uninformed_parameters(posterior, remaining, unseen, setup.settings.excited)
 
         part = problem.shortened(EARLY_SAMPLES) if problem.output_error else problem

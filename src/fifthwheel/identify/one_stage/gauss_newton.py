@@ -73,18 +73,12 @@ def minimise(
     reweighted: Callable[[ObjectiveT, Array, int], ObjectiveT] = lambda objective, *_: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
-    """Search a minimum of a cost from z.
+    """Search a minimum of a cost from z (k,) within bounds (k,), by at most so many iterations.
 
-    Args:
-        objective: the cost.
-        z: initial point (k,).
-        lower, upper: bounds of z (k,).
-        iterations: largest number of steps.
-        tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
-        radius: of the trust region at the first step.
-        reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
-            point, and the number of points accepted.
-        progress: called with the number of steps done and the largest number of steps.
+    It has converged when a full step moves no unknown by more than the fraction `tolerance` of its standard deviation.
+    `radius` is that of the trust region at the first step. `reweighted` gives the objective for the next step, such as
+    one with other weights, from the last one, each accepted point, and the number of points accepted. `progress` is
+    called with the number of steps done and the largest number.
     """
     steps, accepted, model, converged = 0, 0, objective.expand(z), False
     while steps < iterations:

@@ -99,13 +99,9 @@ class ProblemLayout(NamedTuple):
 class Problem:
     """The cost of the unknowns over all logs of one vehicle, for the noise of the channels in `logs`.
 
-    A problem does not change; `with_residual_noise` gives one with other noise.
-
-    Args:
-        setup: vehicle, unknowns and model.
-        logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
-            set to 1.
-        earlier: the information of earlier logs on the unknowns.
+    A problem does not change; `with_residual_noise` gives one with other noise. A channel of a log without noise
+    variance gets that of the settings or the table; all autocorrelation factors are set to 1. `earlier` is the
+    information of earlier logs on the unknowns.
     """
 
     def __init__(
@@ -278,12 +274,10 @@ class Problem:
     def blocks(
         self, z: Array, i: int, j: int, *, differentiated: bool = True, whitened: bool = True
     ) -> Iterator[ResidualBlock]:
-        """Residuals of segment j of log i at z, block by block.
+        """Residuals of segment j of log i at z, block by block, `differentiated` along the estimated unknowns or not.
 
-        Args:
-            differentiated: whether residuals are differentiated along the estimated unknowns.
-            whitened: whether the discrepancy of each channel is predicted from the residuals before and subtracted;
-                only in the output-error form.
+        `whitened`: the discrepancy of each channel is predicted from the residuals before and subtracted; only in the
+        output-error form.
         """
         values = self.model_values(z, i)
         rows = self._step_rows(i, j, values)
@@ -368,11 +362,9 @@ class Problem:
     def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
         """The problem with the noise of each channel that its residuals at z have.
 
-        Residuals beyond the limit for outliers count as lying on it.
-
-        Args:
-            autocorrelated: residuals are not taken as white: the output-error form fits a noise model to them, the
-                prediction-error form enlarges their variance by an autocorrelation factor.
+        Residuals beyond the limit for outliers count as lying on it. `autocorrelated`: they are not taken as white, so
+        that the output-error form fits a noise model to them, and the prediction-error form enlarges their variance by
+        an autocorrelation factor.
         """
         problem = copy.copy(self)  # what is cached does not depend on the noise
         problem.logs = tuple(self._residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))

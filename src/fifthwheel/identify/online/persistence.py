@@ -79,13 +79,8 @@ def combine_blocks(
 ) -> tuple[Array, Array]:
     """z (n_p,) and its covariance (n_p, n_p) from blocks, which are uncorrelated; the prior for all other unknowns.
 
-    Args:
-        unknowns: (n_p,).
-        blocks: with a title of each for the message of an error.
-        earlier: the information of earlier logs on unknowns of no block, with the widening by model error.
-
-    Raises:
-        SignalError: an unknown of a block does not exist, or has another prior.
+    Each block has a title for the message of an error. `earlier` is the information of earlier logs on unknowns of no
+    block, with the widening by model error. A SignalError: an unknown of a block does not exist, or has another prior.
     """
     z, Pz = np.zeros(len(unknowns)), np.eye(len(unknowns))
     by_name = {u.name: (i, u) for i, u in enumerate(unknowns)}
