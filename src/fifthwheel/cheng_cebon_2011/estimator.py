@@ -335,12 +335,7 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
 
 
 def _estimates(
-    estimator: _TwoStages,
-    state: _State,
-    posterior: TwoStagePosterior,
-    sigma_z: Mapping[str, float],
-    *,
-    trusted: bool,
+    estimator: _TwoStages, state: _State, posterior: TwoStagePosterior, sigma_z: Mapping[str, float], *, trusted: bool
 ) -> list[Estimate]:
     """Estimates of all parameters of both stages, also of those that are fixed or have no roll rate."""
     settings, vehicle = estimator.settings, estimator.dataset.initial_vehicle
@@ -359,12 +354,7 @@ def _estimates(
             value, sigma, initial, verdict = given[name], 1.0, given[name], Verdict.NOT_EXCITED
         else:
             verdict = estimate_verdict(
-                unknown,
-                value,
-                sigma,
-                excited=settings.excited,
-                converged=name not in moving,
-                doubtful=not trusted,
+                unknown, value, sigma, excited=settings.excited, converged=name not in moving, doubtful=not trusted
             )
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(

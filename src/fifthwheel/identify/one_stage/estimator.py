@@ -91,11 +91,7 @@ def solve_one_stage(
 
 
 def _estimator(
-    records: Sequence[Record],
-    vehicle: Vehicle,
-    settings: OneStage,
-    validate: Sequence[Record],
-    earlier: Earlier | None,
+    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record], earlier: Earlier | None
 ) -> "_Estimator":
     dataset = prepare_dataset(records, vehicle, settings, validate)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)

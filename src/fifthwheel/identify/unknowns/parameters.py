@@ -20,14 +20,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import (
-    DRIVE_AXLE_BRAKING,
-    FRICTION,
-    MASS_SCALE,
-    TIME_BASE,
-    quantity_of,
-    unit_of,
-)
+from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, FRICTION, MASS_SCALE, TIME_BASE, quantity_of, unit_of
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import changes
 
