@@ -290,7 +290,6 @@ def _require_distinct_names(records: Sequence[Record], everything: Sequence[Reco
 
 
 def _require_steering(record: Record, vehicle: Vehicle) -> None:
-    """A SignalError if the record does not have a steer angle of the vehicle."""
     for name in vehicle.steer_signals():
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")

@@ -129,12 +129,10 @@ class PredictedRemedies:
 
 
 def _with_known(predictor: InformationPredictor, runs: Sequence[RunInformation], known: tuple[str, ...]) -> Change:
-    """The remedy to know some numbers."""
     return Remedy(known=known), predictor.posterior(runs, known=_unknowns(predictor, *known))
 
 
 def _with_roll_test(predictor: InformationPredictor, runs: Sequence[RunInformation], unit: Unit) -> Change:
-    """The remedy of a static roll test of a unit with one axle group."""
     (group,) = unit.axle_groups
     path, total = unit.group_path(group), group.total_roll_stiffness
     springs = {f"{path}.{key}": (total / getattr(group, key)) ** 2 for key in ("roll_stiffness", "tyre_roll_stiffness")}

@@ -116,10 +116,6 @@ class _Estimator:
     grip: float  # largest lateral acceleration of the logs over that of gravity
     earlier: JointPrior | None
 
-    def minimise(self, progress: Progress) -> Minimum[Problem]:
-        """Estimate all unknowns together."""
-        return self._minimise(Problem(self.setup, self.dataset.logs, self.earlier), progress)
-
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""
         return Solution(dataset=self.dataset, minimum=minimum, uninformed=self._uninformed(minimum))
@@ -157,13 +153,14 @@ class _Estimator:
             start[place] = max(start[place], needed)
         return problem.stiffened(np.clip(start, *problem.bounds))
 
-    def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
+    def minimise(self, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior, with adapted noise in several fits.
 
         The early fits use the most steered parts of long logs. As long as the truck that they find does not follow the
         rest of the logs, such as one that skids there, these parts become longer. The last fit, whose first step is the
         largest, fits the noise model once more after that step.
         """
+        problem = Problem(self.setup, self.dataset.logs, self.earlier)
         if not self.setup.settings.adapt_noise:
             return self._fit(problem, self._initial(problem), WHITE, progress)
         samples, early = EARLY_SAMPLES, self._early_fits(problem.shortened(EARLY_SAMPLES), progress)

@@ -131,7 +131,6 @@ def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Ve
 
 
 def _estimate(solution: Solution, unknown: Unknown, value: float, verdict: Verdict) -> Estimate:
-    """The estimate of an estimated parameter."""
     name, settings = unknown.name, solution.settings
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
     informed = verdict not in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE, Verdict.STATED)

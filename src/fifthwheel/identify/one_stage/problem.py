@@ -25,7 +25,7 @@ information H of the logs (Gauss-Newton).
 
 import copy
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -76,24 +76,20 @@ class ProblemLayout(NamedTuple):
     @classmethod
     def of(cls, unknowns: Sequence[Unknown], segments: Sequence[int], states: Sequence[str]) -> Self:
         """The layout for logs with these numbers of segments, each of which has these initial states."""
+        own, logs = [u.name for u in unknowns if u.per_log], range(len(segments))
         names = [u.name for u in unknowns if not u.per_log]
-        shared = {name: i for i, name in enumerate(names)}
-        of_logs = []
-        for i in range(len(segments)):
-            indices = []
-            for u in unknowns:
-                indices.append(len(names) if u.per_log else shared[u.name])
-                if u.per_log:
-                    names.append(f"{u.name}@{i}")
-            of_logs.append(np.array(indices, dtype=np.int64))
-        initial_states = []
-        for i, count in enumerate(segments):
-            of_segments = []
-            for j in range(count):
-                of_segments.append(np.arange(len(names), len(names) + len(states)))
-                names += [f"{state}@{i}.{j}" for state in states]
-            initial_states.append(tuple(of_segments))
-        return cls(tuple(names), tuple(of_logs), tuple(initial_states))
+        names += [f"{name}@{i}" for i in logs for name in own]
+        names += [f"{state}@{i}.{j}" for i, count in enumerate(segments) for j in range(count) for state in states]
+        place = {name: k for k, name in enumerate(names)}
+
+        def places(selected: Iterable[str]) -> Indices:
+            return np.array([place[name] for name in selected], dtype=np.int64)
+
+        return cls(
+            tuple(names),
+            tuple(places(f"{u.name}@{i}" if u.per_log else u.name for u in unknowns) for i in logs),
+            tuple(tuple(places(f"{s}@{i}.{j}" for s in states) for j in range(segments[i])) for i in logs),
+        )
 
 
 class Problem:

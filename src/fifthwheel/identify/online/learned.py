@@ -66,7 +66,7 @@ class LearnedLog:
 
     def as_dict(self, live: LiveFilter, trailer: str, time: float) -> dict[str, Any]:
         """The content for JSON."""
-        began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began), range(len(live.setup.unknowns)))
+        began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began))
         return {
             "began": began.as_dict(),
             "occasions": {name: [of.trailer, of.load] for name, of in self.occasions.items()},
