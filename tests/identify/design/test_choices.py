@@ -235,7 +235,7 @@ def test_information_of_a_lane_change_by_the_noise(truck, lanes) -> None:
     vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
     predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
     one, other = (
-        lane_change_information(predictor, speed=20.0, rate=100.0, channels=list(noise), noise=noise)
+        lane_change_information(predictor, speed=20.0, rate=100.0, noise=noise)
         for noise in (GYROS, {name: 4 * variance for name, variance in GYROS.items()})
     )
     for name in GYROS:

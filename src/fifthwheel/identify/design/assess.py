@@ -171,7 +171,7 @@ def predict_sigmas(
     runs = [predictor.run_information(log) for log in logs]
     noise = {name: variance for log in logs for name, variance in log.noise.items()}
     rate = logs[0].segments[0].rate
-    lane_change = lane_change_information(predictor, speed=speed, rate=rate, channels=tuple(noise), noise=noise)
+    lane_change = lane_change_information(predictor, speed=speed, rate=rate, noise=noise)
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names, setup = tuple(record.name for record in records), predictor.setup

@@ -13,7 +13,7 @@ from fifthwheel._arguments import expect, expect_names, expect_optional
 from fifthwheel.channels import GYROS, MOTION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
-from fifthwheel.identify.dataset import LogData, prepare_dataset
+from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
@@ -238,12 +238,8 @@ def _unmet_targets(
         return ()
     rate = planning.rate
     models = road_noise(predictor.setup.vehicle, best.speed, rate, noise, planning.roughness)
-    record = steer_record(predictor.setup.vehicle, best.speed, best.steer, rate, best.kind)
-    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=models)
-    run = predictor.run_information(log, list(noise))
-    lane_change = lane_change_information(
-        predictor, speed=best.speed, rate=rate, channels=list(noise), noise=noise, noise_models=models
-    )
+    run = predictor.steered_run(best.kind, best.speed, best.steer, rate, noise, models)
+    lane_change = lane_change_information(predictor, speed=best.speed, rate=rate, noise=noise, noise_models=models)
     remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
     unmet = []
     for name, target in missed.items():

@@ -27,6 +27,7 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData, measured_columns
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.identify.one_stage.problem import Problem
@@ -34,6 +35,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
+from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.names import ends_with, split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -186,12 +188,7 @@ class InformationPredictor:
             else np.tile([name in logged for name in outputs], (len(segment), 1))
             for segment in log.segments
         ]
-        log = LogData(
-            name=log.name,
-            segments=[with_every_sample(segment, outputs) for segment in log.segments],
-            noise=dict(log.noise),
-            noise_models=log.noise_models,
-        )
+        log = replace(log, segments=[with_every_sample(segment, outputs) for segment in log.segments])
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.setup, [log])
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
@@ -216,6 +213,24 @@ class InformationPredictor:
             logged={name: matrix for name, matrix in information.items() if is_logged[name]},
             not_logged={name: matrix for name, matrix in information.items() if not is_logged[name]},
         )
+
+    def steered_run(
+        self,
+        title: str,
+        speed: float,
+        steer: Array,
+        rate: float,
+        noise: Mapping[str, float],
+        noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
+    ) -> RunInformation:
+        """Information of a run at a speed, m/s, with a steer angle (N,), rad, at a sampling rate, Hz.
+
+        `noise` is the variance of each logged channel, SI squared; `noise_models` are those of channels whose noise is
+        not white.
+        """
+        record = steer_record(self.setup.vehicle, speed, steer, rate, title)
+        log = LogData(name=title, segments=[record], noise=noise, noise_models=noise_models)
+        return self.run_information(log, list(noise))
 
     def posterior(
         self,

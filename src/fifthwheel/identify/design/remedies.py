@@ -6,11 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.manoeuvres.lane_change import LaneChange
-from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
+from fifthwheel.manoeuvres.linear import inverse_steer
 from fifthwheel.vehicle import Unit
 from fifthwheel.vehicle.quantities import MASS_SCALE
 
@@ -172,17 +171,14 @@ def lane_change_information(
     *,
     speed: float,
     rate: float,
-    channels: Sequence[str],
     noise: Mapping[str, float],
     noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
 ) -> RunInformation:
     """Information of one lane change of SAE J2179 at a speed, m/s, and a sampling rate, Hz.
 
-    `noise` is the variance of each channel, SI squared; `noise_models` are those of channels whose noise is not white.
+    `noise` and `noise_models` are as in `InformationPredictor.steered_run`.
     """
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate
     steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
-    record = steer_record(predictor.setup.vehicle, speed, steer, rate, "one more lane change")
-    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=noise_models)
-    return predictor.run_information(log, channels)
+    return predictor.steered_run("one more lane change", speed, steer, rate, noise, noise_models)

@@ -110,7 +110,10 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
     observations = _without_zeros([_observation(log, layout) for log in logs], layout)
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns))
-    walk = Walk(rate=_rate(layout, tyre_walk), resets=_resets(logs, layout))
+    walks = [tyre_walk if _is_stiffness(u.name) else 0.0 for u in layout.unknowns]
+    known = {k: [layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for k, log in enumerate(logs)}
+    resets = {k: np.array(members, dtype=np.int64) for k, members in known.items() if members and k}
+    walk = Walk(rate=(np.array(walks) / layout.scaling.scale) ** 2, resets=resets)
     data = TruckTrips(
         start=start,
         trips=observations,
@@ -169,12 +172,6 @@ def _shared_centres(log: LogKnowledge) -> Array:
     return np.asarray(log.information.centre / np.array(factors))
 
 
-def _resets(logs: Sequence[LogKnowledge], layout: UnknownLayout) -> dict[int, Indices]:
-    """Before each log: the unknowns that are known to have changed."""
-    changed = [[layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for log in logs]
-    return {k: np.array(members, dtype=np.int64) for k, members in enumerate(changed) if members and k}
-
-
 def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
     """The information of a log for the priors of the layout: z of the log = a z of the layout + b."""
     own, centre = log.information, _shared_centres(log)
@@ -225,15 +222,6 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
         np.asarray(np.linalg.inv(W + total.information)), W, total.score_covariance
     )
     return widening
-
-
-def _rate(layout: UnknownLayout, tyre_walk: float) -> Array:
-    """Variance of z that each unknown gains in a day."""
-    rate = np.zeros(len(layout.unknowns))
-    for unknown, i in layout.unknowns.items():
-        if _is_stiffness(unknown.name):
-            rate[i] = (tyre_walk / layout.scaling.scale[i]) ** 2
-    return rate
 
 
 def _is_stiffness(name: str) -> bool:

@@ -144,7 +144,10 @@ def _online_model(
     y = chain.observation(x[:n], d, chain_p, chain_c)
     exponent = chain.exponent(x[:n], dt, d, chain_p, chain_c)
     # with tyres that saturate, the sensitivity of the chain neglects a derivative
-    exact = chain.observation_sensitivity if chain.tyres == "linear" else _observation_jacobian(chain)
+    exact = chain.observation_sensitivity
+    if chain.tyres != "linear":
+        symbols = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
+        exact = ca.Function("dy_dp", symbols, [ca.jacobian(chain.observation(*symbols), symbols[2])])
     by_p = ca.jacobian(chain_p, p)
     slopes_of_rates = chain.rate_sensitivities(x[:n], later[:n], dt, d, chain_p, chain_c)
     rate_slopes = [ca.vertcat(slope @ by_p, ca.SX(m, len(unknowns))) for slope in slopes_of_rates]
@@ -164,12 +167,6 @@ def _online_model(
         rate_slopes=ca.Function("rate_slopes", [x, later, dt, d, p, c], rate_slopes),
         observation_slopes=ca.Function("observation_slopes", [x, d, p, c], [exact(x[:n], d, chain_p, chain_c) @ by_p]),
     )
-
-
-def _observation_jacobian(chain: ChainModel) -> ca.Function:
-    """(x, d, p, c) -> dy/dp of a chain."""
-    arguments = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
-    return ca.Function("dy_dp", arguments, [ca.jacobian(chain.observation(*arguments), arguments[2])])
 
 
 def _values(

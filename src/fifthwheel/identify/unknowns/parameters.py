@@ -255,12 +255,10 @@ def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
     behind the first, in a group of two or more. `locked`: as if steerable axles were not logged."""
     paths, own = [], vehicle.steering.trace.wheels if vehicle.steering else ()
     for unit in vehicle.units[1:]:
-        axles = unit.axle_groups[-1].on_road
-        if f"steer.{unit.name}.{axles[-1].name}" in own:
-            continue
-        last, steers = axles[-1], axles[-1].steerable and not locked
-        if len(axles) > 1 and not (steers or last.self_steering or last.command_steering):
-            paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
+        *others, last = unit.axle_groups[-1].on_road
+        steers = (last.steerable and not locked) or f"steer.{unit.name}.{last.name}" in own
+        if others and not (steers or last.self_steering or last.command_steering):
+            paths.append(f"{unit.name}.{last.name}.self_steering")
     return paths
 
 
