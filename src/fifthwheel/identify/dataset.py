@@ -121,18 +121,15 @@ class Dataset:
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
         """The initial vehicle with estimated values, each within the range of a vehicle file; its source names the logs
         and their speeds."""
-        (low, high), ranges, given = (
-            self.speeds,
-            self.initial_vehicle.parameter_ranges(),
-            self.initial_vehicle.parameters(),
-        )
+        (low, high), initial = self.speeds, self.initial_vehicle
+        ranges, given = initial.parameter_ranges(), initial.parameters()
         values = {
             path: min(max(v, min(ranges[path][0], given[path])), max(ranges[path][1], given[path]))
             for path, v in values.items()
         }
         names = ", ".join(log.name for log in self.logs)
-        source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
-        return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
+        source = f"{initial.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
+        return initial.replace(values).model_copy(update={"source": source.removeprefix("; ")})
 
 
 def prepare_dataset(
@@ -177,24 +174,19 @@ def prepare_dataset(
             f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
             "show` gives each with its uncertainty, source and effect."
         )
-    records, validate = (
-        tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in clean)
-        for clean in (map(without_spikes, group) for group in (records, validate))
-    )
-    if settings.brakes:
-        records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
     inputs = ("speed", *steered.steer_signals())
-    logs, validation = (
-        tuple(
-            LogData(
-                name=record.name,
-                segments=segments_above(record, settings.min_speed, inputs),
-                drive_axle_braking=drive_axle_braking(record) if settings.brakes else None,
-            )
-            for record in group
-        )
-        for group in (records, validate)
-    )
+
+    def cleaned(record: Record) -> Record:
+        whole = _without_empty_channels(with_wheel_speed_differences(without_spikes(record), steered))
+        return with_grade(whole, steered) if settings.brakes else whole
+
+    def log_data(record: Record) -> LogData:
+        braking = drive_axle_braking(record) if settings.brakes else None
+        segments = segments_above(record, settings.min_speed, inputs)
+        return LogData(name=record.name, segments=segments, drive_axle_braking=braking)
+
+    records, validate = (tuple(map(cleaned, group)) for group in (records, validate))
+    logs, validation = (tuple(map(log_data, group)) for group in (records, validate))
     if settings.tyre_law == "linear":
         logs, steady = zip(*map(_at_steady_speed, logs), strict=True)
         notes += filter(None, steady)

@@ -278,11 +278,7 @@ def _require_sensor(vehicle: Vehicle, each: Statement) -> None:
 
 
 def require_signals(settings: CommonSettings | None, *records: Record) -> None:
-    """Refuse settings with a statement on a sensor that none of the logs has.
-
-    Raises:
-        SignalError: the settings state an error of such a sensor.
-    """
+    """A SignalError if the settings state an error of a sensor that none of the logs has."""
     for message in missing_sensors(settings, *records):
         raise SignalError(f"{message}; map the signal, name another sensor, or remove the statement")
 
@@ -304,11 +300,7 @@ def missing_sensors(settings: CommonSettings | None, *records: Record) -> list[s
 
 
 def common_sensors(records: Sequence[Record]) -> dict[str, SensorPrior]:
-    """What the records state of the sensors of a vehicle, by signal.
-
-    Raises:
-        SignalError: two records with the same signal state different things of its sensor.
-    """
+    """What the records state of the sensors of a vehicle, by signal; a SignalError if two state different things."""
     found: dict[str, tuple[str, SensorPrior]] = {}
     for record in records:
         for signal in record.signals:

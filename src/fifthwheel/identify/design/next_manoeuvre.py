@@ -74,10 +74,7 @@ class DrivingPlan:
 def manoeuvre_information(learner: Learner, settings: DesignSettings = DRIVEN) -> tuple[InformativeManoeuvre, ...]:
     """The candidate manoeuvres for a learner, and what it would learn from one of each at its present estimates.
 
-    Takes about 0.2 s for each candidate.
-
-    Raises:
-        VehicleError: the truck of the vehicle file is unstable at every speed of the settings.
+    Takes about 0.2 s for each. A VehicleError: the truck of the file is unstable at every speed of the settings.
     """
     vehicle = learner.live.setup.vehicle
     candidates = [

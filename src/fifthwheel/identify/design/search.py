@@ -63,11 +63,7 @@ class DesignSettings(Settings):
 
     def up_to(self, speed: float) -> "DesignSettings":
         """These settings with the candidate speeds up to a highest one, m/s, and with that one if all are higher or
-        lower.
-
-        Raises:
-            SignalError: it is no road speed.
-        """
+        lower; a SignalError if it is no road speed."""
         if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
             raise SignalError(f"--max-speed: {ROAD_SPEEDS}, got {3.6 * speed:.4g} km/h; the linear model needs them")
         slower = tuple(v for v in self.speeds if v < speed + 0.01)

@@ -41,11 +41,8 @@ def write(path: Path, logs: Sequence[LogKnowledge]) -> None:
 
 
 def read(path: Path) -> tuple[LogKnowledge, ...]:
-    """The logs in a file, or in a folder with one.
-
-    Raises:
-        SignalError: the file cannot be read, another program wrote it, or its numbers are impossible.
-    """
+    """The logs in a file, or in a folder with one; a SignalError if it cannot be read, another program wrote it, or its
+    numbers are impossible."""
     path = file_of(path)
     if not path.exists() and path.with_name(IDENTIFICATION).exists():
         raise SignalError(

@@ -158,11 +158,7 @@ def as_json(contents: Mapping[str, Any]) -> str:
 
 
 def parts(kind: type[T], rows: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
-    """Dataclasses from their fields in a file.
-
-    Raises:
-        SignalError: a field has another type; the message names it.
-    """
+    """Dataclasses from their fields in a file; a SignalError names a field that has another type."""
     adapter: TypeAdapter[T] = TypeAdapter(kind)
     made = []
     for row in rows:
@@ -196,11 +192,7 @@ def is_result(folder: Path) -> bool:
 
 
 def read_series(path: Path) -> dict[str, Array]:
-    """The time series by name; none if there is no such file.
-
-    Raises:
-        SignalError: the file is damaged or too large.
-    """
+    """The time series by name, none if there is no such file; a SignalError if it is damaged or too large."""
     if not path.exists():
         return {}
     require_regular(path)

@@ -52,11 +52,8 @@ def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
-    """Every parameter of the vehicle, and of tyres that saturate, before the identification, by path, SI.
-
-    Raises:
-        VehicleError: tyres saturate, and the static axle loads are not determined.
-    """
+    """Every parameter of the vehicle, and of tyres that saturate, before the identification, by path, SI; a
+    VehicleError if tyres saturate, and the static axle loads are not determined."""
     values = vehicle.parameters()
     if settings.tyre_law == "linear":
         return values
@@ -70,11 +67,8 @@ def with_stated_values(values: Mapping[str, float], settings: CommonSettings) ->
 
 
 def reported_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
-    """Paths of the parameters that one stage estimates, with a verdict, where nobody states that they are exact.
-
-    Raises:
-        VehicleError: the settings name a parameter that does not exist.
-    """
+    """Paths of the parameters that one stage estimates, with a verdict, where nobody states that they are exact; a
+    VehicleError if the settings name one that does not exist."""
     bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
     separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
     of_roll = stage_2_names(vehicle) if settings.uniform_payload else separate
@@ -306,12 +300,8 @@ def softening_priors(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
 
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """The estimated parameters: with the prior that is stated, else as a guess."""
-    values, named, of_steering = (
-        given_parameters(vehicle, settings),
-        vehicle.paths(settings.reported),
-        own_parameters(vehicle.steering),
-    )
-    unknowns = []
+    values, named = given_parameters(vehicle, settings), vehicle.paths(settings.reported)
+    of_steering, unknowns = own_parameters(vehicle.steering), []
     for name in estimated:
         value, row, found = values[name], quantity_of(name), known_of(name, values[name], settings, reported=True)
         of_file = 0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0)
@@ -331,11 +321,8 @@ def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: On
 
 
 def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
-    """Standard deviation, SI, of a parameter on which nothing is stated, as if it were not reported.
-
-    Raises:
-        VehicleError: nothing is known of it.
-    """
+    """Standard deviation, SI, of a parameter on which nothing is stated, as if it were not reported; a VehicleError if
+    nothing is known of it."""
     row = quantity_of(name)
     sigma = row.sigma_of(value) if row.is_uncertain else 0.0
     sigma = sigma or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))

@@ -111,11 +111,8 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
 def logarithmic_unknown(
     name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
 ) -> Unknown:
-    """A parameter above 0, with sigma as a fraction of its value.
-
-    Raises:
-        VehicleError: the value is not above 0, or sigma is not below it.
-    """
+    """A parameter above 0, with sigma as a fraction of its value; a VehicleError if the value is not above 0, or sigma
+    not below it."""
     if value <= 0:
         raise VehicleError(
             f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
@@ -124,15 +121,9 @@ def logarithmic_unknown(
         raise VehicleError(
             f"{name}: expected a standard deviation below 100 % of the value, got {percent(sigma)}; give a smaller one"
         )
+    lower, upper = value / BOUND_FACTOR, value * BOUND_FACTOR
     return Unknown(
-        name=name,
-        centre=value,
-        scale=sigma,
-        lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
-        logarithmic=True,
-        kind=kind,
-        tail=tail,
+        name=name, centre=value, scale=sigma, lower=lower, upper=upper, logarithmic=True, kind=kind, tail=tail
     )
 
 
