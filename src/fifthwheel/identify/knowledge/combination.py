@@ -10,7 +10,6 @@ trailer: another trailer has other tyres.
 import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -145,24 +144,24 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
 
 
 def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
-    places, estimated = dict[Owned, int](), set[Owned]()
-    columns: dict[str, list[Any]] = {name: [] for name in ("logarithmic", "centre", "scale", "non_negative")}
+    first: dict[Owned, tuple[LogKnowledge, int]] = {}
     for log in logs:
-        centres = _shared_centres(log)
         for k, unknown in enumerate(log.unknowns):
-            if unknown not in places:
-                places[unknown] = len(places)
-                for name, column in columns.items():
-                    column.append((centres if name == "centre" else getattr(log.information, name))[k])
-        estimated |= {log.owned(name) for name in log.estimated}
-    centre = np.array(columns["centre"])
+            first.setdefault(unknown, (log, k))
+
+    def column(name: str) -> Array:
+        return np.array([getattr(log.information, name)[k] for log, k in first.values()])
+
+    centre = np.array([_shared_centres(log)[k] for log, k in first.values()])
     scaling = Scaling(
-        logarithmic=tuple(map(bool, columns["logarithmic"])),
+        logarithmic=tuple(column("logarithmic").tolist()),
         centre=centre,
-        scale=np.array(columns["scale"]),
-        lower=np.where(columns["non_negative"], centre, -np.inf),
+        scale=column("scale"),
+        lower=np.where(column("non_negative"), centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
+    estimated = {log.owned(name) for log in logs for name in log.estimated}
+    places = {unknown: i for i, unknown in enumerate(first)}
     return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
 
 

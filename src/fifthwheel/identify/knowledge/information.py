@@ -53,8 +53,8 @@ class Occasion:
 
     def date_of(self, records: Sequence[Record]) -> datetime.datetime:
         """The date of the first sample, if the logs have one; else its own, or today."""
-        started = min((record.started for record in records if record.started), default=None)
-        return started or self.date or datetime.datetime.now(datetime.UTC)
+        started = min((record.started for record in records if record.started), default=self.date)
+        return started or datetime.datetime.now(datetime.UTC)
 
     def date_at(self, time: float) -> datetime.datetime:
         """The date of a sample at a time, s, if it has one; else its own, or today."""

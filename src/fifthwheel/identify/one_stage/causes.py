@@ -79,12 +79,10 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
 
     `tests` are those of the priors. Logs that contradict no single prior may contradict all of them together.
     """
-    unknowns, candidates = solution.problem.unknowns_by_name, list[tuple[float, PriorTest, GrossError]]()
-    for test in tests:
-        if (error := gross_error(unknowns[test.name])) and (odds := linear_odds(test, error)) > LEAST_LINEAR_ODDS:
-            candidates.append((odds, test, error))
-    candidates.sort(key=lambda candidate: -candidate[0])
-    candidates, base, found = candidates[:MOST_HYPOTHESES], _base(solution) if candidates else solution.minimum, []
+    unknowns = solution.problem.unknowns_by_name
+    wrong = [(linear_odds(test, error), test, error) for test in tests if (error := gross_error(unknowns[test.name]))]
+    wrong = sorted((each for each in wrong if each[0] > LEAST_LINEAR_ODDS), key=lambda each: -each[0])
+    candidates, base, found = wrong[:MOST_HYPOTHESES], _base(solution) if wrong else solution.minimum, []
     for i, (_, test, error) in enumerate(candidates):
         progress(TITLE, i, len(candidates))
         found.append(_fitted(base, test, error))
