@@ -14,7 +14,7 @@ the long-run covariance (Newey and West 1987).
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -40,10 +40,6 @@ class NoiseModel:
     white: float  # variance r of the white noise, SI squared
     discrepancy: float = 0.0  # variance q of the discrepancy, SI squared
     time_constant: float = 1.0  # tau of the discrepancy, s
-
-    def with_discrepancy(self, least: float) -> "NoiseModel":
-        """The same noise with a discrepancy of at least this variance, SI squared."""
-        return replace(self, discrepancy=max(self.discrepancy, least))
 
     def whitened(self, values: Array, dt: float) -> Array:
         """Values (..., N) through the filter that makes noise of this model white with variance 1, once it has settled.

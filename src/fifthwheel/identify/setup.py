@@ -198,10 +198,6 @@ class Setup:
         vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
         return min(slowest_decay(vehicle, speed, roll=self.settings.roll) for speed in speeds)
 
-    def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
-        """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
-        return self.slowest_decay(z, speeds) > 0
-
     def stiffened(self, z: Array, speeds: Sequence[float], least: float = 0.0) -> Array:
         """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,
         1/s, at all speeds, m/s."""

@@ -161,7 +161,7 @@ class InformationPredictor:
                 "given: every parameter is exact, so none is left to estimate; leave out one of these statements"
             )
         z = setup.stiffened(np.zeros(len(setup.unknowns)), speeds)
-        if not setup.is_stable(z, speeds):
+        if setup.slowest_decay(z, speeds) <= 0:
             raise VehicleError(
                 f"{vehicle.name}: unstable at {max(speeds):.1f} m/s, however stiff the axles behind the first are; "
                 "check masses, axle positions and cornering stiffnesses"

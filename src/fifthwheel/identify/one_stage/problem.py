@@ -396,7 +396,8 @@ class Problem:
             models.pop(name, None)
             if autocorrelated and self.output_error:
                 fitted = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
-                models[name] = fitted.with_discrepancy(least * self._signal_variance(i, name))
+                smallest = least * self._signal_variance(i, name)
+                models[name] = replace(fitted, discrepancy=max(fitted.discrepancy, smallest))
             elif autocorrelated:
                 factors[name] = autocorrelation_factor(size, int(CORRELATION_TIME / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)

@@ -131,20 +131,16 @@ def _linearise(solution: Solution) -> Linearisation:
         precision=prior.hessian,
         prior=problem.prior,
     )
+    kinds, P = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR), posterior.model_covariance
+    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
+    mean, variance = problem.prior.mean, problem.prior.variance
     return Linearisation(
         posterior=posterior,
         gradient=gradient,
         history=history,
-        tests=tuple(_prior_tests(problem, z, posterior)),
+        tests=tuple(prior_tests(problem.names, z - mean, P, posterior.predictive, tested, variance)),
         logs=tuple(logs),
     )
-
-
-def _prior_tests(problem: Problem, z: Array, posterior: ScaledPosterior) -> list[PriorTest]:
-    kinds = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR)
-    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
-    prior, P = problem.prior, posterior.model_covariance
-    return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, tested, prior.variance)
 
 
 def _nothing(problem: Problem, log: int) -> LogLinearisation:

@@ -60,10 +60,6 @@ class LearnedLog:
         )
         return LearnedLog(occasions=self.occasions, logs=(*self.logs, log))
 
-    def with_occasion(self, trailer: str, occasion: Occasion) -> "LearnedLog":
-        """With that of another trailer."""
-        return replace(self, occasions={**self.occasions, trailer: occasion})
-
     def as_dict(self, live: LiveFilter, trailer: str, time: float) -> dict[str, Any]:
         """The content for JSON."""
         began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began))

@@ -309,7 +309,8 @@ class Learner:
             earlier = earlier.among(own - blocked)
         live = LiveFilter(setup, self._live.learner, *combine_blocks(setup.unknowns, blocks, earlier))
         live.innovations.restore(**self._live.innovations.as_dict())
-        self._log = self._log.finished(self._live, self._trailer, self._time).with_occasion(trailer, occasion)
+        log = self._log.finished(self._live, self._trailer, self._time)
+        self._log = replace(log, occasions={**log.occasions, trailer: occasion})
         self._vehicle_file, self._signals = combination, measured
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
