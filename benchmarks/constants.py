@@ -4,7 +4,8 @@
 
 The faults and the clean logs of `causes`, as far as no check refuses them. The logs are fitted once under each
 hypothesis; then the decisions are taken with each constant halved and doubled. The table has the faults whose first
-cause is another one, those of which no cause is left, and the clean pairs of logs with a doubt.
+cause is another one, those of which no cause is left, those with other doubtful estimates, and the clean pairs of logs
+with a doubt.
 """
 
 import argparse
@@ -39,8 +40,8 @@ CONSTANTS: tuple[tuple[ModuleType, str], ...] = (
     (evidence, "NONLINEAR_ACCELERATION"),
 )
 FACTORS = (0.5, 2.0)
-Decision = tuple[str, int]
-"""Name of the first cause, or "", and the number of doubtful estimates."""
+Decision = tuple[str, tuple[str, ...]]
+"""Name of the first cause, or "", and those of the doubtful estimates."""
 
 
 @contextmanager
@@ -89,7 +90,8 @@ class Decisions:
     def _decide(self, label: str, solution: Any, tests: Sequence[PriorTest]) -> causes.Causes:
         found = causes.likely_causes(solution, tests)
         doubtful = evidence.find_doubts(solution, found.likely, found.left)
-        self.by_label[label] = found.likely[0].name if found.likely else "", len(doubtful)
+        estimates = tuple(sorted({name for doubt in doubtful for name in doubt.parameters}))
+        self.by_label[label] = found.likely[0].name if found.likely else "", estimates
         return found
 
 
@@ -128,8 +130,10 @@ def main() -> None:
     for label in ["", *[label for label, *_ in variants()]]:
         changed = sum(taken[label][0] != taken[""][0] for taken in faulty)
         none = sum(not taken[label][0] for taken in faulty)
-        rows.append((label or "as they are", str(changed), str(none), str(sum(taken[label][1] > 0 for taken in clean))))
-    head = ["constant", "another first cause", "no cause", "clean pairs with a doubt"]
+        others = sum(taken[label][1] != taken[""][1] for taken in faulty)
+        alarms = sum(bool(taken[label][1]) for taken in clean)
+        rows.append((label or "as they are", str(changed), str(none), str(others), str(alarms)))
+    head = ["constant", "another first cause", "no cause", "other doubtful estimates", "clean pairs with a doubt"]
     lines = [
         f"# Constants of causes and doubts, halved and doubled (seed {first})",
         "",

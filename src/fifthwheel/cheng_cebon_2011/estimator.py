@@ -106,7 +106,6 @@ class _State:
     accepted: tuple[Array, ...] = ()  # of each log in the last stage: (N, m), 1 where a measurement was used
 
     def after(self, title: str, result: StageResult, settings: TwoStage) -> "_State":
-        """The state after one more stage."""
         values, history = dict(result.values), result.history
         sigma, settled = dict(self.sigma), dict(self.settled)
         for i, name in enumerate(history.names):
@@ -152,12 +151,10 @@ class _TwoStages:
 
     @property
     def settings(self) -> TwoStage:
-        """Of the identification."""
         return self.full.settings
 
     @property
     def estimated(self) -> list[Unknown]:
-        """The parameters of both stages."""
         return [u for u in self.full.unknowns if not u.is_sensor_error]
 
     def solve(self, progress: Progress) -> tuple[_State, TwoStagePosterior]:
@@ -180,7 +177,6 @@ class _TwoStages:
         return state, posterior
 
     def _initial(self, not_excited: frozenset[str]) -> _State:
-        """The state before the first stage."""
         given = self.dataset.vehicle.parameters()
         values = {u.name: given[u.name] if u.name in not_excited else u.centre for u in self.estimated}
         channels = (*self.dataset.yaw, *self.dataset.roll)
@@ -335,12 +331,7 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
 
 
 def _estimates(
-    estimator: _TwoStages,
-    state: _State,
-    posterior: TwoStagePosterior,
-    sigma_z: Mapping[str, float],
-    *,
-    trusted: bool,
+    estimator: _TwoStages, state: _State, posterior: TwoStagePosterior, sigma_z: Mapping[str, float], *, trusted: bool
 ) -> list[Estimate]:
     """Estimates of all parameters of both stages, also of those that are fixed or have no roll rate."""
     settings, vehicle = estimator.settings, estimator.dataset.initial_vehicle
@@ -359,12 +350,7 @@ def _estimates(
             value, sigma, initial, verdict = given[name], 1.0, given[name], Verdict.NOT_EXCITED
         else:
             verdict = estimate_verdict(
-                unknown,
-                value,
-                sigma,
-                excited=settings.excited,
-                converged=name not in moving,
-                doubtful=not trusted,
+                unknown, value, sigma, excited=settings.excited, converged=name not in moving, doubtful=not trusted
             )
             initial, time = unknown.centre, _settling_time(state.histories[f"stage {stage}"], name, settings)
         result.append(

@@ -105,13 +105,12 @@ def history_table(experiments: Mapping[str, Experiment], outcomes: Sequence[Outc
     tables = []
     for outcome in outcomes:
         truth = experiments[outcome.experiment].run.truth
-        time = outcome.states.get("time")
+        states = dict(outcome.states)
+        time = states.pop("time", np.zeros(0))
         series: dict[str, tuple[Array, Array, Array | None]] = {
             name: (*history, None) for name, history in outcome.histories.items()
         }
-        if time is not None:
-            states = {name: values for name, values in outcome.states.items() if name != "time"}
-            series |= {name: (time, values, truth[name]) for name, values in states.items()}
+        series |= {name: (time, values, truth[name]) for name, values in states.items()}
         for name, (instants, values, true) in series.items():
             n = len(instants)
             tables.append(

@@ -120,7 +120,6 @@ class _Stage:
 
     @property
     def settings(self) -> TwoStage:
-        """Of the identification."""
         return self.problem.settings
 
     @cached_property
@@ -145,20 +144,17 @@ class _Stage:
         return np.where(self.is_active, sigmas.T, 0.0)
 
     def initial(self, start: Mapping[str, float], logs: Sequence[LogData]) -> _StageState:
-        """The state before the first pass."""
         z = self.problem.z(self.problem.values(start, logs[0]))
-        return _StageState(z=z, Pz=self._prior(), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z)))
-
-    def _prior(self) -> Array:
-        """Covariance at the start of a pass."""
-        return np.diag(self.sigmas[0] ** 2)
+        return _StageState(
+            z=z, Pz=np.diag(self.sigmas[0] ** 2), values=dict(start), logs=tuple(logs), before=z, step=np.zeros(len(z))
+        )
 
     def run_pass(self, state: _StageState) -> _StageState:
         """All logs once, in order; see the module docstring."""
         restart, active = self.settings.restart, self.is_active
         current = replace(
             state,
-            Pz=self._prior() if restart else state.Pz,
+            Pz=np.diag(self.sigmas[0] ** 2) if restart else state.Pz,
             logs=(),
             accepted=(),
             before=state.z,
@@ -238,7 +234,6 @@ class _Stage:
         return replace(log, noise=noise, autocorrelation_factor=factors)
 
     def _rows(self, time: Array, z: Array, variance: Array) -> _Rows:
-        """Rows for the history, of the estimated parameters only."""
         return _Rows(time=time, z=z[:, self.is_estimated], variance=variance[:, self.is_estimated])
 
     def settled(self, state: _StageState) -> bool:
@@ -253,7 +248,6 @@ class _Stage:
         return not has_changed((p - p_before)[estimated], p[estimated], sigma[estimated], self.settings)
 
     def history(self, state: _StageState) -> ParameterHistory:
-        """Of the estimated parameters over all passes."""
         estimated = [u for u, flag in zip(self.problem.unknowns, self.is_estimated, strict=True) if flag]
         scale = scaling(estimated)
         p = scale.to_p(np.concatenate([rows.z for rows in state.rows]))

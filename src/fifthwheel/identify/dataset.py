@@ -85,28 +85,18 @@ class LogData:
 class Dataset:
     """What `prepare_dataset` makes of logs and vehicle."""
 
-    records: tuple[Record, ...]
-    """The given records without their empty channels, one for each of `logs`."""
-    logs: tuple[LogData, ...]
-    """To identify the vehicle on."""
-    validation: tuple[LogData, ...]
-    """Only predicted."""
-    initial_vehicle: Vehicle
-    """The given vehicle, simplified as the settings demand."""
-    vehicle: Vehicle
-    """The same with the axles locked whose steer angle is not in the logs."""
-    yaw: tuple[str, ...]
-    """Measured yaw rates and articulation angles."""
-    roll: tuple[str, ...]
-    """Measured roll rates."""
+    records: tuple[Record, ...]  # the given records without their empty channels, one for each of `logs`
+    logs: tuple[LogData, ...]  # to identify the vehicle on
+    validation: tuple[LogData, ...]  # only predicted
+    initial_vehicle: Vehicle  # the given vehicle, simplified as the settings demand
+    vehicle: Vehicle  # the same with the axles locked whose steer angle is not in the logs
+    yaw: tuple[str, ...]  # measured yaw rates and articulation angles
+    roll: tuple[str, ...]  # measured roll rates
     others: tuple[str, ...]
     """Measured signals that are not `USUAL`, such as lateral accelerations; two stages do not use them."""
-    sensors: Mapping[str, SensorPrior]
-    """What the logs state of their sensors, by signal."""
-    findings: tuple[Finding, ...]
-    """What is implausible in the signals of all logs."""
-    notes: tuple[str, ...]
-    """For the user."""
+    sensors: Mapping[str, SensorPrior]  # what the logs state of their sensors, by signal
+    findings: tuple[Finding, ...]  # what is implausible in the signals of all logs
+    notes: tuple[str, ...]  # for the user
 
     @property
     def outputs(self) -> tuple[str, ...]:
@@ -131,18 +121,15 @@ class Dataset:
     def identified_vehicle(self, values: Mapping[str, float]) -> Vehicle:
         """The initial vehicle with estimated values, each within the range of a vehicle file; its source names the logs
         and their speeds."""
-        (low, high), ranges, given = (
-            self.speeds,
-            self.initial_vehicle.parameter_ranges(),
-            self.initial_vehicle.parameters(),
-        )
+        (low, high), initial = self.speeds, self.initial_vehicle
+        ranges, given = initial.parameter_ranges(), initial.parameters()
         values = {
             path: min(max(v, min(ranges[path][0], given[path])), max(ranges[path][1], given[path]))
             for path, v in values.items()
         }
         names = ", ".join(log.name for log in self.logs)
-        source = f"{self.initial_vehicle.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
-        return self.initial_vehicle.replace(values).model_copy(update={"source": source.removeprefix("; ")})
+        source = f"{initial.source}; identified from {names} at {low:.1f} to {high:.1f} m/s"
+        return initial.replace(values).model_copy(update={"source": source.removeprefix("; ")})
 
 
 def prepare_dataset(
@@ -187,24 +174,19 @@ def prepare_dataset(
             f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
             "show` gives each with its uncertainty, source and effect."
         )
-    records, validate = (
-        tuple(_without_empty_channels(with_wheel_speed_differences(record, steered)) for record in clean)
-        for clean in (map(without_spikes, group) for group in (records, validate))
-    )
-    if settings.brakes:
-        records, validate = (tuple(with_grade(record, steered) for record in group) for group in (records, validate))
     inputs = ("speed", *steered.steer_signals())
-    logs, validation = (
-        tuple(
-            LogData(
-                name=record.name,
-                segments=segments_above(record, settings.min_speed, inputs),
-                drive_axle_braking=drive_axle_braking(record) if settings.brakes else None,
-            )
-            for record in group
-        )
-        for group in (records, validate)
-    )
+
+    def cleaned(record: Record) -> Record:
+        whole = _without_empty_channels(with_wheel_speed_differences(without_spikes(record), steered))
+        return with_grade(whole, steered) if settings.brakes else whole
+
+    def log_data(record: Record) -> LogData:
+        braking = drive_axle_braking(record) if settings.brakes else None
+        segments = segments_above(record, settings.min_speed, inputs)
+        return LogData(name=record.name, segments=segments, drive_axle_braking=braking)
+
+    records, validate = (tuple(map(cleaned, group)) for group in (records, validate))
+    logs, validation = (tuple(map(log_data, group)) for group in (records, validate))
     if settings.tyre_law == "linear":
         logs, steady = zip(*map(_at_steady_speed, logs), strict=True)
         notes += filter(None, steady)
@@ -300,7 +282,6 @@ def _require_distinct_names(records: Sequence[Record], everything: Sequence[Reco
 
 
 def _require_steering(record: Record, vehicle: Vehicle) -> None:
-    """A SignalError if the record does not have a steer angle of the vehicle."""
     for name in vehicle.steer_signals():
         if name not in record.signals:
             raise SignalError(f"{name}: not in {record.name}, but in another log; map it in all logs or in none")

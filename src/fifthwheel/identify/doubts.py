@@ -57,10 +57,8 @@ class Cause:
     """An unknown that may be wrong."""
 
     name: str
-    changes: Mapping[str, float]
-    """Implied change of each parameter that it alters, SI."""
-    prior_sigmas: float
-    """The same in standard deviations of its prior."""
+    changes: Mapping[str, float]  # implied change of each parameter that it alters, SI
+    prior_sigmas: float  # the same in standard deviations of its prior
     prior_mean: float | None = field(default=None, repr=False)
     """SI; None for an unknown that changes numbers of other names."""
 
@@ -70,10 +68,8 @@ class Doubt:
     """Evidence against an assumption."""
 
     kind: DoubtKind
-    causes: tuple[Cause, ...]
-    """What may be wrong, the most likely first; one of them is enough."""
-    parameters: tuple[str, ...]
-    """Estimates that are doubtful therefore."""
+    causes: tuple[Cause, ...]  # what may be wrong, the most likely first; one of them is enough
+    parameters: tuple[str, ...]  # estimates that are doubtful therefore
     statistic: float
     """Of the most likely cause: that of the test of its prior, or prior standard deviations, or m/s^2. Of residuals: on
     line their mean square over the expected one, else their discrepancy as a fraction of the signals."""
@@ -101,14 +97,10 @@ class PriorTest:
     """The test of the prior of one unknown."""
 
     name: str
-    statistic: float
-    """N(0, 1) if the prior is right."""
-    implied: float
-    """Change that the logs imply, in standard deviations of the prior."""
-    size: float
-    """Magnitude that counts as unusual from `UNUSUAL_CHANGE` on."""
-    shifts: Array
-    """Change (k,) of all unknowns that goes with it, in prior standard deviations."""
+    statistic: float  # N(0, 1) if the prior is right
+    implied: float  # change that the logs imply, in standard deviations of the prior
+    size: float  # magnitude that counts as unusual from `UNUSUAL_CHANGE` on
+    shifts: Array  # change (k,) of all unknowns that goes with it, in prior standard deviations
 
 
 def prior_tests(

@@ -1,6 +1,7 @@
 """Builders of the parts of a result: estimates of parameters and derived quantities, sensor errors, log summaries."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -49,32 +50,31 @@ def derived_from_payload_height(vehicle: Vehicle, estimates: Sequence[Estimate])
 
     Each sigma is that of the payload height times the derivative, by forward differences.
     """
-    derived = []
-    by_name = {e.name: e for e in estimates}
-    for unit in vehicle.units:
-        height = by_name.get(f"{unit.name}.payload.height")
-        if height is None:
-            continue
-        step = 1e-4
-        higher = vehicle.replace({height.name: height.value + step}).derived()
-        initial = vehicle.replace({height.name: height.initial}).derived()
-        for quantity, si in DERIVED_UNITS.items():
-            name = f"{unit.name}.{quantity}"
-            value = vehicle.derived()[name]
-            slope = (higher[name] - value) / step
-            derived.append(
-                Estimate(
-                    name=name,
-                    value=value,
-                    sigma=None if height.sigma is None else abs(slope) * height.sigma,
-                    unit=si,
-                    initial=initial[name],
-                    verdict=height.verdict,
-                    stage=2,
-                    settling_time=height.settling_time,
-                )
-            )
+    derived, step = [], 1e-4
+    for height in (e for e in estimates if ends_with(e.name, "payload.height")):
+        initial, higher = (vehicle.replace({height.name: v}) for v in (height.initial, height.value + step))
+        for quantity in DERIVED_UNITS:
+            name = f"{ParameterPath.of(height.name).unit}.{quantity}"
+            slope = (higher.derived()[name] - vehicle.derived()[name]) / step
+            sigma = None if height.sigma is None else abs(slope) * height.sigma
+            estimate = _derived(name, initial, vehicle, sigma, height.verdict)
+            derived.append(replace(estimate, settling_time=height.settling_time))
     return derived
+
+
+def _derived(
+    name: str, initial_vehicle: Vehicle, vehicle: Vehicle, sigma: float | None, verdict: Verdict, *, stage: int = 2
+) -> Estimate:
+    """The estimate of a quantity that follows from the parameters."""
+    return Estimate(
+        name=name,
+        value=vehicle.derived()[name],
+        sigma=sigma,
+        unit=DERIVED_UNITS.get(name.rpartition(".")[2], "m"),
+        initial=initial_vehicle.derived()[name],
+        verdict=verdict,
+        stage=stage,
+    )
 
 
 def derived_from_covariance(
@@ -85,28 +85,18 @@ def derived_from_covariance(
     Each sigma is sqrt(g P g'), with P the joint covariance and g the derivative with respect to all its parameters. The
     verdict is the worst of the parameters on which the quantity depends.
     """
-    slopes, values = _derived_slopes(vehicle, uncertainty.names), vehicle.derived()
-    derived = []
+    slopes, derived = _derived_slopes(vehicle, uncertainty.names), []
     for unit in vehicle.units:
         body = [e for e in estimates if e.name in uncertainty.names and _is_body_parameter(e.name, unit.name)]
         if not body:
             continue
-        for quantity, si in DERIVED_UNITS.items():
+        for quantity in DERIVED_UNITS:
             name = f"{unit.name}.{quantity}"
             row = np.array([slopes[n].get(name, 0.0) if n in slopes else 0.0 for n in uncertainty.names])
             relevant = [e for e in body if row[uncertainty.names.index(e.name)]]
             worst = max(relevant, key=lambda e: e.verdict != Verdict.CONVERGED, default=None)
-            derived.append(
-                Estimate(
-                    name=name,
-                    value=values[name],
-                    sigma=float(np.sqrt(row @ uncertainty.covariance @ row)) if row.any() else None,
-                    unit=si,
-                    initial=initial_vehicle.derived()[name],
-                    verdict=worst.verdict if worst else Verdict.FIXED,
-                    stage=2,
-                )
-            )
+            sigma = float(np.sqrt(row @ uncertainty.covariance @ row)) if row.any() else None
+            derived.append(_derived(name, initial_vehicle, vehicle, sigma, worst.verdict if worst else Verdict.FIXED))
     return derived
 
 
@@ -124,17 +114,8 @@ def wheelbases(
         name, slopes = f"{unit.name}.wheelbase", {f"{coupling.name}.trailing_position": 1.0}
         slopes |= {f"{unit.name}.{axle.name}.position": -1 / len(unit.on_road) for axle in unit.on_road}
         row = np.array([slopes.get(n, 0.0) for n in uncertainty.names])
-        derived.append(
-            Estimate(
-                name=name,
-                value=vehicle.derived()[name],
-                sigma=float(np.sqrt(row @ uncertainty.covariance @ row)),
-                unit="m",
-                initial=initial_vehicle.derived()[name],
-                verdict=Verdict.CONVERGED,
-                stage=1,
-            )
-        )
+        sigma = float(np.sqrt(row @ uncertainty.covariance @ row))
+        derived.append(_derived(name, initial_vehicle, vehicle, sigma, Verdict.CONVERGED, stage=1))
     return derived
 
 

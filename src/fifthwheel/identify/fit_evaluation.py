@@ -54,8 +54,7 @@ class FitEvaluation:
 
     fits: tuple[Fit, ...]
     notes: tuple[str, ...]
-    trusted: bool
-    """False if the vehicle does not explain a clear signal of a log that was used for the identification."""
+    trusted: bool  # False if the vehicle does not explain a clear signal of a log that was used for the identification
 
 
 def evaluate_fits(
@@ -66,16 +65,13 @@ def evaluate_fits(
     `logs` are those that the vehicle was identified on, with their estimated noise; predicted logs get that of the
     first.
     """
-    fits: list[Fit] = []
-    notes: list[str] = []
-    for log in logs:
-        fits += fits_of(log, True)
+    fits = [fit for log in logs for fit in fits_of(log, True)]
     unexplained = [fit for fit in fits if _is_unexplained(fit, dataset.vehicle, settings)]
-    for fit in unexplained:
-        notes.append(
-            f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}. Check the "
-            "signal, the vehicle file and the initial values."
-        )
+    notes = [
+        f"{fit.signal}: the model explains {max(fit.explained, 0):.0%} of its variance in {fit.log}. Check the signal, "
+        "the vehicle file and the initial values."
+        for fit in unexplained
+    ]
     for log in dataset.validation:
         log = replace(log, noise=logs[0].noise)
         fits += fits_of(log, False)

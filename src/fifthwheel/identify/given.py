@@ -168,11 +168,8 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
     """Names of the numbers that a vehicle file does not have."""
     groups, linear = vehicle.group_paths(), settings.tyre_law == "linear"
     of_tyres = [f"{path}.softening" for path in groups] if linear else saturation_names(groups)
-    signals = ["speed", *vehicle.steer_signals()]
-    for channel in channels_with_errors():
-        signals += (
-            [f"{channel.quantity}.{unit.name}" for unit in vehicle.units] if channel not in (SPEED, STEER) else []
-        )
+    quantities = [channel.quantity for channel in channels_with_errors() if channel not in (SPEED, STEER)]
+    signals = ["speed", *vehicle.steer_signals(), *[f"{q}.{unit.name}" for q in quantities for unit in vehicle.units]]
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     variations = [f"{path}.cornering_stiffness{VARIATION}" for path in groups]
     own = vehicle.parameters()
@@ -281,11 +278,7 @@ def _require_sensor(vehicle: Vehicle, each: Statement) -> None:
 
 
 def require_signals(settings: CommonSettings | None, *records: Record) -> None:
-    """Refuse settings with a statement on a sensor that none of the logs has.
-
-    Raises:
-        SignalError: the settings state an error of such a sensor.
-    """
+    """A SignalError if the settings state an error of a sensor that none of the logs has."""
     for message in missing_sensors(settings, *records):
         raise SignalError(f"{message}; map the signal, name another sensor, or remove the statement")
 
@@ -307,11 +300,7 @@ def missing_sensors(settings: CommonSettings | None, *records: Record) -> list[s
 
 
 def common_sensors(records: Sequence[Record]) -> dict[str, SensorPrior]:
-    """What the records state of the sensors of a vehicle, by signal.
-
-    Raises:
-        SignalError: two records with the same signal state different things of its sensor.
-    """
+    """What the records state of the sensors of a vehicle, by signal; a SignalError if two state different things."""
     found: dict[str, tuple[str, SensorPrior]] = {}
     for record in records:
         for signal in record.signals:

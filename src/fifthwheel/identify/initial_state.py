@@ -11,12 +11,7 @@ import numpy as np
 from fifthwheel import dynamics
 from fifthwheel._types import Array
 from fifthwheel.dynamics import ChainModel
-from fifthwheel.filters.initial_state import (
-    bank_effect,
-    equilibrium,
-    steady_initial_state,
-    steer_angles,
-)
+from fifthwheel.filters.initial_state import bank_effect, equilibrium, steady_initial_state, steer_angles
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle import Vehicle
 
@@ -25,11 +20,7 @@ SMALL_CHANGE = 1e-3
 
 
 def steady_state(
-    model: ChainModel,
-    vehicle: Vehicle,
-    inputs: Mapping[str, float],
-    values: Mapping[str, float],
-    bank: float = 0.0,
+    model: ChainModel, vehicle: Vehicle, inputs: Mapping[str, float], values: Mapping[str, float], bank: float = 0.0
 ) -> Array:
     """The steady state (n,) of constant inputs, speed and steer angles by name, on a road with a bank, rad.
 

@@ -11,6 +11,7 @@ least squares. Changes of the force, at gear changes and when the driver lifts t
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -64,13 +65,11 @@ MEAN_GRADE = 0.01
 class DrivingMass(NamedTuple):
     """Gross mass by the balance of the longitudinal forces."""
 
-    mass: float
-    """kg"""
+    mass: float  # kg
     parts: Mapping[str, float]
     """Contributions to its standard deviation, kg: "driving" is that of the logs, and those of the scales of the force.
     """
-    used: float
-    """Time with known force, s."""
+    used: float  # time with known force, s
 
     @property
     def sigma(self) -> float:
@@ -129,9 +128,8 @@ def force_balance(
     numbers = driveline_numbers(vehicle.driveline, vehicle.stated)
     value, sigma = ({key: pair[i] for key, pair in numbers.items()} for i in (0, 1))
     wheels = sum(vehicle.tyres().values())
-    hold = round(LONGEST_HOLD / STEP)
-    means = _Means(record)
-    speed = means.of("speed", delay) / value["speed_scale"]
+    hold, means = round(LONGEST_HOLD / STEP), partial(step_means, record)
+    speed = means("speed", delay) / value["speed_scale"]
     v = _filled(speed, hold)
     moving = v > LOWEST_SPEED
     v = np.where(moving, v, LOWEST_SPEED)
@@ -145,17 +143,17 @@ def force_balance(
     interrupted = np.any(brakes != 0, axis=0) & braked
     engine, ratio, offset = np.zeros((3, v.size))
     if has_force:
-        force = _filled(means.of("drive_force"), hold) / value["torque_scale"]
+        force = _filled(means("drive_force"), hold) / value["torque_scale"]
     else:
-        revolutions, torque = (_filled(means.of(name), hold) for name in ("engine_speed", "engine_torque"))
+        revolutions, torque = (_filled(means(name), hold) for name in ("engine_speed", "engine_torque"))
         if "friction_torque" in record.signals:
-            torque = torque - _filled(means.of("friction_torque"), hold)
+            torque = torque - _filled(means("friction_torque"), hold)
         ratio = revolutions / v
         efficiency = np.where(torque > 0, value["efficiency"], 1 / value["efficiency"])
         force = efficiency * torque * ratio / value["torque_scale"]
         offset = TORQUE_OFFSET * np.nanmax(np.abs(torque), initial=0.0) * efficiency * ratio
         if "driveline_engaged" in record.signals:
-            engaged = _held(means.of("driveline_engaged"), hold)
+            engaged = _held(means("driveline_engaged"), hold)
             interrupted = interrupted | ~np.isin(engaged, (0, 1)) | (np.diff(engaged, append=engaged[-1]) != 0)
             slips = np.abs(torque) > SLIPPING * np.nanmax(np.abs(torque), initial=0.0)
             interrupted = interrupted | ((engaged == 0) & slips)
@@ -165,7 +163,7 @@ def force_balance(
             interrupted = interrupted | ~(np.abs(rate) < RATIO_RATE)
         engine = ratio**2
     has_grade = "grade" in record.signals
-    slope, mean_grade = (_filled(means.of("grade"), hold), 0.0) if has_grade else (np.zeros(v.size), MEAN_GRADE)
+    slope, mean_grade = (_filled(means("grade"), hold), 0.0) if has_grade else (np.zeros(v.size), MEAN_GRADE)
     slope = slope / np.hypot(1.0, slope)
     rotating = rotating_mass(wheels, value["rotating_mass"], value["engine_inertia"], engine)
     net = force - drag(value["drag_area"], v)
@@ -221,31 +219,19 @@ def drive_axle_braking(record: Record) -> tuple[float, float] | None:
 
 def _brakes(record: Record, names: Sequence[str]) -> Array:
     """Signals of the brakes (n, N), NaN where they are missing."""
-    means, hold = _Means(record), round(LONGEST_HOLD / STEP)
-    return np.array([_held(means.of(name), hold) for name in names])
+    return np.array([_held(step_means(record, name), round(LONGEST_HOLD / STEP)) for name in names])
 
 
-def step_means(record: Record, name: str) -> Array:
-    """Means (N,) of a signal over the steps of `force_balance`, NaN where a step has no sample."""
-    return _Means(record).of(name)
-
-
-class _Means:
-    """Means of signals over the steps of the filter, NaN where a step has no sample."""
-
-    def __init__(self, record: Record) -> None:
-        self.record = record
-        self.index = np.floor((record.time - record.time[0]) / STEP + 1e-6).astype(int)
-        self.size = int(self.index[-1]) + 1
-
-    def of(self, name: str, delay: float = 0.0) -> Array:
-        values, time = self.record.signals[name], self.record.time
-        present = np.isfinite(values)
-        if delay and present.any():
-            values = np.interp(time, time[present] - delay, values[present])
-        counts = np.bincount(self.index[present], minlength=self.size)
-        sums = np.bincount(self.index[present], values[present], self.size)
-        return np.asarray(np.divide(sums, counts, out=np.full(self.size, np.nan), where=counts > 0))
+def step_means(record: Record, name: str, delay: float = 0.0) -> Array:
+    """Means (N,) of a signal over the steps of the filter, NaN where a step has no sample; of a late signal, corrected
+    by its delay, s."""
+    time, values = record.time, record.signals[name]
+    index = np.floor((time - time[0]) / STEP + 1e-6).astype(int)
+    size, present = int(index[-1]) + 1, np.isfinite(values)
+    if delay and present.any():
+        values = np.interp(time, time[present] - delay, values[present])
+    counts, sums = np.bincount(index[present], minlength=size), np.bincount(index[present], values[present], size)
+    return np.asarray(np.divide(sums, counts, out=np.full(size, np.nan), where=counts > 0))
 
 
 def _filled(values: Array, longest: int) -> Array:

@@ -210,10 +210,8 @@ class _Fit(NamedTuple):
     """Gross mass as "driving", and masses and CoG of the laden units, with their standard deviations."""
     parts: dict[str, float]
     """Contribution of each measurement to the standard deviation of the gross mass, and "vehicle_file", kg."""
-    residuals: dict[str, float]
-    """Of each measurement, in its standard deviations."""
-    cost: float
-    """Sum of squares of the residuals, and of the changes of the vehicle file in their standard deviations."""
+    residuals: dict[str, float]  # of each measurement, in its standard deviations
+    cost: float  # sum of squares of the residuals, and of the changes of the vehicle file in their standard deviations
 
 
 def _least_squares(vehicle: Vehicle, measured: Mapping[str, tuple[float, float]]) -> _Fit:

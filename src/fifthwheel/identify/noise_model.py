@@ -14,7 +14,7 @@ the long-run covariance (Newey and West 1987).
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -37,16 +37,9 @@ FEWEST_SAMPLES = 64
 class NoiseModel:
     """White noise and discrepancy of one channel."""
 
-    white: float
-    """Variance r of the white noise, SI squared."""
-    discrepancy: float = 0.0
-    """Variance q of the discrepancy, SI squared."""
-    time_constant: float = 1.0
-    """tau of the discrepancy, s."""
-
-    def with_discrepancy(self, least: float) -> "NoiseModel":
-        """The same noise with a discrepancy of at least this variance, SI squared."""
-        return replace(self, discrepancy=max(self.discrepancy, least))
+    white: float  # variance r of the white noise, SI squared
+    discrepancy: float = 0.0  # variance q of the discrepancy, SI squared
+    time_constant: float = 1.0  # tau of the discrepancy, s
 
     def whitened(self, values: Array, dt: float) -> Array:
         """Values (..., N) through the filter that makes noise of this model white with variance 1, once it has settled.
@@ -174,14 +167,10 @@ class Point(NamedTuple):
 
 
 def nelder_mead(function: Callable[[Array], float], simplex: Array, *, tolerance: float, iterations: int) -> Point:
-    """The best vertex of the simplex of Nelder and Mead (1965, The Computer Journal 7, 308-313).
+    """The best vertex of the simplex of Nelder and Mead (1965, The Computer Journal 7, 308-313), from (n + 1, n).
 
-    Args:
-        function: of x (n,).
-        simplex: first simplex (n + 1, n).
-        tolerance: the search ends when all vertices are within this distance of the best one, in each element of x and
-            in the value of the function.
-        iterations: largest number of iterations.
+    The search ends when all vertices are within the tolerance of the best one, in each element of x (n,) and in the
+    value of the function, or after so many iterations.
     """
     points = _sorted([Point(x, function(x)) for x in simplex])
     for _ in range(1, iterations):

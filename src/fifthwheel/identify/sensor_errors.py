@@ -46,17 +46,11 @@ def estimate_sensor_errors(
     One stage with every parameter of the vehicle fixed estimates the offset, gain and delay of the steering, the biases
     and gains of the gyros, and the bank of the road from this log alone.
 
-    Args:
-        record: the new log.
-        vehicle: as identified.
-        known: joint uncertainty from the identification. Its sensor errors and banks are dropped; those of the new
-            log are taken as independent of the parameters of the vehicle. None if not known.
-        friction: prior median of the peak friction of the road, at which tyres saturate; None: linear tyres. It is
-            estimated too, because another log may be of another road.
-        exact_friction: whether the friction is known instead.
-        tyres: their law with a friction.
-        bank_variation: standard deviation of the bank within the log about its mean, rad.
-        surroundings: of the identification.
+    `known` is the joint uncertainty from the identification, None if not known. Its sensor errors and banks are
+    dropped; those of the new log are taken as independent of the parameters of the vehicle. `friction` is the prior
+    median of the peak friction of the road, at which tyres with the law `tyres` saturate; None: linear tyres. It is
+    estimated too, because another log may be of another road, unless it is exact. `bank_variation` is the standard
+    deviation of the bank within the log about its mean, rad; `surroundings` are those of the identification.
 
     Returns:
         Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
@@ -98,12 +92,9 @@ def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> d
 class LogSensors(NamedTuple):
     """The sensors of one log."""
 
-    settings: dict[str, Any]
-    """Sensor errors, noise and bank, as arguments of `ObserverSettings`."""
-    uncertainty: Uncertainty | None
-    """Joint uncertainty of vehicle and sensors."""
-    note: str
-    """Where the sensor errors come from, if not from the identification; else empty."""
+    settings: dict[str, Any]  # sensor errors, noise and bank, as arguments of `ObserverSettings`
+    uncertainty: Uncertainty | None  # joint uncertainty of vehicle and sensors
+    note: str  # where the sensor errors come from, if not from the identification; else empty
 
 
 def log_sensors(
@@ -111,10 +102,8 @@ def log_sensors(
 ) -> LogSensors:
     """The sensors of a log; those of a log that was not identified on are estimated from the log itself.
 
-    Args:
-        vehicle: as identified.
-        friction: known peak friction of the road; None: as identified, and if tyres saturate, that of another log is
-            estimated too.
+    `vehicle` is the identified one. `friction` is the known peak friction of the road; None: as identified, and if
+    tyres saturate, that of another log is estimated too.
     """
     law = identification.settings.tyre_law
     tyres: Tyres = "saturating" if isinstance(law, str) else law

@@ -37,11 +37,8 @@ STIFFENING = 0.5
 
 
 def simplified(vehicle: Vehicle, settings: CommonSettings) -> Vehicle:
-    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body.
-
-    Raises:
-        SignalError: noise of a signal whose unit the vehicle does not have.
-    """
+    """The vehicle as the settings demand: without relaxation lengths, with the payload as part of the body; a
+    SignalError if they state noise of a signal whose unit it does not have."""
     require_units(vehicle, settings.stated_noise)
     if not settings.relaxation:
         vehicle = vehicle.replace({f"{path}.relaxation_length": 0.0 for path in vehicle.group_paths()})
@@ -83,11 +80,8 @@ class Setup:
 
     @classmethod
     def of(cls, vehicle: Vehicle, outputs: Sequence[str], settings: OneStage) -> "Setup":
-        """The setup of a vehicle that is simplified and steered as measured.
-
-        Raises:
-            VehicleError: a name in the settings is unknown, or a parameter cannot be estimated.
-        """
+        """The setup of a vehicle that is simplified and steered as measured; a VehicleError if a name in the settings
+        is unknown, or a parameter cannot be estimated."""
         unknowns, own = one_stage_unknowns(vehicle, outputs, settings), vehicle.parameters()
         added = {u.name: 0.0 for u in unknowns if u.name in vehicle.locations() and u.name not in own}
         return cls(
@@ -203,10 +197,6 @@ class Setup:
         own = self.vehicle.parameters()
         vehicle = self.vehicle.replace({n: v for n, v in self.model_values(z).items() if n in own})
         return min(slowest_decay(vehicle, speed, roll=self.settings.roll) for speed in speeds)
-
-    def is_stable(self, z: Array, speeds: Sequence[float]) -> bool:
-        """Whether the vehicle is stable at all speeds, m/s; z in the order of the unknowns."""
-        return self.slowest_decay(z, speeds) > 0
 
     def stiffened(self, z: Array, speeds: Sequence[float], least: float = 0.0) -> Array:
         """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,

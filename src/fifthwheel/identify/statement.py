@@ -36,12 +36,9 @@ OF_ROAD = (FRICTION, ROAD_BANK, BANK_VARIATION)
 class Statement:
     """What a user states of the numbers that a pattern names. The texts have units."""
 
-    name: str
-    """A path or its end, with * for any words; or one of `GROUPS`."""
-    value: str | float = ""
-    """Empty: that of the vehicle file, or the default. A number is in SI."""
-    sigma: str = ""
-    """Of the kind "sigma": a standard deviation, with a unit or in per cent of the value."""
+    name: str  # a path or its end, with * for any words; or one of `GROUPS`
+    value: str | float = ""  # empty: that of the vehicle file, or the default. A number is in SI.
+    sigma: str = ""  # of the kind "sigma": a standard deviation, with a unit or in per cent of the value
     kind: Kind = "value"
     """"value": the value alone, with the default uncertainty; "exact": sigma is 0; "free": a wide prior."""
 
@@ -148,10 +145,8 @@ class Stated:
     """What is stated on one number, SI."""
 
     name: str
-    value: float
-    """The default, if none is stated."""
-    sigma: float | None = None
-    """None if it is not stated; 0 if the number is exact."""
+    value: float  # the default, if none is stated
+    sigma: float | None = None  # None if it is not stated; 0 if the number is exact
     has_value: bool = False
     free: bool = False
     source: Statement | None = None
@@ -168,15 +163,8 @@ class Stated:
 def stated(given: Mapping[str, str | float], name: str, si: str, value: float, *, reported: bool = False) -> Stated:
     """What is stated on a number: value and sigma each by the most specific statement that has one.
 
-    Args:
-        given: statements by pattern.
-        name: of the number.
-        si: its unit.
-        value: its default.
-        reported: whether it is among the parameters of a result.
-
-    Raises:
-        FifthwheelError: two statements that are equally specific disagree, or a unit does not fit.
+    `si` is its unit, `value` its default; `reported`: it is among the parameters of a result. A FifthwheelError: two
+    statements that are equally specific disagree, or a unit does not fit.
     """
     if not given:
         return Stated(name=name, value=value)

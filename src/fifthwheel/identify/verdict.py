@@ -54,15 +54,11 @@ def uninformed_parameters(
     `without_roll_rate`. NOT_IDENTIFIABLE: the others act alike, or no channel depends on it. NOT_EXCITED: the logs
     would hardly determine it even if all others were known.
 
-    Args:
-        posterior: for the conditional sigma.
-        remaining: fraction of the prior standard deviation by parameter, see `remaining_fraction`.
-        without_roll_rate: parameters that need a roll rate which is not measured.
-        limit: fraction of the prior standard deviation.
+    `remaining` are fractions of the prior standard deviation by parameter (`remaining_fraction`), `limit` is one.
     """
     verdicts = {}
     for name in (name for name, fraction in remaining.items() if not fraction < limit):
-        confounded = posterior.conditional_sigma(posterior.names.index(name)) < CONFOUNDED
+        confounded = posterior.conditional_sigma(name) < CONFOUNDED
         verdicts[name] = Verdict.NOT_IDENTIFIABLE if confounded else Verdict.NOT_EXCITED
     return verdicts | dict.fromkeys(without_roll_rate, Verdict.NOT_IDENTIFIABLE)
 

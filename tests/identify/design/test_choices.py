@@ -19,7 +19,7 @@ from fifthwheel.identify.design.predict import (
     combine_information,
 )
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies, lane_change_information
-from fifthwheel.identify.design.search import CandidateRun
+from fifthwheel.identify.design.search import ProposedRun
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
@@ -34,17 +34,17 @@ BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 GYROS = article_gyro_variance(["tractor", "semitrailer"])
 
 
-def candidate(kind: str, duration: float, ratio: float, acceleration: float = 1.0, count: int = 1) -> CandidateRun:
+def candidate(kind: str, duration: float, ratio: float, acceleration: float = 1.0, count: int = 1) -> ProposedRun:
     manoeuvre = CandidateManoeuvre(
         kind=kind, frequency=None, speed=20.0, period=duration / count, acceleration=np.zeros_like
     )
-    return CandidateRun(
-        manoeuvre=manoeuvre, count=count, size=1.0, acceleration=acceleration, steer=np.zeros(1), sigma={},
-        verdicts={}, worst_ratio=ratio,
+    return ProposedRun(
+        manoeuvre=manoeuvre, rate=100.0, repetitions=count, leading=1.0, acceleration=acceleration,
+        unit_steer=np.zeros(1), sigma={}, verdicts={}, worst_ratio=ratio,
     )  # fmt: skip
 
 
-def chosen(*candidates: CandidateRun, near: float = 1.05) -> list[CandidateRun]:
+def chosen(*candidates: ProposedRun, near: float = 1.05) -> list[ProposedRun]:
     return _best_of_each_kind(candidates, DesignSettings(near=near))
 
 
@@ -235,7 +235,7 @@ def test_information_of_a_lane_change_by_the_noise(truck, lanes) -> None:
     vehicle = truck.with_logged_steering(lanes.signals, lanes.name)
     predictor = InformationPredictor.of(vehicle, OneStage(), [20.0])
     one, other = (
-        lane_change_information(predictor, speed=20.0, rate=100.0, channels=list(noise), noise=noise)
+        lane_change_information(predictor, speed=20.0, rate=100.0, noise=noise)
         for noise in (GYROS, {name: 4 * variance for name, variance in GYROS.items()})
     )
     for name in GYROS:

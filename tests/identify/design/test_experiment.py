@@ -153,8 +153,7 @@ def test_no_shorter_run_reaches_the_target(steered):
         )
         shorter = [n for n in QUICK.repetitions if n * manoeuvre.period < design.best.duration - 1e-6]
         for count in shorter[-1:]:  # more repetitions give a smaller sigma
-            repeated = size * manoeuvre.repeated(steer, count, 100.0)
-            run = replace(design.best, kind=manoeuvre.kind, speed=manoeuvre.speed, steer=repeated)
+            run = replace(design.best, manoeuvre=manoeuvre, repetitions=count, leading=size, unit_steer=steer)
             assert sigmas_along(predictor, run)[INERTIA] > targets[INERTIA]
             checked += 1
     assert checked

@@ -77,7 +77,7 @@ def test_correlated_unknowns() -> None:
     assert result.correlated(0) == [1]
     assert result.correlated(2) == []
     assert result.most_limiting(1) == 0
-    assert result.conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
+    assert result.conditional_sigma(NAMES[0]) == pytest.approx(0.01, rel=1e-2)
     assert result.sigma[0] == pytest.approx(np.sqrt(0.5), rel=1e-2)
     remaining = dict(zip(NAMES, result.sigma.tolist(), strict=True))
     assert uninformed_parameters(result, remaining, (), 0.5) == dict.fromkeys("ab", Verdict.NOT_IDENTIFIABLE)
@@ -86,8 +86,8 @@ def test_correlated_unknowns() -> None:
 def test_conditional_sigma_does_not_take_sensor_errors_as_known() -> None:
     """a plus the sensor error c is measured well, but c is unknown."""
     H = information(np.array([[1.0, 0.0, 1.0]]), 0.01)
-    assert posterior(NAMES, H).conditional_sigma(0) == pytest.approx(0.01, rel=1e-2)
-    assert posterior(NAMES, H, nuisances=[2]).conditional_sigma(0) == pytest.approx(np.sqrt(0.5), rel=1e-2)
+    assert posterior(NAMES, H).conditional_sigma(NAMES[0]) == pytest.approx(0.01, rel=1e-2)
+    assert posterior(NAMES, H, nuisances=[2]).conditional_sigma(NAMES[0]) == pytest.approx(np.sqrt(0.5), rel=1e-2)
 
 
 def test_limits_of_correlated_unknowns() -> None:

@@ -6,9 +6,9 @@ from fifthwheel.identify.design.assess import (
     ParameterAssessment,
     predict_sigmas,
 )
-from fifthwheel.identify.design.experiment import ExperimentDesign, ProposedRun, UnmetTarget, design_experiment
+from fifthwheel.identify.design.experiment import ExperimentDesign, UnmetTarget, design_experiment
 from fifthwheel.identify.design.remedies import Remedy
-from fifthwheel.identify.design.search import DesignSettings
+from fifthwheel.identify.design.search import DesignSettings, ProposedRun
 
 __all__ = [
     "AssessmentSettings",

@@ -100,21 +100,11 @@ class InformationAssessment:
 
     def as_dict(self) -> dict[str, Any]:
         """The content for JSON."""
-        return {
-            "version": self.version,
-            "vehicle": self.vehicle,
-            "logs": self.logs,
-            "speed": self.speed,
-            "findings": [
-                {"log": log, "signal": f.signal, "fault": f.fault.value, "severity": f.severity, "message": f.message}
-                for log, f in self.findings
-            ],
-            "parameters": [asdict(parameter) for parameter in self.parameters],
-            "sensors": {signal: dict(sigmas) for signal, sigmas in self.sensors.items()},
-            "noise": {log: dict(noise) for log, noise in self.noise.items()},
-            "cautions": self.cautions,
-            "notes": self.notes,
-        }
+        findings = [
+            {"log": log, "signal": f.signal, "fault": f.fault.value, "severity": f.severity, "message": f.message}
+            for log, f in self.findings
+        ]
+        return asdict(self) | {"findings": findings}
 
     def to_json(self) -> str:
         """`as_dict` as JSON."""
@@ -181,7 +171,7 @@ def predict_sigmas(
     runs = [predictor.run_information(log) for log in logs]
     noise = {name: variance for log in logs for name, variance in log.noise.items()}
     rate = logs[0].segments[0].rate
-    lane_change = lane_change_information(predictor, speed=speed, rate=rate, channels=tuple(noise), noise=noise)
+    lane_change = lane_change_information(predictor, speed=speed, rate=rate, noise=noise)
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names, setup = tuple(record.name for record in records), predictor.setup

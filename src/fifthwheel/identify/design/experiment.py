@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -10,15 +10,14 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel._arguments import expect, expect_names, expect_optional
-from fifthwheel._types import Array
 from fifthwheel.channels import GYROS, MOTION, is_of
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.filters import variances
-from fifthwheel.identify.dataset import LogData, prepare_dataset
+from fifthwheel.identify.dataset import prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, possible_channels
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.identify.design.road_noise import road_noise
-from fifthwheel.identify.design.search import CandidateRun, DesignSettings, search_candidates, stable_speeds
+from fifthwheel.identify.design.search import DesignSettings, ProposedRun, search_candidates, stable_speeds
 from fifthwheel.identify.given import applied
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage, Progress
@@ -32,39 +31,6 @@ from fifthwheel.vehicle.quantities import size_of
 
 DEFAULT_TARGET = 0.05
 """Default target: relative sigma of every cornering stiffness and of the yaw inertia of every unit behind the first."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ProposedRun:
-    """A run, and the sigmas that a fit of it would give."""
-
-    kind: str
-    """lane_change, sweep, random or bend."""
-    frequency: float | None
-    """Frequency of a lane change, Hz."""
-    offset: float | None
-    """Lateral offset of a lane change, m."""
-    speed: float
-    """m/s."""
-    repetitions: int
-    """To the left and to the right in turn."""
-    duration: float
-    """s."""
-    acceleration: float
-    """Largest lateral acceleration of any unit's CoG, m/s^2."""
-    leading: float
-    """Largest lateral acceleration of the first unit's CoG, m/s^2."""
-    steer: Array = field(repr=False)
-    """Steer angle (N,) of the first steered axle, rad."""
-    sigma: Mapping[str, float]
-    """Sigma of every estimated parameter, relative to its value; the prior's without enough information."""
-    verdicts: Mapping[str, Verdict]
-    """Verdict on every estimated parameter."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """The content for JSON; of the steer angle only the largest."""
-        content = {name: value for name, value in self.__dict__.items() if name != "steer"}
-        return content | {"max_steer": float(np.abs(self.steer).max())}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -176,7 +142,7 @@ def design_experiment(
     predictor = InformationPredictor.of(truck, settings, speeds, channels, earlier=earlier)
     noise = {name: variances.sensor_variance(truck, name, settings.noise) for name in channels}
     candidates = list(search_candidates(predictor, speeds, targets, noise, planning, progress))
-    best, *others = [_proposed_run(candidate, planning.rate) for candidate in _best_of_each_kind(candidates, planning)]
+    best, *others = _best_of_each_kind(candidates, planning)
     others = [run for run in others if all(run.verdicts[name] is Verdict.CONVERGED for name in targets)]
     unstable = ", ".join(f"{3.6 * speed:.0f} km/h" for speed in planning.speeds if speed not in speeds)
     note = f"{truck.name}: with the values of its file unstable at {unstable}; these speeds are left out."
@@ -192,19 +158,19 @@ def design_experiment(
     )
 
 
-def _best_of_each_kind(candidates: Sequence[CandidateRun], planning: DesignSettings) -> list[CandidateRun]:
+def _best_of_each_kind(candidates: Sequence[ProposedRun], planning: DesignSettings) -> list[ProposedRun]:
     """The best run of each kind of manoeuvre, the best of all first: the shortest that reaches all targets, of equally
     long ones the gentlest; if none does, the shortest of those that come nearest to them."""
     smallest = min(candidate.worst_ratio for candidate in candidates)
     met = smallest <= 1
     limit = 1.0 if met else planning.near * smallest
 
-    def order(candidate: CandidateRun) -> tuple[float, float]:
+    def order(candidate: ProposedRun) -> tuple[float, float]:
         return round(candidate.duration, 6), candidate.acceleration if met else candidate.worst_ratio
 
-    best: dict[str, CandidateRun] = {}
+    best: dict[str, ProposedRun] = {}
     for candidate in sorted((c for c in candidates if c.worst_ratio <= limit), key=order):
-        best.setdefault(candidate.manoeuvre.kind, candidate)
+        best.setdefault(candidate.kind, candidate)
     return list(best.values())
 
 
@@ -259,23 +225,6 @@ def _prepared_vehicle(vehicle: Vehicle, channels: Sequence[str], settings: OneSt
     return prepare_dataset([record], truck, replace(settings, check=False)).vehicle
 
 
-def _proposed_run(candidate: CandidateRun, rate: float) -> ProposedRun:
-    manoeuvre = candidate.manoeuvre
-    return ProposedRun(
-        kind=manoeuvre.kind,
-        frequency=manoeuvre.frequency,
-        offset=candidate.offset,
-        speed=manoeuvre.speed,
-        repetitions=candidate.count,
-        duration=candidate.duration,
-        acceleration=candidate.acceleration,
-        leading=candidate.size,
-        steer=np.round(candidate.size * manoeuvre.repeated(candidate.steer, candidate.count, rate), 7) + 0.0,
-        sigma=candidate.sigma,
-        verdicts=candidate.verdicts,
-    )
-
-
 def _unmet_targets(
     predictor: InformationPredictor,
     best: ProposedRun,
@@ -289,12 +238,8 @@ def _unmet_targets(
         return ()
     rate = planning.rate
     models = road_noise(predictor.setup.vehicle, best.speed, rate, noise, planning.roughness)
-    record = steer_record(predictor.setup.vehicle, best.speed, best.steer, rate, best.kind)
-    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=models)
-    run = predictor.run_information(log, list(noise))
-    lane_change = lane_change_information(
-        predictor, speed=best.speed, rate=rate, channels=list(noise), noise=noise, noise_models=models
-    )
+    run = predictor.steered_run(best.kind, best.speed, best.steer, rate, noise, models)
+    lane_change = lane_change_information(predictor, speed=best.speed, rate=rate, noise=noise, noise_models=models)
     remedies = PredictedRemedies.of(predictor, [run], lane_change, estimated_knowable=False)
     unmet = []
     for name, target in missed.items():

@@ -47,8 +47,7 @@ class ManoeuvreInformation:
     """Information on k unknowns of 1, 2, ... n repetitions of a manoeuvre, as a function of its size."""
 
     response: "ImpulseResponse"
-    steer: Array
-    """Steer angle (N,) of all repetitions at size 1, rad."""
+    steer: Array  # steer angle (N,) of all repetitions at size 1, rad
     derivatives: Array
     """Whitened derivatives (n, k, N m / n) of the samples of each repetition at size 1; zero for unknowns of
     `along_run`."""
@@ -76,21 +75,15 @@ class ImpulseResponse:
     """Derivatives of m channels with respect to k unknowns at one speed; made by `of`."""
 
     predictor: InformationPredictor
-    speed: float
-    """m/s."""
-    rate: float
-    """Sampling rate, Hz."""
-    noise: Mapping[str, NoiseModel]
-    """Of each logged channel."""
-    names: tuple[str, ...]
-    """Names of the unknowns (k,)."""
-    straight: Array
-    """Derivatives (k, M, m) without steering."""
+    speed: float  # m/s
+    rate: float  # sampling rate, Hz
+    noise: Mapping[str, NoiseModel]  # of each logged channel
+    names: tuple[str, ...]  # names of the unknowns (k,)
+    straight: Array  # derivatives (k, M, m) without steering
     pulse: Array
     """Derivatives (k, M - 1, m) for a pulse of 1 rad at the first sample; zero for unknowns that act without it, and
     for those of `along_run`."""
-    steered: NDArray[np.bool_]
-    """Whether each unknown acts only with steering (k,)."""
+    steered: NDArray[np.bool_]  # whether each unknown acts only with steering (k,)
 
     @classmethod
     def of(

@@ -48,26 +48,19 @@ class InformativeManoeuvre:
     """A manoeuvre and what a learner learns from it."""
 
     manoeuvre: CandidateManoeuvre
-    size: float
-    """Largest lateral acceleration of the first unit's CoG, m/s^2."""
-    information: Array = field(repr=False)
-    """H (n_z, n_z), of the estimated unknowns in units of their priors."""
-    cross: Array = field(repr=False)
-    """C (n_z, n_c), of the considered unknowns in units of their priors."""
+    size: float  # largest lateral acceleration of the first unit's CoG, m/s^2
+    information: Array = field(repr=False)  # H (n_z, n_z), of the estimated unknowns in units of their priors
+    cross: Array = field(repr=False)  # C (n_z, n_c), of the considered unknowns in units of their priors
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrivingPlan:
     """The manoeuvres that bring a learner nearest to its targets, and the sigmas then."""
 
-    steps: tuple[InformativeManoeuvre, ...]
-    """In the order of driving; empty if no further manoeuvre is worthwhile."""
-    excess: float
-    """Sum of the logarithms of the present sigmas over their targets, of those above."""
-    sigma: Mapping[str, float]
-    """Sigma of each parameter with a target after them, relative to its value."""
-    uninformed: tuple[str, ...]
-    """Those that no manoeuvre with these sensors informs."""
+    steps: tuple[InformativeManoeuvre, ...]  # in the order of driving; empty if no further manoeuvre is worthwhile
+    excess: float  # sum of the logarithms of the present sigmas over their targets, of those above
+    sigma: Mapping[str, float]  # sigma of each parameter with a target after them, relative to its value
+    uninformed: tuple[str, ...]  # those that no manoeuvre with these sensors informs
     limits: Mapping[str, str]
     """Of each parameter whose variance then comes mostly from considered unknowns, or from its own variation: the one
     that contributes most."""
@@ -81,10 +74,7 @@ class DrivingPlan:
 def manoeuvre_information(learner: Learner, settings: DesignSettings = DRIVEN) -> tuple[InformativeManoeuvre, ...]:
     """The candidate manoeuvres for a learner, and what it would learn from one of each at its present estimates.
 
-    Takes about 0.2 s for each candidate.
-
-    Raises:
-        VehicleError: the truck of the vehicle file is unstable at every speed of the settings.
+    Takes about 0.2 s for each. A VehicleError: the truck of the file is unstable at every speed of the settings.
     """
     vehicle = learner.live.setup.vehicle
     candidates = [
@@ -117,10 +107,7 @@ def plan_manoeuvres(
     """The next manoeuvres for a learner with its present estimates.
 
     Each step is the candidate that most reduces the sigmas above their targets, in logarithms, for its duration.
-
-    Args:
-        candidates: of `manoeuvre_information`.
-        targets: wanted sigma by parameter of the learner, relative to its value.
+    `targets` are wanted sigmas by parameter of the learner, relative to their values.
     """
     live = learner.live
     unknowns, considered, limit = live.setup.estimated_unknowns, live.setup.considered_unknowns, live.setup.settings

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 import numpy as np
-from numpy.typing import NDArray
 
 from fifthwheel._types import Array
 from fifthwheel.channels import (
@@ -28,6 +27,7 @@ from fifthwheel.channels import (
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.errors import VehicleError
 from fifthwheel.identify.dataset import LogData, measured_columns
+from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.identify.one_stage.problem import Problem
@@ -35,6 +35,7 @@ from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
+from fifthwheel.manoeuvres.linear import steer_record
 from fifthwheel.names import ends_with, split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -46,10 +47,8 @@ class RunInformation:
 
     names: tuple[str, ...]
     """Names (k,) of the unknowns; those that belong to the run alone end with "@0" or "@0.segment"."""
-    logged: Mapping[str, Array]
-    """Of each channel that is logged."""
-    not_logged: Mapping[str, Array]
-    """Of each other channel, if it were logged whenever any channel is."""
+    logged: Mapping[str, Array]  # of each channel that is logged
+    not_logged: Mapping[str, Array]  # of each other channel, if it were logged whenever any channel is
 
     def information(self, added: Collection[str] = ()) -> Array:
         """Information (k, k) of the logged channels and of the added ones."""
@@ -65,8 +64,7 @@ class PredictedPosterior:
     posterior: ScaledPosterior
     not_identified: Mapping[str, Verdict]
     """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
-    no_channel: frozenset[str]
-    """Parameters of roll without a roll rate of their unit."""
+    no_channel: frozenset[str]  # parameters of roll without a roll rate of their unit
 
     def verdict(self, name: str) -> Verdict:
         """CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE."""
@@ -74,7 +72,7 @@ class PredictedPosterior:
 
     def sigma(self, name: str) -> float:
         """Standard deviation of an unknown after the fit, relative to that of its prior."""
-        return float(self.posterior.sigma[self.posterior.names.index(name)])
+        return self.posterior.sigma_of(name)
 
     def reliable_sigma(self, name: str) -> float:
         """The same; that of the prior, 1, for a parameter without enough information, whose estimate is not used."""
@@ -82,7 +80,7 @@ class PredictedPosterior:
 
     def conditional_sigma(self, name: str) -> float:
         """The same if all other parameters were known; the sensors' errors remain unknown."""
-        return self.posterior.conditional_sigma(self.posterior.names.index(name))
+        return self.posterior.conditional_sigma(name)
 
     def correlated_with(self, name: str) -> list[str]:
         """Unknowns that can hardly be separated from this one, the worst first.
@@ -127,14 +125,11 @@ def _wheel_speed_differences(vehicle: Vehicle, logged: Collection[str]) -> set[s
 class InformationPredictor:
     """The one-stage problem of a truck at the values of its vehicle file; made by `of`."""
 
-    setup: Setup
-    """With every channel that a fit can use."""
+    setup: Setup  # with every channel that a fit can use
     start: Mapping[str, float]
     """z of the axles' cornering stiffness where a fit starts, if the vehicle is unstable; else empty."""
-    start_vehicle: Vehicle
-    """The vehicle at `start`, stable at all speeds."""
-    earlier: JointPrior | None = None
-    """The information of earlier logs."""
+    start_vehicle: Vehicle  # the vehicle at `start`, stable at all speeds
+    earlier: JointPrior | None = None  # the information of earlier logs
 
     @classmethod
     def of(
@@ -146,15 +141,10 @@ class InformationPredictor:
         *,
         earlier: Earlier = nothing,
     ) -> "InformationPredictor":
-        """Set up the problem.
+        """The problem of a vehicle with the steered axles that the logs have, at the speeds of all runs, m/s.
 
-        Args:
-            vehicle: what is known of the truck, with the steered axles that the logs have.
-            settings: settings of the fit; the output-error form, linear tyres and the payload heights of the
-                vehicle file are used.
-            speeds: speeds of all runs, or the lowest and the highest, m/s.
-            logged: signals that are or would be logged; see `possible_channels`.
-            earlier: the information of earlier logs on the unknowns of a setup.
+        `logged` are signals that are or would be logged; see `possible_channels`. The output-error form, linear tyres
+        and the payload heights of the vehicle file are used.
 
         Raises:
             VehicleError: no parameter is estimated, or the truck is unstable at one of the speeds, however stiff the
@@ -171,7 +161,7 @@ class InformationPredictor:
                 "given: every parameter is exact, so none is left to estimate; leave out one of these statements"
             )
         z = setup.stiffened(np.zeros(len(setup.unknowns)), speeds)
-        if not setup.is_stable(z, speeds):
+        if setup.slowest_decay(z, speeds) <= 0:
             raise VehicleError(
                 f"{vehicle.name}: unstable at {max(speeds):.1f} m/s, however stiff the axles behind the first are; "
                 "check masses, axle positions and cornering stiffnesses"
@@ -191,23 +181,24 @@ class InformationPredictor:
         A channel without noise variance in the log has the default. `logged` are channels that count as logged at every
         sample; by default those that the segments have.
         """
-        presence = [self._presence(segment, logged) for segment in log.segments]
-        log = LogData(
-            name=log.name,
-            segments=[with_every_sample(segment, self.setup.outputs) for segment in log.segments],
-            noise=dict(log.noise),
-            noise_models=log.noise_models,
-        )
+        outputs = self.setup.outputs
+        presence = [
+            np.isfinite(measured_columns(segment, outputs))
+            if logged is None
+            else np.tile([name in logged for name in outputs], (len(segment), 1))
+            for segment in log.segments
+        ]
+        log = replace(log, segments=[with_every_sample(segment, outputs) for segment in log.segments])
         present = np.any([samples.any(axis=0) for samples in presence], axis=0)
         problem = Problem(self.setup, [log])
         z = np.array([self.start.get(name, 0.0) for name in problem.names])
-        information = {name: np.zeros((len(z), len(z))) for name in self.setup.outputs}
+        information = {name: np.zeros((len(z), len(z))) for name in outputs}
         for j, samples in enumerate(presence):
             first = 0
             for block in problem.blocks(z, 0, j):
                 in_block, first = samples[first : first + len(block.time)], first + len(block.time)
                 places = np.ix_(block.indices, block.indices)
-                for c, name in enumerate(self.setup.outputs):
+                for c, name in enumerate(outputs):
                     used = in_block[:, c] if present[c] else in_block.any(axis=1)
                     scaled = block.jacobian[:, c] * (used / np.sqrt(block.variance[:, c]))[:, None]
                     information[name][places] += scaled.T @ scaled
@@ -216,18 +207,30 @@ class InformationPredictor:
                 f"{self.setup.vehicle.name}: unstable in {log.name}; "
                 "check masses, axle positions and cornering stiffnesses"
             )
-        is_logged = dict(zip(self.setup.outputs, present.tolist(), strict=True))
+        is_logged = dict(zip(outputs, present.tolist(), strict=True))
         return RunInformation(
             names=problem.names,
             logged={name: matrix for name, matrix in information.items() if is_logged[name]},
             not_logged={name: matrix for name, matrix in information.items() if not is_logged[name]},
         )
 
-    def _presence(self, segment: Record, logged: Collection[str] | None) -> NDArray[np.bool_]:
-        """Whether each channel has each sample (N, m)."""
-        if logged is not None:
-            return np.tile([name in logged for name in self.setup.outputs], (len(segment), 1))
-        return np.isfinite(measured_columns(segment, self.setup.outputs))
+    def steered_run(
+        self,
+        title: str,
+        speed: float,
+        steer: Array,
+        rate: float,
+        noise: Mapping[str, float],
+        noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
+    ) -> RunInformation:
+        """Information of a run at a speed, m/s, with a steer angle (N,), rad, at a sampling rate, Hz.
+
+        `noise` is the variance of each logged channel, SI squared; `noise_models` are those of channels whose noise is
+        not white.
+        """
+        record = steer_record(self.setup.vehicle, speed, steer, rate, title)
+        log = LogData(name=title, segments=[record], noise=noise, noise_models=noise_models)
+        return self.run_information(log, list(noise))
 
     def posterior(
         self,
@@ -237,14 +240,11 @@ class InformationPredictor:
         better_known: Mapping[str, float] = MappingProxyType({}),
         added: Collection[str] = (),
     ) -> PredictedPosterior:
-        """The posterior that a fit of these runs would give.
+        """The posterior that a fit of these runs would give, with the `added` channels logged as well.
 
-        Args:
-            runs: information of each run.
-            known: unknowns that are known exactly; of an unknown that every run has, all of them.
-            better_known: factor of the prior sigma of unknowns that every run shares; their sigma after the fit is
-                relative to the smaller prior.
-            added: channels that are logged as well.
+        `known` are unknowns that are known exactly; of an unknown that every run has, all of them. `better_known` has
+        the factor of the prior sigma of unknowns that every run shares; their sigma after the fit is relative to the
+        smaller prior.
         """
         names, information = combine_information(runs, known=known, added=added)
         factors = np.array([better_known.get(name, 1.0) for name in names])
@@ -267,7 +267,7 @@ class InformationPredictor:
         posterior = ScaledPosterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
-        remaining = {name: float(posterior.sigma[posterior.names.index(name)]) for name in estimated}
+        remaining = {name: posterior.sigma_of(name) for name in estimated}
         not_identified = uninformed_parameters(posterior, remaining, no_channel, self.setup.settings.excited)
         return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
 

@@ -6,11 +6,10 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior, RunInformation
 from fifthwheel.identify.noise_model import NoiseModel
 from fifthwheel.manoeuvres.lane_change import LaneChange
-from fifthwheel.manoeuvres.linear import inverse_steer, steer_record
+from fifthwheel.manoeuvres.linear import inverse_steer
 from fifthwheel.vehicle import Unit
 from fifthwheel.vehicle.quantities import MASS_SCALE
 
@@ -55,12 +54,9 @@ class PredictedRemedies:
 
     predictor: InformationPredictor
     runs: tuple[RunInformation, ...]
-    knowable: tuple[str, ...]
-    """What could be known, as in `Remedy.known`."""
-    single: tuple[Change, ...]
-    """One change."""
-    double: tuple[Change, ...]
-    """One more lane change and one more channel."""
+    knowable: tuple[str, ...]  # what could be known, as in `Remedy.known`
+    single: tuple[Change, ...]  # one change
+    double: tuple[Change, ...]  # one more lane change and one more channel
 
     @classmethod
     def of(
@@ -132,12 +128,10 @@ class PredictedRemedies:
 
 
 def _with_known(predictor: InformationPredictor, runs: Sequence[RunInformation], known: tuple[str, ...]) -> Change:
-    """The remedy to know some numbers."""
     return Remedy(known=known), predictor.posterior(runs, known=_unknowns(predictor, *known))
 
 
 def _with_roll_test(predictor: InformationPredictor, runs: Sequence[RunInformation], unit: Unit) -> Change:
-    """The remedy of a static roll test of a unit with one axle group."""
     (group,) = unit.axle_groups
     path, total = unit.group_path(group), group.total_roll_stiffness
     springs = {f"{path}.{key}": (total / getattr(group, key)) ** 2 for key in ("roll_stiffness", "tyre_roll_stiffness")}
@@ -177,17 +171,14 @@ def lane_change_information(
     *,
     speed: float,
     rate: float,
-    channels: Sequence[str],
     noise: Mapping[str, float],
     noise_models: Mapping[str, NoiseModel] = MappingProxyType({}),
 ) -> RunInformation:
     """Information of one lane change of SAE J2179 at a speed, m/s, and a sampling rate, Hz.
 
-    `noise` is the variance of each channel, SI squared; `noise_models` are those of channels whose noise is not white.
+    `noise` and `noise_models` are as in `InformationPredictor.steered_run`.
     """
     lane_change = LaneChange()
     time = np.arange(round(lane_change.period(speed) * rate)) / rate
     steer = inverse_steer(predictor.start_vehicle, speed, time, lane_change.acceleration(time, speed, 1))
-    record = steer_record(predictor.setup.vehicle, speed, steer, rate, "one more lane change")
-    log = LogData(name=record.name, segments=[record], noise=dict(noise), noise_models=noise_models)
-    return predictor.run_information(log, channels)
+    return predictor.steered_run("one more lane change", speed, steer, rate, noise, noise_models)

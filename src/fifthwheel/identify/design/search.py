@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from pydantic import Field
@@ -63,11 +63,7 @@ class DesignSettings(Settings):
 
     def up_to(self, speed: float) -> "DesignSettings":
         """These settings with the candidate speeds up to a highest one, m/s, and with that one if all are higher or
-        lower.
-
-        Raises:
-            SignalError: it is no road speed.
-        """
+        lower; a SignalError if it is no road speed."""
         if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
             raise SignalError(f"--max-speed: {ROAD_SPEEDS}, got {3.6 * speed:.4g} km/h; the linear model needs them")
         slower = tuple(v for v in self.speeds if v < speed + 0.01)
@@ -81,18 +77,20 @@ class DesignSettings(Settings):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class CandidateRun:
-    """A candidate run and the sigmas that a fit of it would give."""
+class ProposedRun:
+    """A run, and the sigmas that a fit of it would give."""
 
     manoeuvre: CandidateManoeuvre
-    count: int
-    """Number of repetitions."""
-    size: float
+    rate: float
+    """Sampling rate, Hz."""
+    repetitions: int
+    """To the left and to the right in turn."""
+    leading: float
     """Largest lateral acceleration of the first unit's CoG, m/s^2."""
     acceleration: float
     """Largest lateral acceleration of any unit's CoG, m/s^2."""
-    steer: Array = field(repr=False)
-    """Steer angle (N,) of one repetition of unit size, rad."""
+    unit_steer: Array = field(repr=False)
+    """Steer angle (N,) of one repetition with `leading` = 1, rad."""
     sigma: Mapping[str, float]
     """Sigma of every estimated parameter, relative to its value; the prior's without enough information."""
     verdicts: Mapping[str, Verdict]
@@ -101,14 +99,41 @@ class CandidateRun:
     """Largest ratio of sigma to target; all targets are met up to 1."""
 
     @property
+    def kind(self) -> str:
+        """lane_change, sweep, random or bend."""
+        return self.manoeuvre.kind
+
+    @property
+    def frequency(self) -> float | None:
+        """Frequency of a lane change, Hz."""
+        return self.manoeuvre.frequency
+
+    @property
+    def speed(self) -> float:
+        """m/s."""
+        return self.manoeuvre.speed
+
+    @property
     def duration(self) -> float:
         """s."""
-        return self.count * self.manoeuvre.period
+        return self.repetitions * self.manoeuvre.period
 
     @property
     def offset(self) -> float | None:
         """Lateral offset of a lane change, m; None for other manoeuvres."""
-        return self.manoeuvre.offset(self.size)
+        return self.manoeuvre.offset(self.leading)
+
+    @property
+    def steer(self) -> Array:
+        """Steer angle (N,) of the first steered axle in all repetitions, rad."""
+        repeated = self.manoeuvre.repeated(self.unit_steer, self.repetitions, self.rate)
+        return np.asarray(np.round(self.leading * repeated, 7) + 0.0)
+
+    def as_dict(self) -> dict[str, Any]:
+        """The content for JSON; of the steer angle only the largest."""
+        names = ("kind", "frequency", "offset", "speed", "repetitions", "duration", "acceleration", "leading")
+        content = {name: getattr(self, name) for name in (*names, "sigma", "verdicts")}
+        return content | {"max_steer": float(np.abs(self.steer).max())}
 
 
 def stable_speeds(vehicle: Vehicle, settings: DesignSettings) -> list[float]:
@@ -129,7 +154,7 @@ def search_candidates(
     noise: Mapping[str, float],
     settings: DesignSettings,
     progress: Progress = lambda *_: None,
-) -> Iterator[CandidateRun]:
+) -> Iterator[ProposedRun]:
     """Every candidate run within the limits, for a truck that is stable at all speeds, m/s.
 
     `targets` are wanted sigmas relative to the values; `noise` is the variance of the sensor of each logged channel, SI
@@ -152,7 +177,7 @@ def _candidates_of(
     manoeuvre: CandidateManoeuvre,
     targets: Mapping[str, float],
     settings: DesignSettings,
-) -> Iterator[CandidateRun]:
+) -> Iterator[ProposedRun]:
     """One manoeuvre at every size and with every number of repetitions."""
     steer, unit_acceleration, sizes = sizes_within_limits(predictor.setup.vehicle, manoeuvre, settings)
     if not sizes:
@@ -165,12 +190,13 @@ def _candidates_of(
         for count in settings.repetitions:
             result = predictor.posterior_of(response.names, of_repetitions[count - 1], response.noise)
             sigma = {n: result.reliable_sigma(n) * priors[n] / size_of(n, values[n], priors[n]) for n in estimated}
-            yield CandidateRun(
+            yield ProposedRun(
                 manoeuvre=manoeuvre,
-                count=count,
-                size=size,
+                rate=settings.rate,
+                repetitions=count,
+                leading=size,
                 acceleration=size * unit_acceleration,
-                steer=steer,
+                unit_steer=steer,
                 sigma=sigma,
                 verdicts={n: result.verdict(n) for n in estimated},
                 worst_ratio=max(sigma[name] / target for name, target in targets.items()),

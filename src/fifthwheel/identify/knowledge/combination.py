@@ -10,7 +10,6 @@ trailer: another trailer has other tyres.
 import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
 from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
-from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed
+from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed, together
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
@@ -50,10 +49,8 @@ class Combined:
     widening: Array
     changes: Sequence[TripChange]
     p_values: Sequence[float]  # of each trip by its innovation
-    last: State
-    """After the last trip."""
-    walk: Walk
-    """With the resets of all changes."""
+    last: State  # after the last trip
+    walk: Walk  # with the resets of all changes
 
     def estimate(self, k: int, unknown: Owned) -> tuple[float, float]:
         """Value and sigma of an unknown at trip k, SI."""
@@ -104,17 +101,18 @@ class Combined:
 def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: float) -> Combined:
     """Combine the logs of a truck.
 
-    Args:
-        logs: of one truck.
-        tyre_walk: standard deviation that the stiffness of tyres gains in a day, as a fraction.
-        false_alarm: probability of a false alarm in one test.
+    `tyre_walk` is the standard deviation that the stiffness of tyres gains in a day, as a fraction, `false_alarm` the
+    probability of a false alarm in one test.
     """
     logs = sorted(logs, key=lambda log: (log.date, log.name))
     layout = _layout(logs)
     observations = _without_zeros([_observation(log, layout) for log in logs], layout)
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns))
-    walk = Walk(rate=_rate(layout, tyre_walk), resets=_resets(logs, layout))
+    walks = [tyre_walk if _is_stiffness(u.name) else 0.0 for u in layout.unknowns]
+    known = {k: [layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for k, log in enumerate(logs)}
+    resets = {k: np.array(members, dtype=np.int64) for k, members in known.items() if members and k}
+    walk = Walk(rate=(np.array(walks) / layout.scaling.scale) ** 2, resets=resets)
     data = TruckTrips(
         start=start,
         trips=observations,
@@ -125,7 +123,10 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
     )
     changes, walk, p_values = find_changes(data, false_alarm)
     outliers = {change.trip for change in changes if change.kind.name == OUTLIER}
-    used = [_without_information(o) if k in outliers else o for k, o in enumerate(observations)]
+    used = [
+        replace(o, vector=np.zeros_like(o.vector), information=np.zeros_like(o.information)) if k in outliers else o
+        for k, o in enumerate(observations)
+    ]
     forwards = filtered(start, used, walk)
     backwards = [(state.z, np.diag(state.P).copy()) for state in smoothed(forwards, used, walk)]
     return Combined(
@@ -143,24 +144,24 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
 
 
 def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
-    places, estimated = dict[Owned, int](), set[Owned]()
-    columns: dict[str, list[Any]] = {name: [] for name in ("logarithmic", "centre", "scale", "non_negative")}
+    first: dict[Owned, tuple[LogKnowledge, int]] = {}
     for log in logs:
-        centres = _shared_centres(log)
         for k, unknown in enumerate(log.unknowns):
-            if unknown not in places:
-                places[unknown] = len(places)
-                for name, column in columns.items():
-                    column.append((centres if name == "centre" else getattr(log.information, name))[k])
-        estimated |= {log.owned(name) for name in log.estimated}
-    centre = np.array(columns["centre"])
+            first.setdefault(unknown, (log, k))
+
+    def column(name: str) -> Array:
+        return np.array([getattr(log.information, name)[k] for log, k in first.values()])
+
+    centre = np.array([_shared_centres(log)[k] for log, k in first.values()])
     scaling = Scaling(
-        logarithmic=tuple(map(bool, columns["logarithmic"])),
+        logarithmic=tuple(column("logarithmic").tolist()),
         centre=centre,
-        scale=np.array(columns["scale"]),
-        lower=np.where(columns["non_negative"], centre, -np.inf),
+        scale=column("scale"),
+        lower=np.where(column("non_negative"), centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
+    estimated = {log.owned(name) for log in logs for name in log.estimated}
+    places = {unknown: i for i, unknown in enumerate(first)}
     return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
 
 
@@ -168,12 +169,6 @@ def _shared_centres(log: LogKnowledge) -> Array:
     """Prior means (n,) of the shared values."""
     factors = [log.information.factors.get(name, 1.0) for name in log.information.names]
     return np.asarray(log.information.centre / np.array(factors))
-
-
-def _resets(logs: Sequence[LogKnowledge], layout: UnknownLayout) -> dict[int, Indices]:
-    """Before each log: the unknowns that are known to have changed."""
-    changed = [[layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for log in logs]
-    return {k: np.array(members, dtype=np.int64) for k, members in enumerate(changed) if members and k}
 
 
 def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
@@ -195,18 +190,14 @@ def _observation(log: LogKnowledge, layout: UnknownLayout) -> Observation:
 
 def _without_zeros(trips: Sequence[Observation], layout: UnknownLayout) -> list[Observation]:
     """The trips without the non-negative unknowns that all trips together determine as 0."""
-    n, zeros = len(layout.unknowns), np.zeros(0, dtype=np.int64)
     bounded = np.flatnonzero(layout.scaling.lower == layout.scaling.centre)
     while True:
-        trips = [_reduced(trip, zeros) for trip in trips]
-        H, v = np.eye(n), np.zeros(n)
-        for trip in trips:
-            H[np.ix_(trip.places, trip.places)] += trip.information
-            v[trip.places] += trip.vector
-        z = np.linalg.solve(H, v)
-        zeros = bounded[z[bounded] < 0]
+        total = together(trips)
+        z = np.linalg.solve(np.eye(len(total.places)) + total.information, total.vector)
+        zeros = np.intersect1d(bounded, total.places[z < 0])
         if not len(zeros):
-            return trips
+            return list(trips)
+        trips = [_reduced(trip, zeros) for trip in trips]
 
 
 def _reduced(trip: Observation, zeros: Indices) -> Observation:
@@ -223,22 +214,13 @@ def _reduced(trip: Observation, zeros: Indices) -> Observation:
 
 
 def _widening(trips: Sequence[Observation], n: int) -> Array:
-    """Factors (n,) of model error from the scores of all trips together."""
-    H, M = np.zeros((n, n)), np.zeros((n, n))
-    for trip in trips:
-        part = np.ix_(trip.places, trip.places)
-        H[part] += trip.information
-        M[part] += trip.score_covariance
-    return model_error_factors(np.asarray(np.linalg.inv(np.eye(n) + H)), np.eye(n), M)
-
-
-def _rate(layout: UnknownLayout, tyre_walk: float) -> Array:
-    """Variance of z that each unknown gains in a day."""
-    rate = np.zeros(len(layout.unknowns))
-    for unknown, i in layout.unknowns.items():
-        if _is_stiffness(unknown.name):
-            rate[i] = (tyre_walk / layout.scaling.scale[i]) ** 2
-    return rate
+    """Factors (n,) of model error from the scores of all trips together; 1 for an unknown of none."""
+    total, widening = together(trips), np.ones(n)
+    W = np.eye(len(total.places))
+    widening[total.places] = model_error_factors(
+        np.asarray(np.linalg.inv(W + total.information)), W, total.score_covariance
+    )
+    return widening
 
 
 def _is_stiffness(name: str) -> bool:
@@ -273,10 +255,6 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
 
 def _of_trailer(trailer: str | None) -> str:
     return f" of {trailer}" if trailer else ""
-
-
-def _without_information(trip: Observation) -> Observation:
-    return replace(trip, vector=np.zeros_like(trip.vector), information=np.zeros_like(trip.information))
 
 
 def date_of(trip: Observation) -> datetime.datetime:

@@ -30,22 +30,15 @@ class SharedEstimate:
     """The estimate of an unknown from all logs, at the last log with it."""
 
     name: str
-    value: float
-    """SI, or in standard deviations of its prior."""
+    value: float  # SI, or in standard deviations of its prior
     sigma: float
     unit: str
-    trailer: str | None
-    """None for an unknown of the truck."""
-    load: str | None
-    """None for an unknown of the truck, or of the trailer with every load."""
-    road: str | None
-    """The road that a friction belongs to; else None."""
-    estimated: bool
-    """Whether it is an estimated parameter; else an uncertain number or a sensor error."""
-    log: str
-    """The last log with it."""
-    date: str
-    """Of this log, ISO 8601."""
+    trailer: str | None  # None for an unknown of the truck
+    load: str | None  # None for an unknown of the truck, or of the trailer with every load
+    road: str | None  # the road that a friction belongs to; else None
+    estimated: bool  # whether it is an estimated parameter; else an uncertain number or a sensor error
+    log: str  # the last log with it
+    date: str  # of this log, ISO 8601
 
     @property
     def belongs_to(self) -> str:
@@ -69,14 +62,10 @@ class EstimateHistory:
     """An estimated parameter at each of the N logs with it, from all logs."""
 
     last: SharedEstimate
-    time: Array
-    """Dates of the logs (N,), s since 1970."""
-    value: Array
-    """(N,), SI."""
-    sigma: Array
-    """(N,)"""
-    changes: Array
-    """Dates at which it begins again, s since 1970."""
+    time: Array  # dates of the logs (N,), s since 1970
+    value: Array  # (N,), SI
+    sigma: Array  # (N,)
+    changes: Array  # dates at which it begins again, s since 1970
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,10 +75,8 @@ class LogEntry:
     log: LogKnowledge
     sigmas: Mapping[str, tuple[float, float]]
     """Of each estimated parameter: sigma before and after this log, by the logs up to it, SI."""
-    changes: tuple[str, ...]
-    """What changed before this log, in words."""
-    unused: str
-    """Why the log is not used; empty if it is."""
+    changes: tuple[str, ...]  # what changed before this log, in words
+    unused: str  # why the log is not used; empty if it is
 
     def as_dict(self) -> dict[str, Any]:
         """The entry, for JSON."""

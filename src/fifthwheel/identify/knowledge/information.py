@@ -47,8 +47,8 @@ class Occasion:
 
     def date_of(self, records: Sequence[Record]) -> datetime.datetime:
         """The date of the first sample, if the logs have one; else its own, or today."""
-        started = min((record.started for record in records if record.started), default=None)
-        return started or self.date or datetime.datetime.now(datetime.UTC)
+        started = min((record.started for record in records if record.started), default=self.date)
+        return started or datetime.datetime.now(datetime.UTC)
 
     def date_at(self, time: float) -> datetime.datetime:
         """The date of a sample at a time, s, if it has one; else its own, or today."""
@@ -75,22 +75,16 @@ class SharedInformation(ComparedByContents):
     """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
 
     names: tuple[str, ...]
-    centre: Array
-    """Prior mean (n,), SI; median of a logarithmic unknown."""
-    scale: Array
-    """Prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown."""
-    logarithmic: NDArray[np.bool_]
-    """(n,): value = centre exp(scale z); the others: value = centre + scale z."""
+    centre: Array  # prior mean (n,), SI; median of a logarithmic unknown
+    scale: Array  # prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown
+    logarithmic: NDArray[np.bool_]  # (n,): value = centre exp(scale z); the others: value = centre + scale z
     non_negative: NDArray[np.bool_]
     """(n,): z is not below 0, such as that of a play. A combination below 0 means that the unknown is 0."""
-    vector: Array
-    """v (n,)."""
-    information: Array
-    """H_s (n, n) of the shared unknowns."""
+    vector: Array  # v (n,)
+    information: Array  # H_s (n, n) of the shared unknowns
     score_covariance: Array
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
-    origins: tuple[str, ...] = ()
-    """`Owned.origin` of each unknown; empty if all are those of one vehicle file."""
+    origins: tuple[str, ...] = ()  # `Owned.origin` of each unknown; empty if all are those of one vehicle file
     factors: Mapping[str, float] = field(default_factory=dict)
     """Value in this log over the shared value, by name; 1 for others. See `load.load_factors`."""
 
@@ -100,26 +94,19 @@ class LogKnowledge(ComparedByContents):
     """The information of one log, and where it belongs."""
 
     name: str
-    date: datetime.datetime
-    """UTC"""
-    tractor: str
-    """Name of the first unit."""
+    date: datetime.datetime  # UTC
+    tractor: str  # name of the first unit
     trailer: str
     load: str
     road: str = ""
     information: SharedInformation
-    estimated: tuple[str, ...]
-    """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
-    digest: str = ""
-    """Of the log, by `record_digest`."""
-    masses: Mapping[str, float] = field(default_factory=dict)
-    """Given masses that depend on the load, kg, by path."""
+    estimated: tuple[str, ...]  # names of the estimated parameters; the others are uncertain, or errors of sensors
+    digest: str = ""  # of the log, by `record_digest`
+    masses: Mapping[str, float] = field(default_factory=dict)  # given masses that depend on the load, kg, by path
     changed: tuple[str, ...] = ()
     """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
-    set_aside: str = ""
-    """Why it is not used; empty if it is."""
-    doubts: tuple[str, ...] = ()
-    """Evidence in the log against an assumption, in words."""
+    set_aside: str = ""  # why it is not used; empty if it is
+    doubts: tuple[str, ...] = ()  # evidence in the log against an assumption, in words
 
     @property
     def unknowns(self) -> tuple[Owned, ...]:

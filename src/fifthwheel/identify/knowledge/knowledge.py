@@ -50,14 +50,10 @@ SHORTEST_DIGEST = 12
 class LogChange:
     """What a log shows that differs from the logs before it."""
 
-    kind: str
-    """"tyres", "load", "sensor" or `OUTLIER`"""
-    unknowns: tuple[str, ...]
-    """Names of those that it alters."""
-    text: str
-    """A sentence."""
-    log: str = ""
-    """Digest of the log from which on it is; of the log itself for an outlier."""
+    kind: str  # "tyres", "load", "sensor" or `OUTLIER`
+    unknowns: tuple[str, ...]  # names of those that it alters
+    text: str  # a sentence
+    log: str = ""  # digest of the log from which on it is; of the log itself for an outlier
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -63,11 +63,7 @@ def with_payload(vehicle: Vehicle, mass: float, *, cog: float | None = None) -> 
 
 
 def laden_unit(vehicle: Vehicle) -> tuple[Unit, float]:
-    """The only unit with a payload, and its payload, kg.
-
-    Raises:
-        VehicleError: no unit has a payload, or several.
-    """
+    """The only unit with a payload, and its payload, kg; a VehicleError if none has one, or several."""
     laden = [(unit, unit.payload.mass) for unit in vehicle.units if unit.payload]
     if len(laden) != 1:
         raise VehicleError(

@@ -97,11 +97,10 @@ class Walk:
 
 def filtered(start: State, trips: Sequence[Observation], walk: Walk) -> list[State]:
     """The state after each trip."""
-    states, state = list[State](), start
+    states = [start]
     for k, trip in enumerate(trips):
-        state = walk.predict(state, trips, k).updated(trip)
-        states.append(state)
-    return states
+        states.append(walk.predict(states[-1], trips, k).updated(trip))
+    return states[1:]
 
 
 def smoothed(states: Sequence[State], trips: Sequence[Observation], walk: Walk) -> Iterator[State]:

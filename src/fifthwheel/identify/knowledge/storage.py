@@ -31,7 +31,7 @@ MAX_NUMBER = 1e40
 """Magnitude of a number; squares and products of such numbers are finite."""
 RANK_TOLERANCE = 1e-6
 """Negative eigenvalue of an information matrix, relative to the largest one, that rounding explains."""
-_LOG = ("name", "tractor", "trailer", "load", "digest", "set_aside")
+_LOG = ("name", "tractor", "trailer", "load", "road", "digest", "set_aside")
 """Texts of a log."""
 
 
@@ -41,11 +41,8 @@ def write(path: Path, logs: Sequence[LogKnowledge]) -> None:
 
 
 def read(path: Path) -> tuple[LogKnowledge, ...]:
-    """The logs in a file, or in a folder with one.
-
-    Raises:
-        SignalError: the file cannot be read, another program wrote it, or its numbers are impossible.
-    """
+    """The logs in a file, or in a folder with one; a SignalError if it cannot be read, another program wrote it, or its
+    numbers are impossible."""
     path = file_of(path)
     if not path.exists() and path.with_name(IDENTIFICATION).exists():
         raise SignalError(
@@ -85,7 +82,7 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
     columns = {"name": own.names, **{name: getattr(own, name).tolist() for name in arrays}, "origin": origins}
     unknowns = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     return {
-        **{name: getattr(log, name) for name in (*_LOG, "road")},
+        **{name: getattr(log, name) for name in _LOG},
         "date": log.date.isoformat(),
         "estimated": list(log.estimated),
         "masses": dict(log.masses),
@@ -100,8 +97,7 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
 
 def log_of(contents: Any) -> LogKnowledge:
     """The log of `log_contents`; a KeyError, TypeError, ValueError, AttributeError or OverflowError for others."""
-    unknowns, texts = _list(contents["unknowns"]), {name: _text(contents.get(name, "")) for name in ("road",)}
-    texts |= {name: _text(contents[name]) for name in _LOG}
+    unknowns, texts = _list(contents["unknowns"]), {name: _text(contents[name]) for name in _LOG}
     if len(unknowns) > MAX_UNKNOWNS:
         raise ValueError(f"{len(unknowns)} unknowns of a log; at most {MAX_UNKNOWNS} expected")
     names = tuple(_text(u["name"]) for u in unknowns)

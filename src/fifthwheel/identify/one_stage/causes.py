@@ -69,11 +69,9 @@ class Causes:
 class _Hypothesis:
     """A gross error of one number."""
 
-    test: PriorTest
-    """With the change and the shifts of the fit."""
+    test: PriorTest  # with the change and the shifts of the fit
     minimum: Minimum[Problem]
-    odds: float
-    """Their logarithm, over the hypothesis that all priors hold."""
+    odds: float  # their logarithm, over the hypothesis that all priors hold
 
 
 def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Progress = lambda *_: None) -> Causes:
@@ -81,12 +79,10 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
 
     `tests` are those of the priors. Logs that contradict no single prior may contradict all of them together.
     """
-    unknowns, candidates = solution.problem.unknowns_by_name, list[tuple[float, PriorTest, GrossError]]()
-    for test in tests:
-        if (error := gross_error(unknowns[test.name])) and (odds := linear_odds(test, error)) > LEAST_LINEAR_ODDS:
-            candidates.append((odds, test, error))
-    candidates.sort(key=lambda candidate: -candidate[0])
-    candidates, base, found = candidates[:MOST_HYPOTHESES], _base(solution) if candidates else solution.minimum, []
+    unknowns = solution.problem.unknowns_by_name
+    wrong = [(linear_odds(test, error), test, error) for test in tests if (error := gross_error(unknowns[test.name]))]
+    wrong = sorted((each for each in wrong if each[0] > LEAST_LINEAR_ODDS), key=lambda each: -each[0])
+    candidates, base, found = wrong[:MOST_HYPOTHESES], _base(solution) if wrong else solution.minimum, []
     for i, (_, test, error) in enumerate(candidates):
         progress(TITLE, i, len(candidates))
         found.append(_fitted(base, test, error))
@@ -153,12 +149,7 @@ def _corrected(solution: Solution, base: Minimum[Problem]) -> Minimum[Problem]:
 
 def _unexplained(minimum: Minimum[Problem]) -> float:
     """The discrepancy that a fit leaves with the noise of its own residuals, as `_left`."""
-    return _left(_with_own_noise(minimum))
-
-
-def _with_own_noise(minimum: Minimum[Problem]) -> Minimum[Problem]:
-    """The fit with the noise of its residuals."""
-    return _fit(minimum.objective.with_residual_noise(minimum.z, autocorrelated=True), minimum.z)
+    return _left(_fit(minimum.objective.with_residual_noise(minimum.z, autocorrelated=True), minimum.z))
 
 
 def _left(fit: Minimum[Problem]) -> float:

@@ -91,11 +91,7 @@ def solve_one_stage(
 
 
 def _estimator(
-    records: Sequence[Record],
-    vehicle: Vehicle,
-    settings: OneStage,
-    validate: Sequence[Record],
-    earlier: Earlier | None,
+    records: Sequence[Record], vehicle: Vehicle, settings: OneStage, validate: Sequence[Record], earlier: Earlier | None
 ) -> "_Estimator":
     dataset = prepare_dataset(records, vehicle, settings, validate)
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
@@ -117,13 +113,8 @@ class _Estimator:
 
     dataset: Dataset
     setup: Setup
-    grip: float
-    """Largest lateral acceleration of the logs over that of gravity."""
+    grip: float  # largest lateral acceleration of the logs over that of gravity
     earlier: JointPrior | None
-
-    def minimise(self, progress: Progress) -> Minimum[Problem]:
-        """Estimate all unknowns together."""
-        return self._minimise(Problem(self.setup, self.dataset.logs, self.earlier), progress)
 
     def solution(self, minimum: Minimum[Problem]) -> Solution:
         """The solution at a minimum."""
@@ -145,7 +136,7 @@ class _Estimator:
         def uninformed_by(logs: Problem) -> dict[str, Verdict]:
             information = logs.expand(excited_by_inputs).hessian - own
             posterior = ScaledPosterior.from_information(logs.names, information, nuisances=logs.nuisances)
-            remaining = {name: float(posterior.sigma[posterior.names.index(name)]) for name in setup.estimated}
+            remaining = {name: posterior.sigma_of(name) for name in setup.estimated}
             return uninformed_parameters(posterior, remaining, unseen, setup.settings.excited)
 
         part = problem.shortened(EARLY_SAMPLES) if problem.output_error else problem
@@ -162,13 +153,14 @@ class _Estimator:
             start[place] = max(start[place], needed)
         return problem.stiffened(np.clip(start, *problem.bounds))
 
-    def _minimise(self, problem: Problem, progress: Progress) -> Minimum[Problem]:
+    def minimise(self, progress: Progress) -> Minimum[Problem]:
         """The maximum of the posterior, with adapted noise in several fits.
 
         The early fits use the most steered parts of long logs. As long as the truck that they find does not follow the
         rest of the logs, such as one that skids there, these parts become longer. The last fit, whose first step is the
         largest, fits the noise model once more after that step.
         """
+        problem = Problem(self.setup, self.dataset.logs, self.earlier)
         if not self.setup.settings.adapt_noise:
             return self._fit(problem, self._initial(problem), WHITE, progress)
         samples, early = EARLY_SAMPLES, self._early_fits(problem.shortened(EARLY_SAMPLES), progress)

@@ -2,14 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 
-from fifthwheel.identify.doubts import (
-    NONLINEAR_ACCELERATION,
-    Doubt,
-    DoubtKind,
-    Evidence,
-    PriorTest,
-    most_likely,
-)
+from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind, Evidence, PriorTest, most_likely
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.unknowns.gross_errors import is_possible
 from fifthwheel.identify.unknowns.unknown import UnknownKind

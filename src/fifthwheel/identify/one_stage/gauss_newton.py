@@ -58,8 +58,7 @@ class Minimum(Generic[ObjectiveT]):
     converged: bool
     steps: int
     lower: Array
-    upper: Array
-    """Bounds of z (k,)."""
+    upper: Array  # bounds of z (k,)
 
 
 def minimise(
@@ -74,18 +73,12 @@ def minimise(
     reweighted: Callable[[ObjectiveT, Array, int], ObjectiveT] = lambda objective, *_: objective,
     progress: Callable[[int, int], None] = lambda *_: None,
 ) -> Minimum[ObjectiveT]:
-    """Search a minimum of a cost from z.
+    """Search a minimum of a cost from z (k,) within bounds (k,), by at most so many iterations.
 
-    Args:
-        objective: the cost.
-        z: initial point (k,).
-        lower, upper: bounds of z (k,).
-        iterations: largest number of steps.
-        tolerance: converged when a full step moves no unknown by more than this fraction of its standard deviation.
-        radius: of the trust region at the first step.
-        reweighted: the objective for the next step, such as one with other weights, from the last one, each accepted
-            point, and the number of points accepted.
-        progress: called with the number of steps done and the largest number of steps.
+    It has converged when a full step moves no unknown by more than the fraction `tolerance` of its standard deviation.
+    `radius` is that of the trust region at the first step. `reweighted` gives the objective for the next step, such as
+    one with other weights, from the last one, each accepted point, and the number of points accepted. `progress` is
+    called with the number of steps done and the largest number.
     """
     steps, accepted, model, converged = 0, 0, objective.expand(z), False
     while steps < iterations:
@@ -101,7 +94,7 @@ def minimise(
         step, interior = full_step, bool(np.linalg.norm(full_step) <= radius)
         if not interior:
             free, step = ~_held(z, gradient, lower, upper), np.zeros_like(z)
-            step[free], _ = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
+            step[free] = trust_region_step(gradient[free], hessian[np.ix_(free, free)], radius)
             step = np.clip(z + step, lower, upper) - z
         slope = -float(gradient @ step)
         predicted_decrease = slope - float(step @ hessian @ step) / 2
@@ -123,15 +116,7 @@ def minimise(
             model = objective.expand(z)
         elif radius < SMALLEST_RADIUS:
             break
-    return Minimum(
-        objective=objective,
-        z=z,
-        model=model,
-        converged=converged,
-        steps=steps,
-        lower=lower,
-        upper=upper,
-    )
+    return Minimum(objective=objective, z=z, model=model, converged=converged, steps=steps, lower=lower, upper=upper)
 
 
 def remaining_step(minimum: Minimum[ObjectiveT]) -> Array:
@@ -180,8 +165,8 @@ def _held(z: Array, gradient: Array, lower: Array, upper: Array) -> NDArray[np.b
     return ((z <= lower) & (gradient > 0)) | ((z >= upper) & (gradient < 0))
 
 
-def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[Array, bool]:
-    """The minimiser of a quadratic within a ball, and whether it is the unconstrained minimiser.
+def trust_region_step(gradient: Array, hessian: Array, radius: float) -> Array:
+    """The minimiser of a quadratic within a ball.
 
     On the boundary the step is s = -(H + mu I)^-1 g with ||s|| = radius; mu is found by bisection.
     """
@@ -189,10 +174,10 @@ def trust_region_step(gradient: Array, hessian: Array, radius: float) -> tuple[A
     values = np.maximum(values, 1e-12 * values.max(initial=1.0))
     components = -vectors.T @ gradient
     if np.linalg.norm(components / values) <= radius:
-        return vectors @ (components / values), True
+        return np.asarray(vectors @ (components / values))
     low, high = 0.0, float(np.linalg.norm(gradient)) / radius
     for _ in range(60):
         middle = (low + high) / 2
         too_long = np.linalg.norm(components / (values + middle)) > radius
         low, high = (middle, high) if too_long else (low, middle)
-    return vectors @ (components / (values + high)), False
+    return np.asarray(vectors @ (components / (values + high)))

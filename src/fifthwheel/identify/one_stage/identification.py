@@ -42,13 +42,8 @@ from fifthwheel.vehicle.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FR
 
 
 def build_identification(solution: Solution, causes: Causes | None = None, note: str = "") -> Identification:
-    """Estimates with sigma and verdict, sensor errors, doubts, and fits of all logs.
-
-    Args:
-        solution: of the logs.
-        causes: of a contradiction.
-        note: for the user.
-    """
+    """Estimates with sigma and verdict, sensor errors, doubts by the causes of a contradiction, and fits of all logs;
+    with a note for the user."""
     dataset, settings, problem, minimum = solution.dataset, solution.settings, solution.problem, solution.minimum
     posterior, causes = solution.linearisation.posterior, causes or Causes()
     given, own = parameters.given_parameters(dataset.initial_vehicle, settings), dataset.vehicle.parameters()
@@ -126,8 +121,7 @@ def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Ve
     problem, posterior = solution.problem, solution.linearisation.posterior
     unknowns = problem.unknowns_by_name
     remaining = {
-        name: remaining_fraction(unknowns[name], values[name], float(posterior.sigma[posterior.names.index(name)]))
-        for name in solution.estimated
+        name: remaining_fraction(unknowns[name], values[name], posterior.sigma_of(name)) for name in solution.estimated
     }
     by_result = uninformed_parameters(posterior, remaining, (), solution.settings.excited)
     uninformed = {**by_result, **solution.uninformed}
@@ -137,16 +131,14 @@ def _uninformed(solution: Solution, values: Mapping[str, float]) -> dict[str, Ve
 
 
 def _estimate(solution: Solution, unknown: Unknown, value: float, verdict: Verdict) -> Estimate:
-    """The estimate of an estimated parameter."""
     name, settings = unknown.name, solution.settings
     posterior, history = solution.linearisation.posterior, solution.linearisation.history
-    sigma_z = float(posterior.sigma[posterior.names.index(name)])
     informed = verdict not in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE, Verdict.STATED)
     settled = history.settled_row(name, settings.tolerance) if informed else None
     return estimates.parameter_estimate(
         unknown,
         value,
-        sigma_z,
+        posterior.sigma_of(name),
         verdict,
         settling_time=None if settled is None else float(history.time[settled]),
         correlated_with=_correlated(solution, posterior, name, verdict),
@@ -161,7 +153,7 @@ def _correlated(solution: Solution, posterior: ScaledPosterior, name: str, verdi
     i, single_log = posterior.names.index(name), len(solution.dataset.logs) == 1
     names = [_without_number(posterior.names[j], single_log) for j in posterior.correlated(i)]
     names = [other for other in names if other not in solution.problem.model.states]
-    confounded = verdict is Verdict.NOT_IDENTIFIABLE and posterior.conditional_sigma(i) < solution.settings.excited
+    confounded = verdict is Verdict.NOT_IDENTIFIABLE and posterior.conditional_sigma(name) < solution.settings.excited
     if confounded and not names:
         names = [_without_number(posterior.names[posterior.most_limiting(i)], single_log)]
     return tuple(names)

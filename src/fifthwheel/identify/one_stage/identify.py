@@ -74,11 +74,7 @@ def identify_one_stage(
 
 
 def _reconciled(
-    solve: Callable[..., Solution],
-    before: Knowledge,
-    occasion: Occasion,
-    solution: Solution,
-    logs: list[LogKnowledge],
+    solve: Callable[..., Solution], before: Knowledge, occasion: Occasion, solution: Solution, logs: list[LogKnowledge]
 ) -> tuple[Knowledge, Solution, list[LogKnowledge], list[str]]:
     """The knowledge of earlier logs, the solution and the information of its logs where both contradict each other, and
     sentences on the earlier logs."""

@@ -11,7 +11,6 @@ from threadpoolctl import threadpool_limits
 from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel._types import Array, Indices
 from fifthwheel.errors import SignalError, suggestion
-from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.estimates import sensor_error_unit
 from fifthwheel.identify.one_stage.estimator import TOLERANCE, solve_one_stage
 from fifthwheel.identify.one_stage.gauss_newton import minimise
@@ -144,7 +143,7 @@ class LogPosterior:
         """Values (...) in SI of points or samples x (..., k), by name; without the initial states."""
         points = np.asarray(x, dtype=np.float64)
         places = [self.names.index(name) for name in self._unknowns]
-        p = self._scaling.to_p(points[..., places])
+        p = scaling(list(self._unknowns.values())).to_p(points[..., places])
         return {name: p[..., i] for i, name in enumerate(self._unknowns)}
 
     def profile(self, name: str, *, sigmas: float = 3.0, points: int = 13) -> Profile:
@@ -202,10 +201,6 @@ class LogPosterior:
         by_name = self.problem.unknowns_by_name
         internal = [self.problem.names[i] for i in self._indices]
         return {self._public(name): by_name[name] for name in internal if name in by_name}
-
-    @cached_property
-    def _scaling(self) -> Scaling:
-        return scaling(list(self._unknowns.values()))
 
     def _public(self, name: str) -> str:
         """The name of an unknown with that of its log in place of its number."""

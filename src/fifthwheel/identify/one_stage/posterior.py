@@ -77,11 +77,16 @@ class ScaledPosterior:
         """Standard deviation of each z (k,)."""
         return np.sqrt(np.diag(self.covariance))
 
-    def conditional_sigma(self, i: int) -> float:
-        """Standard deviation of z_i if all other estimated parameters were known, but not the other unknowns.
+    def sigma_of(self, name: str) -> float:
+        """Standard deviation of one z."""
+        return float(self.sigma[self.names.index(name)])
+
+    def conditional_sigma(self, name: str) -> float:
+        """Standard deviation of one z if all other estimated parameters were known, but not the other unknowns.
 
         If those were known too, the small yaw rate that a steering offset causes would count as excitation.
         """
+        i = self.names.index(name)
         unknown = [i, *[j for j in self.nuisances if j != i]]
         information = self.information[np.ix_(unknown, unknown)]
         return float(np.sqrt(np.linalg.inv(np.eye(len(unknown)) + information)[0, 0]))

@@ -47,11 +47,8 @@ def nothing(_: Setup) -> None:
 class Prior:
     """The prior of the unknowns z (k,) of a problem.
 
-    Args:
-        names: of the unknowns.
-        tails: of the prior of each by itself (k,); infinite if it is normal.
-        earlier: the information of earlier logs on some of them; other names are ignored.
-        own: mean and standard deviation of each by itself, by name; others have 0 and 1.
+    Of each by itself, it has a tail (k,), infinite if it is normal, and by name its `own` mean and standard deviation,
+    else 0 and 1. Names of `earlier` logs that the problem does not have are ignored.
     """
 
     def __init__(

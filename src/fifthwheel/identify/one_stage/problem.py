@@ -25,7 +25,7 @@ information H of the logs (Gauss-Newton).
 
 import copy
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
 from typing import NamedTuple, Self
@@ -76,36 +76,28 @@ class ProblemLayout(NamedTuple):
     @classmethod
     def of(cls, unknowns: Sequence[Unknown], segments: Sequence[int], states: Sequence[str]) -> Self:
         """The layout for logs with these numbers of segments, each of which has these initial states."""
+        own, logs = [u.name for u in unknowns if u.per_log], range(len(segments))
         names = [u.name for u in unknowns if not u.per_log]
-        shared = {name: i for i, name in enumerate(names)}
-        of_logs = []
-        for i in range(len(segments)):
-            indices = []
-            for u in unknowns:
-                indices.append(len(names) if u.per_log else shared[u.name])
-                if u.per_log:
-                    names.append(f"{u.name}@{i}")
-            of_logs.append(np.array(indices, dtype=np.int64))
-        initial_states = []
-        for i, count in enumerate(segments):
-            of_segments = []
-            for j in range(count):
-                of_segments.append(np.arange(len(names), len(names) + len(states)))
-                names += [f"{state}@{i}.{j}" for state in states]
-            initial_states.append(tuple(of_segments))
-        return cls(tuple(names), tuple(of_logs), tuple(initial_states))
+        names += [f"{name}@{i}" for i in logs for name in own]
+        names += [f"{state}@{i}.{j}" for i, count in enumerate(segments) for j in range(count) for state in states]
+        place = {name: k for k, name in enumerate(names)}
+
+        def places(selected: Iterable[str]) -> Indices:
+            return np.array([place[name] for name in selected], dtype=np.int64)
+
+        return cls(
+            tuple(names),
+            tuple(places(f"{u.name}@{i}" if u.per_log else u.name for u in unknowns) for i in logs),
+            tuple(tuple(places(f"{s}@{i}.{j}" for s in states) for j in range(segments[i])) for i in logs),
+        )
 
 
 class Problem:
     """The cost of the unknowns over all logs of one vehicle, for the noise of the channels in `logs`.
 
-    A problem does not change; `with_residual_noise` gives one with other noise.
-
-    Args:
-        setup: vehicle, unknowns and model.
-        logs: a channel without noise variance gets that of the settings or the table; all autocorrelation factors are
-            set to 1.
-        earlier: the information of earlier logs on the unknowns.
+    A problem does not change; `with_residual_noise` gives one with other noise. A channel of a log without noise
+    variance gets that of the settings or the table; all autocorrelation factors are set to 1. `earlier` is the
+    information of earlier logs on the unknowns.
     """
 
     def __init__(
@@ -278,12 +270,10 @@ class Problem:
     def blocks(
         self, z: Array, i: int, j: int, *, differentiated: bool = True, whitened: bool = True
     ) -> Iterator[ResidualBlock]:
-        """Residuals of segment j of log i at z, block by block.
+        """Residuals of segment j of log i at z, block by block, `differentiated` along the estimated unknowns or not.
 
-        Args:
-            differentiated: whether residuals are differentiated along the estimated unknowns.
-            whitened: whether the discrepancy of each channel is predicted from the residuals before and subtracted;
-                only in the output-error form.
+        `whitened`: the discrepancy of each channel is predicted from the residuals before and subtracted; only in the
+        output-error form.
         """
         values = self.model_values(z, i)
         rows = self._step_rows(i, j, values)
@@ -368,11 +358,9 @@ class Problem:
     def with_residual_noise(self, z: Array, *, autocorrelated: bool) -> "Problem":
         """The problem with the noise of each channel that its residuals at z have.
 
-        Residuals beyond the limit for outliers count as lying on it.
-
-        Args:
-            autocorrelated: residuals are not taken as white: the output-error form fits a noise model to them, the
-                prediction-error form enlarges their variance by an autocorrelation factor.
+        Residuals beyond the limit for outliers count as lying on it. `autocorrelated`: they are not taken as white, so
+        that the output-error form fits a noise model to them, and the prediction-error form enlarges their variance by
+        an autocorrelation factor.
         """
         problem = copy.copy(self)  # what is cached does not depend on the noise
         problem.logs = tuple(self._residual_noise(z, i, autocorrelated) for i in range(len(self.logs)))
@@ -408,7 +396,8 @@ class Problem:
             models.pop(name, None)
             if autocorrelated and self.output_error:
                 fitted = fit_noise_model([s * np.sqrt(variance) for s in sizes], dt)
-                models[name] = fitted.with_discrepancy(least * self._signal_variance(i, name))
+                smallest = least * self._signal_variance(i, name)
+                models[name] = replace(fitted, discrepancy=max(fitted.discrepancy, smallest))
             elif autocorrelated:
                 factors[name] = autocorrelation_factor(size, int(CORRELATION_TIME / dt))
         return replace(log, noise=noise, autocorrelation_factor=factors, noise_models=models)

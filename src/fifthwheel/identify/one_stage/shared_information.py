@@ -84,14 +84,8 @@ def marginal_information(
 ) -> SharedInformation:
     """The information of a log on what logs share.
 
-    A parameter that is not identifiable because the roll rate is not measured is the log's own.
-
-    Args:
-        setup: of the log.
-        names: (k,) of the unknowns of the log.
-        z: (k,) their estimates.
-        log: what it contributes at these estimates.
-        own: unknowns that are the log's own besides.
+    A parameter that is not identifiable because the roll rate is not measured is the log's own, and so are the unknowns
+    `own`. The log contributes `log` at the estimates z (k,) of its unknowns, with the names (k,).
     """
     index = {name: i for i, name in enumerate(names)}
     own_unknowns = {*setup.without_roll_rate, *own}

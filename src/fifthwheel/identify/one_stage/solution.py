@@ -29,14 +29,10 @@ SUMS_PER_LAG = 16
 class LogLinearisation:
     """What one log contributes, by its own unknowns and those that logs share: k of them."""
 
-    indices: Indices
-    """Of the unknowns among all (k,)."""
-    information: Array
-    """(k, k)"""
-    gradient: Array
-    """(k,)"""
-    score_covariance: Array
-    """(k, k)"""
+    indices: Indices  # of the unknowns among all (k,)
+    information: Array  # (k, k)
+    gradient: Array  # (k,)
+    score_covariance: Array  # (k, k)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,12 +40,9 @@ class Linearisation:
     """What follows from the logs, linearised at a solution."""
 
     posterior: ScaledPosterior
-    gradient: Array
-    """Of the loss of the logs (k,), without the prior."""
-    history: ParameterHistory
-    """How the estimates would have developed sample after sample."""
-    tests: tuple[PriorTest, ...]
-    """Of the prior of every uncertain number and sensor error, the largest statistic first."""
+    gradient: Array  # of the loss of the logs (k,), without the prior
+    history: ParameterHistory  # how the estimates would have developed sample after sample
+    tests: tuple[PriorTest, ...]  # of the prior of every uncertain number and sensor error, the largest statistic first
     logs: tuple[LogLinearisation, ...]
 
 
@@ -138,20 +131,16 @@ def _linearise(solution: Solution) -> Linearisation:
         precision=prior.hessian,
         prior=problem.prior,
     )
+    kinds, P = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR), posterior.model_covariance
+    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
+    mean, variance = problem.prior.mean, problem.prior.variance
     return Linearisation(
         posterior=posterior,
         gradient=gradient,
         history=history,
-        tests=tuple(_prior_tests(problem, z, posterior)),
+        tests=tuple(prior_tests(problem.names, z - mean, P, posterior.predictive, tested, variance)),
         logs=tuple(logs),
     )
-
-
-def _prior_tests(problem: Problem, z: Array, posterior: ScaledPosterior) -> list[PriorTest]:
-    kinds = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR)
-    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
-    prior, P = problem.prior, posterior.model_covariance
-    return prior_tests(problem.names, z - prior.mean, P, posterior.predictive, tested, prior.variance)
 
 
 def _nothing(problem: Problem, log: int) -> LogLinearisation:

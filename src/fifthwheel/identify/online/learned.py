@@ -35,14 +35,10 @@ GAINED = 1e-3
 class LearnedLog:
     """What a learner learns from now on, which is one log, and the logs before it."""
 
-    occasions: Mapping[str, Occasion]
-    """Of each trailer by the name under which its estimates are kept."""
-    logs: tuple[LogKnowledge, ...] = ()
-    """Of the couplings that ended."""
-    digest: str = field(default_factory=lambda: uuid.uuid4().hex)
-    """Of the log that is learned."""
-    date: datetime.datetime | None = None
-    """Of the last sample before the learner was loaded."""
+    occasions: Mapping[str, Occasion]  # of each trailer by the name under which its estimates are kept
+    logs: tuple[LogKnowledge, ...] = ()  # of the couplings that ended
+    digest: str = field(default_factory=lambda: uuid.uuid4().hex)  # of the log that is learned
+    date: datetime.datetime | None = None  # of the last sample before the learner was loaded
 
     def finished(self, live: LiveFilter, trailer: str, time: float) -> "LearnedLog":
         """With what a filter learned up to a time, s, and a new log after it."""
@@ -64,13 +60,9 @@ class LearnedLog:
         )
         return LearnedLog(occasions=self.occasions, logs=(*self.logs, log))
 
-    def with_occasion(self, trailer: str, occasion: Occasion) -> "LearnedLog":
-        """With that of another trailer."""
-        return replace(self, occasions={**self.occasions, trailer: occasion})
-
     def as_dict(self, live: LiveFilter, trailer: str, time: float) -> dict[str, Any]:
         """The content for JSON."""
-        began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began), range(len(live.setup.unknowns)))
+        began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began))
         return {
             "began": began.as_dict(),
             "occasions": {name: [of.trailer, of.load] for name, of in self.occasions.items()},
@@ -83,7 +75,7 @@ class LearnedLog:
     def restored(cls, content: Mapping[str, Any], live: LiveFilter) -> "LearnedLog":
         """That of `as_dict`, whose start the filter gets."""
         began = EstimateBlock.from_dict(content["began"])
-        live.set_start(began.z, began.Pz)
+        live.began = live.joint_estimate(began.z, began.Pz)
         return cls(
             occasions={name: Occasion(trailer=of[0], load=of[1]) for name, of in content["occasions"].items()},
             logs=tuple(log_of(log) for log in content["logs"]),

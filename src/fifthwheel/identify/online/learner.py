@@ -7,7 +7,7 @@ point of linearisation (`filters.relinearised`), and reports states whose sigmas
 import copy
 import itertools
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
@@ -309,7 +309,8 @@ class Learner:
             earlier = earlier.among(own - blocked)
         live = LiveFilter(setup, self._live.learner, *combine_blocks(setup.unknowns, blocks, earlier))
         live.innovations.restore(**self._live.innovations.as_dict())
-        self._log = self._log.finished(self._live, self._trailer, self._time).with_occasion(trailer, occasion)
+        log = self._log.finished(self._live, self._trailer, self._time)
+        self._log = replace(log, occasions={**log.occasions, trailer: occasion})
         self._vehicle_file, self._signals = combination, measured
         self._live, self._trailer, self._uncoupled = live, trailer, kept
 
@@ -346,7 +347,7 @@ class Learner:
         settings = replace(setup.settings, given=known | dict.fromkeys(values, "exact"))
         fixed = Learner(vehicle.replace(values), self._signals, settings, learner=live.learner, trailer=self._trailer)
         unknowns = fixed._live.setup.unknowns
-        block = self._block_of(range(len(setup.unknowns))).restricted(unknowns)
+        block = self._joint_block().restricted(unknowns)
         start = combine_blocks(unknowns, [(block, "this learner")])
         fixed._live, fixed._knowledge = LiveFilter(fixed._live.setup, live.learner, *start), self._knowledge
         fixed._live.innovations.restore(**live.innovations.as_dict())
@@ -358,11 +359,10 @@ class Learner:
         """Estimates of the first unit with its sensors and steered axles, or of all other unknowns."""
         setup = self._live.setup
         places = [i for i, u in enumerate(setup.unknowns) if _is_of_tractor(setup, u) == of_tractor]
-        return self._block_of(places)
+        return self._joint_block().among(places)
 
-    def _block_of(self, places: Sequence[int]) -> EstimateBlock:
-        """Estimates of the unknowns at these places."""
-        return EstimateBlock.of(self._live.setup.unknowns, *self._live.joint(), places)
+    def _joint_block(self) -> EstimateBlock:
+        return EstimateBlock.of(self._live.setup.unknowns, *self._live.joint())
 
     def save(self, path: str | Path) -> None:
         """Write the estimates of tractor and all trailers to a JSON file; state and time are not saved."""
@@ -378,7 +378,7 @@ class Learner:
             "settings": setup.settings.as_dict(),
             "learner": self._live.learner.as_dict(),
             "trailer": self._trailer,
-            "estimates": self._block_of(range(len(setup.unknowns))).as_dict(),
+            "estimates": self._joint_block().as_dict(),
             "knowledge": self._log.as_dict(self._live, self._trailer, self._time),
             "evidence": {
                 "gradient": estimate.gradient.tolist(),
@@ -419,7 +419,7 @@ class Learner:
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             start = combine_blocks(setup.unknowns, blocks)
             learner._live = live = LiveFilter(setup, learner._live.learner, *start)
-            live.set_estimate(*start, *scores)
+            live.filter.set_estimate(live.joint_estimate(*start, *scores))
             live.innovations.restore(**evidence["innovations"])
             learner._log = LearnedLog.restored(content["knowledge"], live)
             for name, block in content["uncoupled"].items():

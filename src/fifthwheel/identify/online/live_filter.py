@@ -50,7 +50,7 @@ class LiveFilter:
         self._scaling = self.considered.scaling(setup)
         self.model = model_of(setup, setup.outputs, discrepancies=setup.has_discrepancies)
         self.filter = _relinearised_filter(setup, self.model, learner, self._scaling, self.considered)
-        self.set_estimate(z, covariance)
+        self.filter.set_estimate(self.joint_estimate(z, covariance))
         self.began = self.filter.estimate()
         """The estimates before the first sample."""
         view = StateView(setup, self.model, self.filter, self._scaling, self.considered)
@@ -99,19 +99,10 @@ class LiveFilter:
         unit = np.append(np.ones(len(estimate.z)), known.sigma)
         return np.append(estimate.z, known.mean), estimate.covariance() * np.outer(unit, unit)
 
-    def set_estimate(
-        self, z: Array, covariance: Array, gradient: Array | None = None, information: Array | None = None
-    ) -> None:
-        """Set the estimates to what `joint` gave, and the score tests, which start again if None."""
-        self.filter.set_estimate(self._joint_estimate(z, covariance, gradient, information))
-
-    def set_start(self, z: Array, covariance: Array) -> None:
-        """Set the estimates before the first sample to what `joint` gave."""
-        self.began = self._joint_estimate(z, covariance)
-
-    def _joint_estimate(
+    def joint_estimate(
         self, z: Array, covariance: Array, gradient: Array | None = None, information: Array | None = None
     ) -> JointEstimate:
+        """The estimate of this filter with what `joint` gave, and with score tests, which start again if None."""
         n, known = len(self.setup.estimated_unknowns), self.considered
         cross = covariance[:n, n:] / known.sigma
         B = np.asarray(np.linalg.solve(known.correlation, cross.T).T if known.is_correlated else cross)

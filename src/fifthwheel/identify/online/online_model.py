@@ -37,22 +37,17 @@ class OnlineModel:
     """
 
     chain: ChainModel
-    own: tuple[tuple[str, int], ...]
-    """Parameter and index of each unknown that is the value of one parameter."""
-    slopes: tuple[tuple[str, int], ...]
-    """Parameter and index of the unknown of each slope."""
-    given: tuple[str, ...]
-    """Parameters that have no unknown of their own, but are changed by others."""
-    discrepancies: int
-    """Their number: that of the channels, or 0."""
+    own: tuple[tuple[str, int], ...]  # parameter and index of each unknown that is the value of one parameter
+    slopes: tuple[tuple[str, int], ...]  # parameter and index of the unknown of each slope
+    given: tuple[str, ...]  # parameters that have no unknown of their own, but are changed by others
+    discrepancies: int  # their number: that of the channels, or 0
     transition: ca.Function
     observation: ca.Function
     transition_parts: ca.Function
     rates: ca.Function
     rate_slopes: ca.Function
     observation_slopes: ca.Function
-    identity: tuple[object, ...]
-    """Of the model, for the cache of machine code."""
+    identity: tuple[object, ...]  # of the model, for the cache of machine code
 
     def constant(self, values: Mapping[str, float], unknowns: Sequence[Unknown], time_constant: float) -> Array:
         """c from the values of all parameters of the chain, SI, and the time constant of the discrepancies, s."""
@@ -149,7 +144,10 @@ def _online_model(
     y = chain.observation(x[:n], d, chain_p, chain_c)
     exponent = chain.exponent(x[:n], dt, d, chain_p, chain_c)
     # with tyres that saturate, the sensitivity of the chain neglects a derivative
-    exact = chain.observation_sensitivity if chain.tyres == "linear" else _observation_jacobian(chain)
+    exact = chain.observation_sensitivity
+    if chain.tyres != "linear":
+        symbols = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
+        exact = ca.Function("dy_dp", symbols, [ca.jacobian(chain.observation(*symbols), symbols[2])])
     by_p = ca.jacobian(chain_p, p)
     slopes_of_rates = chain.rate_sensitivities(x[:n], later[:n], dt, d, chain_p, chain_c)
     rate_slopes = [ca.vertcat(slope @ by_p, ca.SX(m, len(unknowns))) for slope in slopes_of_rates]
@@ -169,12 +167,6 @@ def _online_model(
         rate_slopes=ca.Function("rate_slopes", [x, later, dt, d, p, c], rate_slopes),
         observation_slopes=ca.Function("observation_slopes", [x, d, p, c], [exact(x[:n], d, chain_p, chain_c) @ by_p]),
     )
-
-
-def _observation_jacobian(chain: ChainModel) -> ca.Function:
-    """(x, d, p, c) -> dy/dp of a chain."""
-    arguments = [ca.SX.sym("a", size) for size in (chain.sizes[0], *chain.sizes[1:4])]
-    return ca.Function("dy_dp", arguments, [ca.jacobian(chain.observation(*arguments), arguments[2])])
 
 
 def _values(

@@ -22,37 +22,33 @@ class EstimateBlock:
     """Estimates of some unknowns, without their correlation with all others."""
 
     names: tuple[str, ...]
-    centre: tuple[float, ...]
-    """With `scale` the meaning of z."""
+    centre: tuple[float, ...]  # with `scale` the meaning of z
     scale: tuple[float, ...]
-    z: Array
-    """(n,)."""
-    Pz: Array
-    """Covariance of z (n, n)."""
+    z: Array  # (n,)
+    Pz: Array  # covariance of z (n, n)
 
     @classmethod
-    def of(cls, unknowns: Sequence[Unknown], z: Array, Pz: Array, places: Sequence[int]) -> "EstimateBlock":
-        """The unknowns at some places of z (n_p,) and its covariance (n_p, n_p)."""
-        chosen = [unknowns[i] for i in places]
-        return cls(
-            names=tuple(u.name for u in chosen),
-            centre=tuple(u.centre for u in chosen),
-            scale=tuple(u.scale for u in chosen),
-            z=z[list(places)],
-            Pz=Pz[np.ix_(places, places)],
+    def of(cls, unknowns: Sequence[Unknown], z: Array, Pz: Array) -> "EstimateBlock":
+        """All unknowns, with z (n,) and its covariance (n, n)."""
+        names, centre, scale = (tuple(getattr(u, key) for u in unknowns) for key in ("name", "centre", "scale"))
+        return cls(names=names, centre=centre, scale=scale, z=z, Pz=Pz)
+
+    def among(self, places: Sequence[int]) -> "EstimateBlock":
+        """The estimates of the unknowns at some places."""
+        return EstimateBlock(
+            names=tuple(self.names[i] for i in places),
+            centre=tuple(self.centre[i] for i in places),
+            scale=tuple(self.scale[i] for i in places),
+            z=self.z[list(places)],
+            Pz=self.Pz[np.ix_(places, places)],
         )
 
     def restricted(self, unknowns: Sequence[Unknown]) -> "EstimateBlock":
         """The estimates of those that are among some unknowns with the same prior."""
         priors = {u.name: (u.centre, u.scale) for u in unknowns}
         own = zip(self.names, self.centre, self.scale, strict=True)
-        keep = [i for i, (n, *prior) in enumerate(own) if n in priors and np.allclose(priors[n], prior, rtol=1e-9)]
-        return EstimateBlock(
-            names=tuple(self.names[i] for i in keep),
-            centre=tuple(self.centre[i] for i in keep),
-            scale=tuple(self.scale[i] for i in keep),
-            z=self.z[keep],
-            Pz=self.Pz[np.ix_(keep, keep)],
+        return self.among(
+            [i for i, (n, *prior) in enumerate(own) if n in priors and np.allclose(priors[n], prior, rtol=1e-9)]
         )
 
     def as_dict(self) -> dict[str, Any]:
@@ -82,13 +78,8 @@ def combine_blocks(
 ) -> tuple[Array, Array]:
     """z (n_p,) and its covariance (n_p, n_p) from blocks, which are uncorrelated; the prior for all other unknowns.
 
-    Args:
-        unknowns: (n_p,).
-        blocks: with a title of each for the message of an error.
-        earlier: the information of earlier logs on unknowns of no block, with the widening by model error.
-
-    Raises:
-        SignalError: an unknown of a block does not exist, or has another prior.
+    Each block has a title for the message of an error. `earlier` is the information of earlier logs on unknowns of no
+    block, with the widening by model error. A SignalError: an unknown of a block does not exist, or has another prior.
     """
     z, Pz = np.zeros(len(unknowns)), np.eye(len(unknowns))
     by_name = {u.name: (i, u) for i, u in enumerate(unknowns)}

@@ -9,7 +9,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import si_unit
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, relative, shown, with_sigma
-from fifthwheel.identify.doubts import Doubt, describe_doubt
+from fifthwheel.identify.doubts import describe_doubt
 from fifthwheel.identify.result.parts import Estimate, Fit, IdentificationData, ParameterHistory
 from fifthwheel.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.plots.items import Dash
@@ -26,15 +26,12 @@ DERIVED = ", derived"
 def document(identification: IdentificationData, title: str) -> pages.Document:
     """Tables of estimates and fits, the doubts, and the notes."""
     estimates = estimates_table(identification.parameters, identification.derived)
-    doubts = pages.Items([_doubt_in_words(doubt) for doubt in identification.doubts], "Doubts")
+    doubtful = [
+        f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else "" for doubt in identification.doubts
+    ]
+    doubts = [f"{describe_doubt(doubt)}{names}" for doubt, names in zip(identification.doubts, doubtful, strict=True)]
     fits = fits_table(identification.fits)
-    return pages.Document(title, [estimates, fits, doubts, pages.Items(identification.notes)])
-
-
-def _doubt_in_words(doubt: Doubt) -> str:
-    """A doubt, and which estimates it makes doubtful."""
-    doubtful = f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else ""
-    return f"{describe_doubt(doubt)}{doubtful}"
+    return pages.Document(title, [estimates, fits, pages.Items(doubts, "Doubts"), pages.Items(identification.notes)])
 
 
 def plot(identification: IdentificationData, title: str, kind: str, log: str | None) -> Plot:

@@ -158,8 +158,7 @@ class IdentificationData(ComparedByContents):
     knowledge: Knowledge | None = None
     """The information of these logs and earlier ones on the truck; None in two stages."""
     covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
-    doubts: tuple[Doubt, ...] = ()
-    """Evidence against an assumption; the estimates that it concerns are `doubtful`."""
+    doubts: tuple[Doubt, ...] = ()  # evidence against an assumption; the estimates that it concerns are `doubtful`
     variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     """Of each parameter: by what fraction its variance would fall if each uncertain number were exact, the largest
     fraction first."""

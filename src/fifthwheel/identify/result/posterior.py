@@ -20,11 +20,7 @@ if TYPE_CHECKING:
 
 
 def normal_quantile(level: float) -> float:
-    """Half the width of the central interval of N(0, 1) with a probability.
-
-    Raises:
-        FifthwheelError: the level is not between 0 and 1.
-    """
+    """Half the width of the central interval of N(0, 1) with a probability; a FifthwheelError outside of 0 to 1."""
     if not 0 < level < 1:
         raise FifthwheelError(f"level: expected a probability between 0 and 1, got {level}; write 0.95 for 95 %")
     return NormalDist().inv_cdf((1 + level) / 2)

@@ -36,6 +36,11 @@ T = TypeVar("T")
 CONTENTS, SERIES = "identification.json", "series.npz"
 FIT, HISTORY = ("time", "measured", "predicted", "whitened"), ("time", "values", "sigma")
 """Time series of each fit and of each history."""
+PARTS = {"parameters": Estimate, "derived": Estimate, "uncertain": Estimate, "sensors": SensorError}
+PARTS |= {"doubts": Doubt, "logs": LogSummary, "findings": Finding}
+"""Fields that are tuples of dataclasses."""
+NUMBERS = ("surroundings", "variance_budget", "remaining_uncertainty")
+"""Fields with numbers by name."""
 MAX_SERIES = 1_000_000_000
 """Bytes of all time series together."""
 
@@ -86,16 +91,9 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
         "vehicle_file": identification.vehicle.model_dump(mode="json"),
         "initial_vehicle_file": identification.initial_vehicle.model_dump(mode="json"),
         "signals": list(identification.signals),
-        "parameters": [asdict(estimate) for estimate in identification.parameters],
-        "derived": [asdict(estimate) for estimate in identification.derived],
-        "uncertain": [asdict(estimate) for estimate in identification.uncertain],
-        "surroundings": dict(identification.surroundings),
+        **{key: [asdict(part) for part in getattr(identification, key)] for key in PARTS},
+        **{key: dict(getattr(identification, key)) for key in NUMBERS},
         "uncertainty": None if identification.covariance is None else identification.covariance.as_dict(),
-        "doubts": [asdict(doubt) for doubt in identification.doubts],
-        "variance_budget": {name: dict(terms) for name, terms in identification.variance_budget.items()},
-        "remaining_uncertainty": dict(identification.remaining_uncertainty),
-        "sensors": [asdict(error) for error in identification.sensors],
-        "logs": [asdict(log) for log in identification.logs],
         "fit": [
             {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
             for fit in identification.fits
@@ -103,7 +101,6 @@ def contents_of(identification: IdentificationData) -> dict[str, Any]:
         "histories": {title: {"names": h.names, "starts": h.starts} for title, h in identification.histories.items()},
         "log_likelihood": identification.log_likelihood,
         "rounds": identification.rounds,
-        "findings": [asdict(finding) for finding in identification.findings],
         "notes": list(identification.notes),
         "settings": identification.settings.as_dict(),
     }
@@ -123,19 +120,14 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
     """The fields of an `Identification`: the inverse of `contents_of` and `series_of`."""
     uncertainty = contents["uncertainty"]
     covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
-    estimates = {key: parts(Estimate, contents[key]) for key in ("parameters", "derived", "uncertain")}
     return dict(
-        **estimates,
+        **{key: parts(kind, contents[key]) for key, kind in PARTS.items()},
+        **{key: dict(contents[key]) for key in NUMBERS},
         method=str(contents["method"]),
         vehicle=Vehicle(**contents["vehicle_file"]),
         initial_vehicle=Vehicle(**contents["initial_vehicle_file"]),
         signals=tuple(map(str, contents["signals"])),
-        sensors=parts(SensorError, contents["sensors"]),
         covariance=covariance,
-        doubts=parts(Doubt, contents["doubts"]),
-        variance_budget={name: dict(terms) for name, terms in contents["variance_budget"].items()},
-        remaining_uncertainty=dict(contents["remaining_uncertainty"]),
-        surroundings=dict(contents["surroundings"]),
         histories={
             title: ParameterHistory(
                 names=tuple(history["names"]),
@@ -145,7 +137,6 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
             for title, history in contents["histories"].items()
             if f"history/{title}/time" in series
         },
-        logs=parts(LogSummary, contents["logs"]),
         fits=parts(
             Fit,
             [
@@ -156,7 +147,6 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
         settings=parts(imported(method_named(contents["method"]).settings), [contents["settings"]])[0],
         log_likelihood=contents["log_likelihood"],
         rounds=int(contents["rounds"]),
-        findings=parts(Finding, contents["findings"]),
         notes=tuple(map(str, contents["notes"])),
         version=str(contents["version"]),
     )
@@ -168,11 +158,7 @@ def as_json(contents: Mapping[str, Any]) -> str:
 
 
 def parts(kind: type[T], rows: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
-    """Dataclasses from their fields in a file.
-
-    Raises:
-        SignalError: a field has another type; the message names it.
-    """
+    """Dataclasses from their fields in a file; a SignalError names a field that has another type."""
     adapter: TypeAdapter[T] = TypeAdapter(kind)
     made = []
     for row in rows:
@@ -206,11 +192,7 @@ def is_result(folder: Path) -> bool:
 
 
 def read_series(path: Path) -> dict[str, Array]:
-    """The time series by name; none if there is no such file.
-
-    Raises:
-        SignalError: the file is damaged or too large.
-    """
+    """The time series by name, none if there is no such file; a SignalError if it is damaged or too large."""
     if not path.exists():
         return {}
     require_regular(path)

@@ -13,10 +13,8 @@ RANGE = 3.0
 class GrossError(NamedTuple):
     """A gross error of an unknown."""
 
-    size: float
-    """Its standard deviation, in units of the prior."""
-    weight: float
-    """How common it is, relative to others."""
+    size: float  # its standard deviation, in units of the prior
+    weight: float  # how common it is, relative to others
 
 
 def gross_error(unknown: Unknown) -> GrossError | None:

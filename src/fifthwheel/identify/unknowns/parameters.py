@@ -14,22 +14,13 @@ from fifthwheel.identify.unknowns.unknown import (
     GUESS_TAIL,
     Unknown,
     UnknownKind,
-    change_unknown,
-    error_unknown,
     fraction_unknown,
     linear_unknown,
     logarithmic_unknown,
 )
 from fifthwheel.names import ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import (
-    DRIVE_AXLE_BRAKING,
-    FRICTION,
-    MASS_SCALE,
-    TIME_BASE,
-    quantity_of,
-    unit_of,
-)
+from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, FRICTION, MASS_SCALE, TIME_BASE, quantity_of, unit_of
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import changes
 
@@ -61,11 +52,8 @@ def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 
 def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
-    """Every parameter of the vehicle, and of tyres that saturate, before the identification, by path, SI.
-
-    Raises:
-        VehicleError: tyres saturate, and the static axle loads are not determined.
-    """
+    """Every parameter of the vehicle, and of tyres that saturate, before the identification, by path, SI; a
+    VehicleError if tyres saturate, and the static axle loads are not determined."""
     values = vehicle.parameters()
     if settings.tyre_law == "linear":
         return values
@@ -79,11 +67,8 @@ def with_stated_values(values: Mapping[str, float], settings: CommonSettings) ->
 
 
 def reported_parameters(vehicle: Vehicle, settings: OneStage) -> list[str]:
-    """Paths of the parameters that one stage estimates, with a verdict, where nobody states that they are exact.
-
-    Raises:
-        VehicleError: the settings name a parameter that does not exist.
-    """
+    """Paths of the parameters that one stage estimates, with a verdict, where nobody states that they are exact; a
+    VehicleError if the settings name one that does not exist."""
     bodies = [f"{unit.name}.sprung" for unit in vehicle.units[1:]]
     separate = [f"{body}.{quantity}" for body in bodies for quantity in ("cog_height", "roll_inertia")]
     of_roll = stage_2_names(vehicle) if settings.uniform_payload else separate
@@ -164,10 +149,12 @@ def time_base_delays(
     for name in outputs:
         base = time_bases.get(name, "")
         if base != main:
-            moves.setdefault(f"{TIME_BASE}.{base or 'main'}", {})[f"{name}.delay"] = 1.0
-    priors = {f"{base}.delay": prior_of(settings.given, f"{base}.delay") for base in moves}
-    unknowns = {name: error_unknown(name, sigma, centre=mean) for name, (mean, sigma) in priors.items() if sigma}
-    return [replace(unknown, moves=moves[name.removesuffix(".delay")]) for name, unknown in unknowns.items()]
+            moves.setdefault(f"{TIME_BASE}.{base or 'main'}.delay", {})[f"{name}.delay"] = 1.0
+    return [
+        linear_unknown(name, *prior, UnknownKind.SENSOR, moves=of_channels)
+        for name, of_channels in moves.items()
+        if (prior := prior_of(settings.given, name))[1]
+    ]
 
 
 def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings) -> tuple[float, float] | None:
@@ -207,9 +194,8 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
         for kind in channel.errors if channel else ():
             prior = prior_of_sensor_error(vehicle, f"{name}.{kind.kind}", settings)
             if prior and prior[1]:
-                mean, sigma = prior
-                unknown = error_unknown(f"{name}.{kind.kind}", sigma, centre=mean, per_log=kind.per_log)
-                unknown = replace(unknown, kind=UnknownKind.UNCERTAIN) if kind.uncertain else unknown
+                of = UnknownKind.UNCERTAIN if kind.uncertain else UnknownKind.SENSOR
+                unknown = linear_unknown(f"{name}.{kind.kind}", *prior, of, per_log=kind.per_log)
                 unknowns.append(replace(unknown, lower=max(unknown.lower, 0.0)) if kind.positive else unknown)
     return unknowns
 
@@ -224,7 +210,7 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
             sigma = abs(moves[change.name])
             unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
         elif moves:
-            unknown = change_unknown(change.name, 1.0, moves | of_tyres)
+            unknown = linear_unknown(change.name, 0.0, 1.0, UnknownKind.UNCERTAIN, moves=moves | of_tyres)
             given = {p: values[p] for p in moves if values[p] > 0 and not quantity_of(p).signed}
             unknowns.append(replace(unknown, given=given))
     return unknowns
@@ -251,8 +237,11 @@ def _self_steering_unknowns(vehicle: Vehicle, done: Collection[str], settings: O
         sigmas[name] = vehicle.stated.get(name, known_of(name, 0.0, settings).or_sigma(default))
     for change in changes(vehicle):
         sigmas |= {name: slope for name, slope in change.slopes.items() if ends_with(name, "self_steering")}
-    unknowns = [change_unknown(name, sigma) for name, sigma in sigmas.items() if sigma and name not in done]
-    return [replace(u, centre=values.get(u.name, 0.0), upper=1.0).within(0.0, 1.0) for u in unknowns]
+    return [
+        fraction_unknown(name, values.get(name, 0.0), sigma)
+        for name, sigma in sigmas.items()
+        if sigma and name not in done
+    ]
 
 
 def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
@@ -260,12 +249,10 @@ def fixed_last_axles(vehicle: Vehicle, *, locked: bool = False) -> list[str]:
     behind the first, in a group of two or more. `locked`: as if steerable axles were not logged."""
     paths, own = [], vehicle.steering.trace.wheels if vehicle.steering else ()
     for unit in vehicle.units[1:]:
-        axles = unit.axle_groups[-1].on_road
-        if f"steer.{unit.name}.{axles[-1].name}" in own:
-            continue
-        last, steers = axles[-1], axles[-1].steerable and not locked
-        if len(axles) > 1 and not (steers or last.self_steering or last.command_steering):
-            paths.append(f"{unit.name}.{axles[-1].name}.self_steering")
+        *others, last = unit.axle_groups[-1].on_road
+        steers = (last.steerable and not locked) or f"steer.{unit.name}.{last.name}" in own
+        if others and not (steers or last.self_steering or last.command_steering):
+            paths.append(f"{unit.name}.{last.name}.self_steering")
     return paths
 
 
@@ -275,19 +262,19 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
     for path, (mean, default) in (softening_priors(vehicle) if settings.tyre_law == "linear" else {}).items():
         found = known_of(f"{path}.softening", mean, settings)
         if sigma := found.or_sigma(default):
-            change = change_unknown(found.name, sigma)
-            lower, upper = found.value + change.lower, found.value + change.upper
-            unknowns.append(replace(change, centre=found.value, lower=lower, upper=upper))
+            unknowns.append(linear_unknown(found.name, found.value, sigma, UnknownKind.UNCERTAIN))
     for name in (f"{path}.cornering_stiffness" for path in vehicle.group_paths()):
         _, sigma = prior_of(settings.given, f"{name}{VARIATION}")
         if sigma and not known_of(name, values[name], settings, reported=True).exact:
             moves = {name: values[name]}
-            unknowns.append(change_unknown(f"{name}{VARIATION}", sigma, moves, per_log=True))
+            unknown = linear_unknown(f"{name}{VARIATION}", 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves, per_log=True)
+            unknowns.append(unknown)
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
-        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
+        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma, per_log=True))
     if rate := prior_of(settings.given, TIME_BASE)[1]:
-        unknowns.append(change_unknown(TIME_BASE, rate, {dynamics.TIME_SCALE: 1.0}))
+        moves = {dynamics.TIME_SCALE: 1.0}
+        unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, UnknownKind.UNCERTAIN, moves=moves))
     return unknowns
 
 
@@ -314,37 +301,28 @@ def softening_priors(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
 def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """The estimated parameters: with the prior that is stated, else as a guess."""
     values, named = given_parameters(vehicle, settings), vehicle.paths(settings.reported)
-    unknowns = []
+    of_steering, unknowns = own_parameters(vehicle.steering), []
     for name in estimated:
-        value, row = values[name], quantity_of(name)
-        prior = _stated_prior(vehicle, name, value, settings)
-        if name in named and not prior and not known_of(name, value, settings).free:
-            prior = value, _default_sigma(vehicle, name, value)
+        value, row, found = values[name], quantity_of(name), known_of(name, values[name], settings, reported=True)
+        of_file = 0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0)
+        sigma = 0.0 if found.free else found.or_sigma(of_file)
+        if name in named and not (sigma or found.free):
+            sigma = _default_sigma(vehicle, name, value)
+        may_be_zero = name in of_steering and sigma and 2 * sigma > value
         if row.bounds:
-            unknowns.append(linear_unknown(name, *(prior or (row.mean or value, row.sigma))))
-        elif row.signed or _may_be_zero(vehicle, name, prior):
-            unknowns.append(linear_unknown(name, *(prior or (value, row.guess_of(value)))))
-        elif prior or name == FRICTION:
-            unknowns.append(logarithmic_unknown(name, value, prior[1] / value if prior else row.sigma))
+            unknowns.append(linear_unknown(name, *((value, sigma) if sigma else (row.mean or value, row.sigma))))
+        elif row.signed or may_be_zero:
+            unknowns.append(linear_unknown(name, value, sigma or row.guess_of(value)))
+        elif sigma or name == FRICTION:
+            unknowns.append(logarithmic_unknown(name, value, sigma / value if sigma else row.sigma))
         else:
             unknowns.append(logarithmic_unknown(name, value, row.guess, tail=GUESS_TAIL))
     return unknowns
 
 
-def _stated_prior(vehicle: Vehicle, name: str, value: float, settings: OneStage) -> tuple[float, float] | None:
-    """Prior mean and standard deviation of a parameter, SI, by the settings or the vehicle file; None if they state
-    nothing, or that it is free."""
-    found = known_of(name, value, settings, reported=True)
-    sigma = found.or_sigma(0.0 if name in vehicle.assumed else vehicle.stated.get(name, 0.0))
-    return (value, sigma) if sigma and not found.free else None
-
-
 def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
-    """Standard deviation, SI, of a parameter on which nothing is stated, as if it were not reported.
-
-    Raises:
-        VehicleError: nothing is known of it.
-    """
+    """Standard deviation, SI, of a parameter on which nothing is stated, as if it were not reported; a VehicleError if
+    nothing is known of it."""
     row = quantity_of(name)
     sigma = row.sigma_of(value) if row.is_uncertain else 0.0
     sigma = sigma or math.hypot(*(change.slopes.get(name, 0.0) for change in changes(vehicle)))
@@ -353,11 +331,6 @@ def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
             f"{name}: nothing is known of its uncertainty; state it, such as '+- 10 {unit_of(name)}', or 'free'"
         )
     return sigma
-
-
-def _may_be_zero(vehicle: Vehicle, name: str, prior: tuple[float, float] | None) -> bool:
-    """Whether an own parameter of a steering is 0 within two of its standard deviations."""
-    return prior is not None and name in own_parameters(vehicle.steering) and 2 * prior[1] > prior[0]
 
 
 def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
@@ -372,14 +345,9 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
         hidden = path.unit in loaded and ends_with(name, "sprung.roll_inertia")
         if not row.is_uncertain or name in estimated or hidden or not (value or row.signed):
             continue
-        known = None if name in own else known_of(name, value, settings).sigma
-        sigma = vehicle.stated.get(name, known) if name in own else known
-        if sigma == 0:
-            continue
-        if row.signed:
-            sigma = row.sigma_of(value) if sigma is None else sigma
-            unknowns.append(linear_unknown(name, value, sigma, UnknownKind.UNCERTAIN))
-        else:
-            fraction = row.sigma if sigma is None else sigma / value
-            unknowns.append(logarithmic_unknown(name, value, fraction, UnknownKind.UNCERTAIN))
+        sigma = vehicle.stated.get(name) if name in own else known_of(name, value, settings).sigma
+        usual = row.sigma_of(value) if row.signed else row.sigma
+        if scale := usual if sigma is None else sigma / (1.0 if row.signed else value):
+            make = linear_unknown if row.signed else logarithmic_unknown
+            unknowns.append(make(name, value, scale, UnknownKind.UNCERTAIN))
     return unknowns

@@ -18,7 +18,7 @@ GUESS_TAIL = 3.0
 BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
-"""A sensor error stays within this number of prior standard deviations."""
+"""Any other unknown stays within this number of prior standard deviations of its mean."""
 
 
 class UnknownKind(Enum):
@@ -108,36 +108,11 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
     )
 
 
-def change_unknown(
-    name: str, sigma: float, moves: Mapping[str, float] | None = None, *, per_log: bool = False
-) -> Unknown:
-    """A change of the model, which is 0 in the model as given."""
-    return Unknown(
-        name=name,
-        centre=0.0,
-        scale=sigma,
-        lower=-BOUND_SIGMAS * sigma,
-        upper=BOUND_SIGMAS * sigma,
-        kind=UnknownKind.UNCERTAIN,
-        per_log=per_log,
-        moves=moves or {},
-    )
-
-
-def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
-    """A fraction, 0 to 1, that each log has of its own, with its prior."""
-    unknown = change_unknown(name, sigma, per_log=True)
-    return replace(unknown, centre=mean, lower=0.0, upper=1.0).within(0.0, 1.0)
-
-
 def logarithmic_unknown(
     name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
 ) -> Unknown:
-    """A parameter above 0, with sigma as a fraction of its value.
-
-    Raises:
-        VehicleError: the value is not above 0, or sigma is not below it.
-    """
+    """A parameter above 0, with sigma as a fraction of its value; a VehicleError if the value is not above 0, or sigma
+    not below it."""
     if value <= 0:
         raise VehicleError(
             f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
@@ -146,20 +121,22 @@ def logarithmic_unknown(
         raise VehicleError(
             f"{name}: expected a standard deviation below 100 % of the value, got {percent(sigma)}; give a smaller one"
         )
+    lower, upper = value / BOUND_FACTOR, value * BOUND_FACTOR
     return Unknown(
-        name=name,
-        centre=value,
-        scale=sigma,
-        lower=value / BOUND_FACTOR,
-        upper=value * BOUND_FACTOR,
-        logarithmic=True,
-        kind=kind,
-        tail=tail,
+        name=name, centre=value, scale=sigma, lower=lower, upper=upper, logarithmic=True, kind=kind, tail=tail
     )
 
 
-def linear_unknown(name: str, mean: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
-    """A parameter with a normal prior, SI, within the bounds of its row: it may be 0 or negative.
+def linear_unknown(
+    name: str,
+    mean: float,
+    sigma: float,
+    kind: UnknownKind = UnknownKind.PARAMETER,
+    *,
+    moves: Mapping[str, float] | None = None,
+    per_log: bool = False,
+) -> Unknown:
+    """An unknown with a normal prior, SI, within the bounds of its row: it may be 0 or negative.
 
     An estimated position stays within two standard deviations: further away, an axle or a coupling would not support
     its unit.
@@ -167,17 +144,12 @@ def linear_unknown(name: str, mean: float, sigma: float, kind: UnknownKind = Unk
     row = quantity_of(name)
     reach = (2 if kind is UnknownKind.PARAMETER and row.is_position else BOUND_SIGMAS) * sigma
     lower, upper = row.bounds or (mean - reach, mean + reach)
-    return Unknown(name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind)
-
-
-def error_unknown(name: str, prior: float, *, centre: float = 0.0, per_log: bool = False) -> Unknown:
-    """An error of a sensor, with its prior standard deviation, SI."""
     return Unknown(
-        name=name,
-        centre=centre,
-        scale=prior,
-        lower=centre - BOUND_SIGMAS * prior,
-        upper=centre + BOUND_SIGMAS * prior,
-        kind=UnknownKind.SENSOR,
-        per_log=per_log,
+        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind, moves=moves or {}, per_log=per_log
     )
+
+
+def fraction_unknown(name: str, mean: float, sigma: float, *, per_log: bool = False) -> Unknown:
+    """An uncertain fraction, 0 to 1."""
+    unknown = linear_unknown(name, mean, sigma, UnknownKind.UNCERTAIN, per_log=per_log)
+    return replace(unknown, lower=0.0, upper=1.0).within(0.0, 1.0)
