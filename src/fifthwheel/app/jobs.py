@@ -9,10 +9,13 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Literal, TypeVar
 
+from fifthwheel.cluster import process_pool
 from fifthwheel.errors import FifthwheelError
 
 Result = TypeVar("Result")
@@ -119,46 +122,13 @@ def start(
 def cancel_all() -> None:
     for job in _jobs.values():
         job.cancel()
-    _worker.end()
+    for process in multiprocessing.active_children():
+        process.kill()
 
 
-class _Worker:
-    """A process that computes what it is asked for, so that the imports are not repeated."""
-
-    def __init__(self) -> None:
-        self._process: Any = None
-        self._pipe: Any = None
-        self._free = threading.Lock()
-
-    def ask(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
-        """The result of a function; waits until earlier computations have ended."""
-        with self._free:
-            if self._process is None:
-                self._pipe, end = _PROCESSES.Pipe()
-                self._process = _PROCESSES.Process(target=_answer, args=(end,), name="compute", daemon=True)
-                self._process.start()
-                end.close()
-            try:
-                self._pipe.send((function, args))
-                kind, content = self._pipe.recv()
-            except (EOFError, OSError):
-                self.end()
-                raise FifthwheelError("the computation was ended by the system; close other programs") from None
-        if kind == "failed":
-            raise FifthwheelError(content)
-        result: Result = content
-        return result
-
-    def end(self) -> None:
-        """End the process; the next computation starts another one."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.join()
-            self._pipe.close()
-
-
-_worker = _Worker()
+_pool: ProcessPoolExecutor | None = None
+"""The process of `compute`, which is kept so that the imports are not repeated."""
+_free = threading.Lock()
 
 
 async def compute(function: Callable[..., Result], *args: Any) -> Result:
@@ -167,17 +137,22 @@ async def compute(function: Callable[..., Result], *args: Any) -> Result:
     Raises:
         FifthwheelError: as the function, or the process was ended.
     """
-    return await asyncio.to_thread(_worker.ask, function, args)
+    return await asyncio.to_thread(_ask, function, args)
 
 
-def _answer(pipe: Connection) -> None:
-    """In the process of `compute`: answer until the server ends."""
-    while True:
+def _ask(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
+    global _pool
+    with _free:
+        _pool = _pool or process_pool(1)
         try:
-            function, args = pipe.recv()
-        except EOFError:
-            return
-        pipe.send(_outcome(function, args, {}))
+            kind, content = _pool.submit(_outcome, function, args, {}).result()
+        except BrokenProcessPool:
+            _pool = None  # the next computation starts another process
+            raise FifthwheelError("the computation was ended by the system; close other programs") from None
+    if kind == "failed":
+        raise FifthwheelError(content)
+    result: Result = content
+    return result
 
 
 def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> tuple[str, Any]:
