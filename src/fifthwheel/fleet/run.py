@@ -108,12 +108,7 @@ def run(
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
         done, failures = dataset.known()
-        job = TripJob(
-            folder=dataset.folder,
-            settings=settings,
-            done=done,
-            failures={} if retry else failures,
-        )
+        job = TripJob(folder=dataset.folder, settings=settings, done=done, failures={} if retry else failures)
         digests = dict[Trip, str]()
         for k, (trip, outcome) in enumerate(execute(process_trip, job, trips), start=1):
             if isinstance(outcome, Lost):

@@ -56,12 +56,7 @@ class Node:
     """
 
     def __init__(
-        self,
-        estimator: LiveEstimator,
-        decoder: FrameDecoder,
-        live_map: LiveMap,
-        *,
-        extra: tuple[str, ...] = (),
+        self, estimator: LiveEstimator, decoder: FrameDecoder, live_map: LiveMap, *, extra: tuple[str, ...] = ()
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
         self.faults = LiveFault.NONE
@@ -105,8 +100,7 @@ class Node:
                     if value == value:
                         self.extra[column] = value
                     continue
-                for cycle in self._sampler.put(time, column, value):
-                    outputs.append(self._output(cycle))
+                outputs += map(self._output, self._sampler.put(time, column, value))
                 self._health.update(time, column, quality)
         return outputs
 
