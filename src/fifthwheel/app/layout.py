@@ -336,7 +336,6 @@ class _UndoButtons:
         self._shown: WeakKeyDictionary[Client, Any] = WeakKeyDictionary()
 
     def __call__(self, workspace: Workspace) -> None:
-        """Show them in this tab."""
         shown = self._shown[ui.context.client] = ui.refreshable(_show_undo_buttons)
         shown(workspace)
 

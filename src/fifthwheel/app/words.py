@@ -60,7 +60,6 @@ def _question(found: re.Match[str]) -> str:
 
 @cache
 def _questions() -> dict[str, tuple[str, dict[str, str]]]:
-    """Question and words of the choices by the flag."""
     return {flag: (words, {}) for flag, words in _OTHERS.items()} | dict(_of_options())
 
 

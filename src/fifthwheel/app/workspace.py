@@ -276,7 +276,6 @@ class Workspace:
         self.seen = self._stamp()
 
     def _finish(self, state: dict[str, Any]) -> None:
-        """Write the documents that are pending."""
         for name, text in state["pending"].items():
             if text is None:
                 (self.folder / name).unlink(missing_ok=True)
@@ -316,7 +315,6 @@ class Workspace:
             return empty  # the documents are intact, only undo is lost
 
     def _stamp(self) -> str:
-        """Digest of the state and the documents."""
         digest = hashlib.sha256()
         for path in (self._state_file, *(self.folder / name for name in DOCUMENTS)):
             content = path.read_bytes() if path.exists() else b""

@@ -258,7 +258,6 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
 
 
 def _wheel_lifts(states: States) -> Iterator[Caution]:
-    """The axle group of which a wheel lifts first."""
     ratios = {n: np.abs(v) for n, v in states.values.items() if is_of(n, LOAD_TRANSFER)}
     lifted = {name: ratio >= thresholds.LIFTED for name, ratio in ratios.items()}
     starts = {name: float(states.time[rows.argmax()]) for name, rows in lifted.items() if rows.any()}

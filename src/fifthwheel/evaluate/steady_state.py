@@ -99,7 +99,6 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
 
 
 def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
-    """The gradient of a sideslip or roll angle."""
     quantity, _, unit = name.partition(".")
     value, sigma = _slope(blocks, values)
     title = f"{quantity} gradient, {named_unit(unit)}"
@@ -120,7 +119,6 @@ def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
 
 
 def _scale_error(blocks: Blocks) -> str:
-    """What a scale error of the steer angle does."""
     change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
     return f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
 

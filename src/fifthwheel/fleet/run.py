@@ -133,7 +133,6 @@ def run(
 def _combined(
     dataset: TripDataset, groups: Sequence[TruckTrips], fleet: FleetSettings, execute: Any, progress: Progress
 ) -> Rows:
-    """The rows of trucks, trailers, histories and changes from the trips that count."""
     count = sum(len(logs) for group in groups for _, logs in group)
     false_alarm = fleet.false_alarms / max(count * len(WINDOWS), 1)
     job = CombinationJob(path=dataset.path, settings=fleet, false_alarm=false_alarm)

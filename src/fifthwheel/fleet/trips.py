@@ -190,7 +190,6 @@ def _packages() -> list[tuple[str, str]]:
 
 
 def _digest(trip: Trip, job: TripJob, log_digest: str, vehicle_text: str, map_text: str) -> str:
-    """Digest of everything that determines the row of a trip."""
     databases = []
     if trip.signals and not storage.is_remote(trip.signals):
         databases = [file_digest(Path(path)) for path in SignalMap.load(trip.signals).databases]

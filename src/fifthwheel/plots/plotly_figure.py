@@ -184,7 +184,6 @@ def _domains(plot: PanelGrid) -> Iterable[list[float]]:
 
 
 def _axis(panel: Panel, name: str) -> Figure:
-    """The style of an axis, "x" or "y", of a panel."""
     axis: Axis = getattr(panel, name)
     if not axis.log:
         return axis_style(axis)

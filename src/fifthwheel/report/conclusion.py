@@ -186,7 +186,6 @@ def _headline(
 
 
 def _likely_cause(identification: Identification) -> str:
-    """What the logs contradict."""
     causes = [c for doubt in identification.doubts if doubt.kind is DoubtKind.ASSUMPTION for c in doubt.causes]
     if len(causes) != 1:
         return " The logs contradict the vehicle file or an assumption on a sensor: see the first caution."

@@ -89,7 +89,6 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
 def _headline(
     outlook: InformationAssessment, identifiable: Sequence[ParameterAssessment], count: int, has_errors: bool
 ) -> str:
-    """How many parameters are identifiable, and whether the logs have errors."""
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
         unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
@@ -138,7 +137,6 @@ def _correlation(p: ParameterAssessment) -> str:
 
 
 def _notes(outlook: InformationAssessment) -> Iterator[str]:
-    """What the words and numbers mean, and the assumed noise."""
     remedies = [remedy for p in outlook.parameters for remedy in p.remedies]
     if any(remedy.drive == "lane_change" for remedy in remedies):
         speed = f"{3.6 * outlook.speed:.0f} km/h"

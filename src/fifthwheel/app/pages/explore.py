@@ -192,7 +192,6 @@ class _Page:
         await self._find("")
 
     async def _find(self, text: str) -> None:
-        """Show the signals whose name contains a text."""
         self._found, self._fit_plot = text, None
         given = self._shown(self._given)
         self._fit_place.clear()

@@ -55,7 +55,6 @@ class _Settings:
 
     @ui.refreshable_method
     def _sentences(self) -> None:
-        """What is known before the identification."""
         choices = self.workspace.choices()
         removable = {str(parse(text)): text for text in choices.identify.get(known.STATEMENTS, ())}
         with ui.element("ul").classes("fw-known").props('aria-label="What is known"'):
@@ -71,7 +70,6 @@ class _Settings:
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
 
     def _statement(self, label: str) -> None:
-        """The place where a user states a number."""
         with ui.element("div").classes("fw-question"):
             ui.label(label)
             name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)

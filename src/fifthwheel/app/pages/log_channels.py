@@ -136,7 +136,6 @@ class _View:
         return window[0] - self._origin, window[1] - self._origin
 
     def _chosen(self) -> tuple[float, float]:
-        """The window of the two fields, by the timestamps of the log."""
         low, high = sorted(layout.typed_number(field.value) or 0.0 for field in (self._from, self._to))
         return max(low + self._origin, self._whole[0]), min(high + self._origin, self._whole[1])
 

@@ -76,7 +76,6 @@ class _Page:
         ui.timer(0, first, once=True)
 
     def _find(self, text: str) -> None:
-        """Show the signals whose name contains a text."""
         self._found = text
         for signal, section in self._sections.items():
             section.visible = layout.contains(signal, text)
@@ -131,7 +130,6 @@ class _Page:
         self._draw()
 
     def signal_map(self) -> SignalMap:
-        """The map as it is on disk."""
         return self.workspace.signal_map() or SignalMap()
 
     async def _write(self, text: str, label: str) -> None:
@@ -240,7 +238,6 @@ class _Page:
         return {"column": channel.column, "unit": unit, "sign": channel.sign, **numbers}
 
     def _show_file(self, signal: str) -> None:
-        """Let the fields of a signal show the file again."""
         shown = self._shown(signal, self.signal_map().signals[signal])
         for key, field in self._fields[signal].items():
             field.set_value(shown[key])
