@@ -33,7 +33,7 @@ COUNTED = 100
 class Job:
     """A computation in a process of its own."""
 
-    state: Literal["running", "done", "failed", "cancelled"] = "running"
+    state: Literal["none", "running", "done", "failed", "cancelled"] = "running"
     title: str = "starting"
     """What it does now."""
     done: int = 0
@@ -48,6 +48,11 @@ class Job:
     process: Any = None
     on_cancel: Callable[[], object] = lambda: None
     """Removes what the process leaves when it is cancelled."""
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether it has ended without a result."""
+        return self.state in ("failed", "cancelled")
 
     @property
     def running(self) -> bool:
@@ -87,10 +92,12 @@ class Job:
 
 
 _jobs: dict[str, Job] = {}
+_NONE = Job(state="none")
 
 
-def get(key: str) -> Job | None:
-    return _jobs.get(key)
+def get(key: str) -> Job:
+    """The job of a key; where none was started, one of the state "none"."""
+    return _jobs.get(key, _NONE)
 
 
 def start(
@@ -106,8 +113,7 @@ def start(
     When the job is cancelled, `on_cancel` is called in the server. The function belongs to a module and receives
     `progress(title, done, total)`; arguments and result are sent.
     """
-    job = _jobs.get(key)
-    if job is not None and job.running:
+    if (job := get(key)).running:
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
     job = Job(product=product, on_cancel=on_cancel)

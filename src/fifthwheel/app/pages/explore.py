@@ -136,7 +136,7 @@ class _Page:
         changed = choices.model_copy(update={"explore": {k: v for k, v in shown.items() if v is not None}})
         if changed != choices:
             self.workspace.write_choices(changed, "explore other numbers")
-            layout.undo_buttons.refresh()
+            layout.refresh_undo_buttons()
 
     async def _reset(self) -> None:
         self.values = {}

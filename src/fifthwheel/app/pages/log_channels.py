@@ -172,7 +172,7 @@ class _View:
         rounded = tuple(sorted({(round(low, 3), round(high, 3)) for low, high in windows if high > low}))
         choices = self._workspace.choices().with_log(self._name, exclude=rounded)
         self._workspace.write_choices(choices, label)
-        layout.undo_buttons.refresh()
+        layout.refresh_undo_buttons()
         self._windows.refresh()
         await self.draw()
 

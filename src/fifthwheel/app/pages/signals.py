@@ -134,7 +134,7 @@ class _Page:
 
     async def _write(self, text: str, label: str) -> None:
         self.workspace.write({SIGNALS: text}, label)
-        layout.undo_buttons.refresh()
+        layout.refresh_undo_buttons()
         await self.compare()
 
     def _draw(self) -> None:
