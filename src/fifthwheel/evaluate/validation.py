@@ -97,14 +97,14 @@ class Validation(Displayed):
     def as_dict(self) -> dict[str, Any]:
         """The content of validation.json, SI: also both evaluations."""
         curves = [
-            {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(c).items()}
+            {n: v.tolist() if isinstance(v, np.ndarray) else v for n, v in asdict(c).items() if n != "sigma"}
             | {"title": c.title, "inside": c.inside, "exceedance": c.exceedance, "verdict": c.verdict}
             for c in self.curves
         ]
         return {
             "verdict": self.verdict,
             "measures": [asdict(m) | {"limit": m.limit, "verdict": m.verdict} for m in self.measures],
-            "curves": [{name: value for name, value in curve.items() if name != "sigma"} for curve in curves],
+            "curves": curves,
             "notes": list(self.notes),
             "results": self.results.as_dict(),
             "log": self.log.as_dict(),
