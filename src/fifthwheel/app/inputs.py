@@ -147,7 +147,7 @@ def evidence(folder: Path, name: str) -> SignalEvidence:
     """What speaks for signals.toml in a log; of a long log in the minutes in which the truck is steered most."""
     workspace = Workspace(folder)
     store(folder, name)
-    signal_map = workspace.signal_map() or SignalMap()
+    signal_map = workspace.signal_map()
     steers = [channel.columns[0] for signal, channel in signal_map.signals.items() if is_of(signal, STEER)]
     span = _steered_span(opened(workspace, name), steers)
     return signal_evidence(record(folder, name, span=span), workspace.vehicle())

@@ -206,9 +206,9 @@ class Workspace:
             where = ".".join(map(str, first["loc"]))
             raise FifthwheelError(f"{CHOICES}: {where}: {first['msg']}; correct or delete it") from None
 
-    def signal_map(self) -> SignalMap | None:
-        """The signal map, or None; SignalError where it is not accepted."""
-        return SignalMap.load(self.folder / SIGNALS) if (self.folder / SIGNALS).exists() else None
+    def signal_map(self) -> SignalMap:
+        """The signal map, empty where there is no file; SignalError where it is not accepted."""
+        return SignalMap.load(self.folder / SIGNALS) if (self.folder / SIGNALS).exists() else SignalMap()
 
     def vehicle(self) -> Vehicle | None:
         """The vehicle, or None; VehicleError where the file is not accepted."""
