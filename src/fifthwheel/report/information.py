@@ -30,7 +30,7 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
     errors = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity == "error"]
     others = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity != "error"]
     unknown = [p for p in outlook.parameters if p.verdict is not Verdict.STATED]
-    identifiable = [p for p in unknown if is_identifiable(p)]
+    identifiable = [p for p in unknown if p.verdict is Verdict.CONVERGED]
     correlated = [p for p in outlook.parameters if p.correlated_with and p.remedies]
     complete = len(identifiable) == len(unknown) and not errors
     blocks: list[pages.Block] = [
@@ -46,14 +46,9 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
     return pages.Document("Information in the logs", blocks)
 
 
-def is_identifiable(assessment: ParameterAssessment) -> bool:
-    """Whether an identification would estimate it."""
-    return assessment.verdict is Verdict.CONVERGED
-
-
 def _has_sigma(p: ParameterAssessment) -> bool:
     """Whether the predicted sigma means something: of an estimate, or of what a user stated."""
-    return is_identifiable(p) or p.verdict is Verdict.STATED
+    return p.verdict in (Verdict.CONVERGED, Verdict.STATED)
 
 
 def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
