@@ -22,7 +22,7 @@ def test_a_new_folder_has_nothing_to_undo(tmp_path):
     workspace = Workspace(tmp_path / "new")
     assert workspace.undo() is None
     assert workspace.undoable() == (None, None)
-    assert workspace.signal_map() is None
+    assert not workspace.signal_map().signals
     assert workspace.choices().of("a.csv") == LogChoice()
 
 

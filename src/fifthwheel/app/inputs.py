@@ -36,10 +36,6 @@ EVIDENCE_SPAN = 600.0
 """Longest part of a log that is used to propose and compare signals, s."""
 
 
-def _silent(title: str, done: int, total: int) -> None:
-    """Ignores the progress."""
-
-
 def stored_folder(workspace: Workspace, name: str) -> Path:
     """Where the samples of a log are stored; another folder when the log, a database or its time column changes."""
     files = [described(path) for path in (workspace.log(name), *workspace.databases())]
@@ -52,7 +48,7 @@ def is_stored(workspace: Workspace, name: str) -> bool:
     return stored_folder(workspace, name).exists()
 
 
-def store(folder: Path, name: str, progress: Progress = _silent) -> None:
+def store(folder: Path, name: str, progress: Progress = lambda *_: None) -> None:
     """Read a log, and store its samples and its survey, unless they are there already.
 
     A SignalError if the log cannot be read, an OSError if there is no space.
@@ -115,7 +111,9 @@ def survey(workspace: Workspace, name: str) -> LogSurvey:
     return TypeAdapter(LogSurvey).validate_json(path.read_bytes())
 
 
-def record(folder: Path, name: str, progress: Progress = _silent, span: tuple[float, float] | None = None) -> Record:
+def record(
+    folder: Path, name: str, progress: Progress = lambda *_: None, span: tuple[float, float] | None = None
+) -> Record:
     """The record of a log by signals.toml, without the excluded windows, within a span, s; errors as in `read_log`."""
     workspace = Workspace(folder)
     store(folder, name, progress)
@@ -149,7 +147,7 @@ def evidence(folder: Path, name: str) -> SignalEvidence:
     """What speaks for signals.toml in a log; of a long log in the minutes in which the truck is steered most."""
     workspace = Workspace(folder)
     store(folder, name)
-    signal_map = workspace.signal_map() or SignalMap()
+    signal_map = workspace.signal_map()
     steers = [channel.columns[0] for signal, channel in signal_map.signals.items() if is_of(signal, STEER)]
     span = _steered_span(opened(workspace, name), steers)
     return signal_evidence(record(folder, name, span=span), workspace.vehicle())
@@ -167,7 +165,7 @@ def used_logs(workspace: Workspace) -> list[str]:
     return [path.name for path in workspace.logs() if choices.of(path.name).use]
 
 
-def records(folder: Path, names: Sequence[str] | None = None, progress: Progress = _silent) -> list[Record]:
+def records(folder: Path, names: Sequence[str] | None = None, progress: Progress = lambda *_: None) -> list[Record]:
     """The records of some logs, by default of those that are used.
 
     A FifthwheelError if no log is used, or one cannot be used; the message names it.

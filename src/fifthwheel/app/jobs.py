@@ -9,10 +9,13 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
 from typing import Any, Literal, TypeVar
 
+from fifthwheel.cluster import process_pool
 from fifthwheel.errors import FifthwheelError
 
 Result = TypeVar("Result")
@@ -30,7 +33,7 @@ COUNTED = 100
 class Job:
     """A computation in a process of its own."""
 
-    state: Literal["running", "done", "failed", "cancelled"] = "running"
+    state: Literal["none", "running", "done", "failed", "cancelled"] = "running"
     title: str = "starting"
     """What it does now."""
     done: int = 0
@@ -45,6 +48,11 @@ class Job:
     process: Any = None
     on_cancel: Callable[[], object] = lambda: None
     """Removes what the process leaves when it is cancelled."""
+
+    @property
+    def unfinished(self) -> bool:
+        """Whether it has ended without a result."""
+        return self.state in ("failed", "cancelled")
 
     @property
     def running(self) -> bool:
@@ -84,10 +92,12 @@ class Job:
 
 
 _jobs: dict[str, Job] = {}
+_NONE = Job(state="none")
 
 
-def get(key: str) -> Job | None:
-    return _jobs.get(key)
+def get(key: str) -> Job:
+    """The job of a key; where none was started, one of the state "none"."""
+    return _jobs.get(key, _NONE)
 
 
 def start(
@@ -103,8 +113,7 @@ def start(
     When the job is cancelled, `on_cancel` is called in the server. The function belongs to a module and receives
     `progress(title, done, total)`; arguments and result are sent.
     """
-    job = _jobs.get(key)
-    if job is not None and job.running:
+    if (job := get(key)).running:
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
     job = Job(product=product, on_cancel=on_cancel)
@@ -119,46 +128,13 @@ def start(
 def cancel_all() -> None:
     for job in _jobs.values():
         job.cancel()
-    _worker.end()
+    for process in multiprocessing.active_children():
+        process.kill()
 
 
-class _Worker:
-    """A process that computes what it is asked for, so that the imports are not repeated."""
-
-    def __init__(self) -> None:
-        self._process: Any = None
-        self._pipe: Any = None
-        self._free = threading.Lock()
-
-    def ask(self, function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
-        """The result of a function; waits until earlier computations have ended."""
-        with self._free:
-            if self._process is None:
-                self._pipe, end = _PROCESSES.Pipe()
-                self._process = _PROCESSES.Process(target=_answer, args=(end,), name="compute", daemon=True)
-                self._process.start()
-                end.close()
-            try:
-                self._pipe.send((function, args))
-                kind, content = self._pipe.recv()
-            except (EOFError, OSError):
-                self.end()
-                raise FifthwheelError("the computation was ended by the system; close other programs") from None
-        if kind == "failed":
-            raise FifthwheelError(content)
-        result: Result = content
-        return result
-
-    def end(self) -> None:
-        """End the process; the next computation starts another one."""
-        process, self._process = self._process, None
-        if process is not None:
-            process.kill()
-            process.join()
-            self._pipe.close()
-
-
-_worker = _Worker()
+_pool: ProcessPoolExecutor | None = None
+"""The process of `compute`, which is kept so that the imports are not repeated."""
+_free = threading.Lock()
 
 
 async def compute(function: Callable[..., Result], *args: Any) -> Result:
@@ -167,17 +143,22 @@ async def compute(function: Callable[..., Result], *args: Any) -> Result:
     Raises:
         FifthwheelError: as the function, or the process was ended.
     """
-    return await asyncio.to_thread(_worker.ask, function, args)
+    return await asyncio.to_thread(_ask, function, args)
 
 
-def _answer(pipe: Connection) -> None:
-    """In the process of `compute`: answer until the server ends."""
-    while True:
+def _ask(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
+    global _pool
+    with _free:
+        _pool = _pool or process_pool(1)
         try:
-            function, args = pipe.recv()
-        except EOFError:
-            return
-        pipe.send(_outcome(function, args, {}))
+            kind, content = _pool.submit(_outcome, function, args, {}).result()
+        except BrokenProcessPool:
+            _pool = None  # the next computation starts another process
+            raise FifthwheelError("the computation was ended by the system; close other programs") from None
+    if kind == "failed":
+        raise FifthwheelError(content)
+    result: Result = content
+    return result
 
 
 def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> tuple[str, Any]:

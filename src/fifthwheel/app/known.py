@@ -26,8 +26,7 @@ def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
     assumed = len(truck.assumed)
     numbers = f"{assumed} numbers are not in its file and are assumed" if assumed else "no number is assumed"
     said = [f"Truck: {truck.name}; {numbers}."]
-    signal_map = workspace.signal_map()
-    sensors = signal_map.sensors if signal_map is not None else {}
+    sensors = workspace.signal_map().sensors
     for name, sensor in sensors.items():
         kind = f"a sensor of the class {sensor.sensor_class}" if sensor.sensor_class else f"errors of {SIGNALS}"
         said.append(f"{spoken(name)}: {kind}.")
@@ -79,8 +78,7 @@ def changed_settings(choices: Choices) -> list[str]:
 
 def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     """The numbers that a user can state: names with their words, those that are estimated first."""
-    signal_map = workspace.signal_map()
-    signals = () if signal_map is None else tuple(signal_map.signals)
+    signals = workspace.signal_map().signals
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
     possible = possible_names(truck, with_tyre_law(truck, OneStage())[0])
     kinds = [f"{SignalName.of(signal).quantity}.*.{kind}" for signal in signals for kind in error_kinds(signal)]

@@ -98,7 +98,8 @@ def frame(workspace: Workspace, name: str) -> Iterator[None]:
                 if page == name:
                     link.props("aria-current=page")
         with ui.element("div").classes("fw-tools"):
-            undo_buttons(workspace)
+            shown = _undo_buttons[ui.context.client] = ui.refreshable(_show_undo_buttons)
+            shown(workspace)
             _theme_button()
     ui.keyboard(on_key=partial(_on_key, workspace), ignore=["input", "select", "textarea"])
     with ui.element("div").classes("fw-page").props("id=main tabindex=-1"):
@@ -301,7 +302,7 @@ def reload(message: str = "") -> None:
 def show_progress(key: str, on_end: Callable[[jobs.Job], object]) -> None:
     """Show a job while it runs, with a button that cancels it; `on_end` is called once when it ends."""
     job = jobs.get(key)
-    if job is None or not job.running:
+    if not job.running:
         return
     with ui.column().classes("w-full q-py-sm gap-1") as place:
         with ui.row().classes("items-center"):
@@ -329,38 +330,22 @@ def _say_after_reload() -> None:
         say(message)
 
 
-class _UndoButtons:
-    """The buttons that undo and repeat a change, in each tab; refresh them after a change."""
-
-    def __init__(self) -> None:
-        self._shown: WeakKeyDictionary[Client, Any] = WeakKeyDictionary()
-
-    def __call__(self, workspace: Workspace) -> None:
-        """Show them in this tab."""
-        shown = self._shown[ui.context.client] = ui.refreshable(_show_undo_buttons)
-        shown(workspace)
-
-    def refresh(self) -> None:
-        """Show in this tab what can be undone now; other tabs reload when they find the change."""
-        self._shown[ui.context.client].refresh()
+_undo_buttons: WeakKeyDictionary[Client, Any] = WeakKeyDictionary()
+"""Of each tab."""
 
 
-undo_buttons = _UndoButtons()
+def refresh_undo_buttons() -> None:
+    """Show in this tab what can be undone now; other tabs reload when they find the change."""
+    _undo_buttons[ui.context.client].refresh()
 
 
 def _show_undo_buttons(workspace: Workspace) -> None:
-    for icon, word, keys, label, action in zip(
-        ("undo", "redo"),
-        ("Undo", "Redo"),
-        ("Ctrl+Z", "Ctrl+Y"),
-        workspace.undoable(),
-        (workspace.undo, workspace.redo),
-        strict=True,
-    ):
+    undo, redo = workspace.undoable()
+    for word, keys, label, action in (("Undo", "Z", undo, workspace.undo), ("Redo", "Y", redo, workspace.redo)):
         text = f"{word}: {label}" if label else f"Nothing to {word.lower()}"
-        button = ui.button(icon=icon, on_click=partial(_step, action)).props("flat dense color=white")
+        button = ui.button(icon=word.lower(), on_click=partial(_step, action)).props("flat dense color=white")
         button.props["aria-label"] = text
-        button.tooltip(f"{text} ({keys})")
+        button.tooltip(f"{text} (Ctrl+{keys})")
 
 
 def _step(action: Callable[[], str | None]) -> None:

@@ -1,7 +1,6 @@
 """The report of a result in a frame without rights, and the files of a result."""
 
 import re
-import tempfile
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
@@ -13,10 +12,9 @@ from nicegui import app, ui
 from fifthwheel.app import runs
 from fifthwheel.app.words import page_in_workbench
 from fifthwheel.app.workspace import Workspace
-from fifthwheel.diagnose import Comparison
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.pages import html
-from fifthwheel.report import write_comparison_page
+from fifthwheel.pages import html, page
+from fifthwheel.report import comparison_page
 
 DATA = ("vehicle.toml", "identification.json", "states.parquet")
 """What can be downloaded of a result."""
@@ -53,7 +51,8 @@ def register(folder: Path) -> None:
             if kind == "csv":
                 return Response(found.to_csv(), media_type="text/csv", headers=_attached("compared.csv"))
             if kind == "html":
-                return Response(_page(found), media_type="text/html", headers=_attached("compared.html"))
+                content, _ = page.page(comparison_page(found))
+                return Response(content, media_type="text/html", headers=_attached("compared.html"))
         except FifthwheelError as error:
             raise HTTPException(404, str(error)) from None
         raise HTTPException(404)
@@ -62,15 +61,8 @@ def register(folder: Path) -> None:
 def _report(path: Path, name: str) -> str:
     """The report with the present name of the result, which may have been renamed."""
     shown = html.text(name)
-    page = _NAME.sub(lambda found: f"{found[1]}, {shown}<", path.read_text(encoding="utf-8"), count=1)
-    return page_in_workbench(_TITLE.sub(lambda _: f"<title>{shown}: fifthwheel</title>", page, count=1))
-
-
-def _page(found: Comparison) -> bytes:
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "compared.html"
-        write_comparison_page(path, found)
-        return path.read_bytes()
+    named = _NAME.sub(lambda found: f"{found[1]}, {shown}<", path.read_text(encoding="utf-8"), count=1)
+    return page_in_workbench(_TITLE.sub(lambda _: f"<title>{shown}: fifthwheel</title>", named, count=1))
 
 
 def _attached(name: str) -> dict[str, str]:

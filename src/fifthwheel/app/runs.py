@@ -153,13 +153,8 @@ def identify(folder: Path, name: str, progress: Progress) -> str:
         runs = run_loads(starts, used, validate=records[len(chosen) :], progress=progress)
         progress("writing the report", 0, 0)
         kept = None if stated.knowledge is None else knowledge_file(stated.knowledge)
-        provenance = provenance_of_run(
-            paths,
-            str(workspace.folder / VEHICLE),
-            signals_file,
-            kept,
-            command=command(workspace, choices, name),
-        )
+        typed = command(workspace, choices, name)
+        provenance = provenance_of_run(paths, str(workspace.folder / VEHICLE), signals_file, kept, command=typed)
         text = workspace.read(VEHICLE)
         write_loads(starts, runs, temporary, provenance=provenance, vehicle_text=text, name=name)
     return name

@@ -1,7 +1,6 @@
 """Messages of the library in the words of the workbench: its questions in place of options of the command line."""
 
 import re
-from collections.abc import Iterator
 from functools import cache
 
 from fifthwheel.options import IdentifyOptions, TruckOptions
@@ -60,14 +59,11 @@ def _question(found: re.Match[str]) -> str:
 
 @cache
 def _questions() -> dict[str, tuple[str, dict[str, str]]]:
-    """Question and words of the choices by the flag."""
-    return {flag: (words, {}) for flag, words in _OTHERS.items()} | dict(_of_options())
-
-
-def _of_options() -> Iterator[tuple[str, tuple[str, dict[str, str]]]]:
+    found: dict[str, tuple[str, dict[str, str]]] = {flag: (words, {}) for flag, words in _OTHERS.items()}
     for name, option in options_of(TruckOptions).items():
         question = re.split("[;:,]", option.label or option.help.removesuffix("."))[0]
-        yield option.flags_of(name)[0], (question, {})
+        found[option.flags_of(name)[0]] = question, {}
     for name, option in options_of(IdentifyOptions).items():
         for flag in option.flags_of(name)[0].split("/"):
-            yield flag, (label(name, option), dict(option.choices))
+            found[flag] = label(name, option), dict(option.choices)
+    return found

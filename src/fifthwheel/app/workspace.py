@@ -206,9 +206,9 @@ class Workspace:
             where = ".".join(map(str, first["loc"]))
             raise FifthwheelError(f"{CHOICES}: {where}: {first['msg']}; correct or delete it") from None
 
-    def signal_map(self) -> SignalMap | None:
-        """The signal map, or None; SignalError where it is not accepted."""
-        return SignalMap.load(self.folder / SIGNALS) if (self.folder / SIGNALS).exists() else None
+    def signal_map(self) -> SignalMap:
+        """The signal map, empty where there is no file; SignalError where it is not accepted."""
+        return SignalMap.load(self.folder / SIGNALS) if (self.folder / SIGNALS).exists() else SignalMap()
 
     def vehicle(self) -> Vehicle | None:
         """The vehicle, or None; VehicleError where the file is not accepted."""
@@ -276,7 +276,6 @@ class Workspace:
         self.seen = self._stamp()
 
     def _finish(self, state: dict[str, Any]) -> None:
-        """Write the documents that are pending."""
         for name, text in state["pending"].items():
             if text is None:
                 (self.folder / name).unlink(missing_ok=True)
@@ -316,7 +315,6 @@ class Workspace:
             return empty  # the documents are intact, only undo is lost
 
     def _stamp(self) -> str:
-        """Digest of the state and the documents."""
         digest = hashlib.sha256()
         for path in (self._state_file, *(self.folder / name for name in DOCUMENTS)):
             content = path.read_bytes() if path.exists() else b""

@@ -185,7 +185,6 @@ def rollover_threshold(identification: Identification) -> Estimate:
 
 
 def _unstable(computed: MeasureSamples) -> float:
-    """Fraction of random trucks that are unstable."""
     if "yaw_damping" not in computed.centre or not computed.draws:
         return 0.0
     return sum(draw.get("yaw_damping", -1.0) < 0 for draw in computed.draws) / len(computed.draws)

@@ -59,7 +59,6 @@ def _levels(sense: Sense, *values: float, unconfirmed: Collection[int] = ()) -> 
 
 
 def _one(sense: Sense, value: float, **fields: Any) -> tuple[Limit, ...]:
-    """One limit for all levels."""
     return (Limit(level="all", sense=sense, value=value, **fields),)
 
 

@@ -211,7 +211,6 @@ def stop_course() -> Path:
 
 
 def _on_crossfall(truck: Truck, **properties: Any) -> Plant:
-    """The truck on a road with the crossfall."""
     return Plant(
         truck.vehicle, Properties(half_track=truck.body.half_track, bank=steady_motion.CROSSFALL, **properties)
     )

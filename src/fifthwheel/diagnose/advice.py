@@ -143,9 +143,14 @@ def _roll_rates(identification: Identification) -> Iterator[Advice]:
         )
 
 
+def is_unused_friction(estimate: Estimate) -> bool:
+    """Whether it is the friction of a road of which the logs use little; it keeps its prior, which is no fault."""
+    return estimate.name == FRICTION and estimate.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
+
+
 def _friction(identification: Identification) -> Iterator[Advice]:
     for e in identification.parameters:
-        if e.name == FRICTION and e.verdict in (Verdict.NOT_IDENTIFIABLE, Verdict.NOT_EXCITED):
+        if is_unused_friction(e):
             yield Advice(
                 "The logs use little of the friction of the road, so that it keeps its prior. To estimate it, add a "
                 "run with a larger lateral acceleration, 2 m/s² or more on a dry road, 1 m/s² on snow.",

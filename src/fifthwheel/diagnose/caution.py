@@ -94,5 +94,4 @@ def ranked(cautions: Sequence[Caution], doubts: Sequence[Doubt] = ()) -> tuple[l
 
 
 def _rank(caution: Caution) -> tuple[bool, int]:
-    place = ORDER.index(caution.kind) if caution.kind in ORDER else len(ORDER)
-    return caution.severity != "error", place
+    return caution.severity != "error", (*ORDER, caution.kind).index(caution.kind)

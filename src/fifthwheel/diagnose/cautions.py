@@ -32,7 +32,6 @@ from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
 from fifthwheel.names import ends_with, split_log
 from fifthwheel.observe import States
-from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.masses import unusual_masses
 from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 
@@ -61,7 +60,7 @@ def identification_cautions(
         *unstable_cautions(identification),
         *contradiction_cautions(identification),
         *validation_cautions(validated),
-        *mass_cautions(identification.initial_vehicle),
+        *[Caution(CautionKind.MASS, f"{text}.", "", 0.0) for text in unusual_masses(identification.initial_vehicle)],
         *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
@@ -93,12 +92,6 @@ def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
             signals=(first.signal, *first.others),
             log=first.log if not more else None,
         )
-
-
-def mass_cautions(vehicle: Vehicle) -> Iterator[Caution]:
-    """Unusual masses of a vehicle file, which may be right."""
-    for message in unusual_masses(vehicle):
-        yield Caution(CautionKind.MASS, f"{message}.", "", 0.0)
 
 
 def has_wide_sigma(estimate: Estimate) -> bool:
@@ -258,7 +251,6 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
 
 
 def _wheel_lifts(states: States) -> Iterator[Caution]:
-    """The axle group of which a wheel lifts first."""
     ratios = {n: np.abs(v) for n, v in states.values.items() if is_of(n, LOAD_TRANSFER)}
     lifted = {name: ratio >= thresholds.LIFTED for name, ratio in ratios.items()}
     starts = {name: float(states.time[rows.argmax()]) for name, rows in lifted.items() if rows.any()}

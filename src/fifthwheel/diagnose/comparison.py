@@ -228,7 +228,6 @@ def _derived(run: Identification) -> list[Estimate]:
 def _compared(
     runs: Sequence[Identification], found: Sequence[Sequence[Estimate]], *, derived: bool = False
 ) -> Iterator[ComparedParameter]:
-    """Each quantity that one of the runs has."""
     by_name = [{e.name: e for e in estimates} for estimates in found]
     for name in dict.fromkeys(name for own in by_name for name in own):
         estimates = tuple(own.get(name) for own in by_name)
@@ -360,7 +359,6 @@ def _notes(runs: Mapping[str, Identification]) -> list[str]:
 
 
 def _plot(parameter: ComparedParameter, runs: Sequence[str]) -> Plot:
-    """The estimates of one parameter, the reference at the top."""
     unit, items = shown(parameter.unit), list[Item]()
     for k, (run, e) in enumerate(zip(runs, parameter.estimates, strict=True)):
         if e is not None:

@@ -181,7 +181,6 @@ def _reference_rms(states: States, record: Record | None, name: str) -> float | 
 
 
 def _at_times(record: Record, values: Array, time: Array) -> Array:
-    """A channel of a record at other times."""
     if len(time) == len(record.time) and np.array_equal(time, record.time):
         return values
     return np.interp(time, record.time, values, left=np.nan, right=np.nan)

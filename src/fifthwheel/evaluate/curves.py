@@ -169,7 +169,6 @@ def _offset(axis: str, x: Array, values: Array) -> float:
 
 
 def _unit(kind: str, signal: str) -> str:
-    """SI unit of a curve."""
     if kind == "gain":
         return gain_unit(signal)
     return CHANNELS[kind].unit if kind in CHANNELS else "rad"

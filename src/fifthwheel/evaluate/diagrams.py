@@ -29,7 +29,6 @@ def diagram(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 
 
 def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
-    """Each quantity over the lateral acceleration."""
     x, axis = arrays["lateral_acceleration"], AXES["lateral_acceleration"]
     return {
         TITLES.get(name) or spoken(name): Plot(
@@ -41,7 +40,6 @@ def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 
 
 def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
-    """Gain with sigma, phase and coherence of each output by the steer angle."""
     f, axis, plots = arrays["frequency"], AXES["frequency"], dict[str, Plot]()
     for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
         gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]

@@ -105,7 +105,6 @@ def plant_results(vehicle: "Vehicle", log: Record) -> Record:
 
 
 def _check_inputs(name: str, inputs: list[str], log: Record) -> None:
-    """Refuse an FMU that the log cannot steer."""
     if measured := [n for n in inputs if n.startswith(MEASURED)]:
         raise SignalError(f"{name}: {measured[0]} is an input of an observer; export the truck: --what truck")
     steers = [n for n in log.signals if is_of(n, STEER)]
@@ -117,7 +116,6 @@ def _check_inputs(name: str, inputs: list[str], log: Record) -> None:
 
 
 def _factor(name: str, variable: Any) -> float:
-    """SI value of one unit of a variable."""
     try:
         return factor(variable.unit, si_unit(variable.name) or "1") if variable.unit else 1.0
     except UnitError as error:

@@ -142,7 +142,6 @@ def _responses(motion: MeasuredMotion, names: list[str]) -> Responses:
 
 
 def _frequencies(motion: MeasuredMotion) -> tuple[Array, float]:
-    """The evaluated frequencies and the band of each, Hz."""
     step = motion.rate / len(motion.time)
     half = max(NEIGHBOURS, round(BANDWIDTH / step)) * step
     distance = max(RESOLUTION, step)

@@ -220,7 +220,6 @@ def _measure(
 
 
 def _manoeuvres(motion: MeasuredMotion) -> list[tuple[int, int]]:
-    """First and last sample of each time of steering."""
     entry = round(LEAST_ENTRY * motion.rate)
     steer = smoothed(motion.steer, motion.rate)
     deviation = np.abs(steer - steer[:entry].mean())
@@ -265,7 +264,6 @@ def smoothed(values: Array, rate: float, width: float = WIDTH) -> Array:
 
 
 def _smoothed(raw: Response, noise: Mapping[str, float], width: float = WIDTH) -> Response:
-    """The response smoothed, without its offset."""
     rate = 1 / float(raw.time[1] - raw.time[0])
     entry = raw.time < -1.5 / rate
 
@@ -284,7 +282,6 @@ def _smoothed(raw: Response, noise: Mapping[str, float], width: float = WIDTH) -
 
 
 def _noisy(smooth: Response, noise: Mapping[str, float], rng: np.random.Generator) -> Response:
-    """The response with simulated noise."""
 
     def signal(values: Array, name: str) -> Array:
         return values + noise[name] * rng.normal(size=values.size)

@@ -83,7 +83,9 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
         X, curvature, rows = blocks.regressors(), blocks.curvature, blocks.linear
         apart = directions(X[rows], (blocks.steer - wheelbase[0] * curvature)[rows], curvature[rows])
         measures = [_understeer(blocks, wheelbase, yaw_rate), *gradients(apart, wheelbase[1], yaw_rate), *measures]
-        notes += [_scale_error(blocks), *offset_notes(apart)]
+        by_scale = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
+        effect = f"changes the understeer gradient by {by_scale}; sigma is without it"
+        notes += [f"A scale error of the steer angle of 1 % {effect}.", *offset_notes(apart)]
     elif measures:
         notes.append("Without a vehicle, whose wheelbase it needs, there is no understeer gradient.")
     else:
@@ -99,7 +101,6 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
 
 
 def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
-    """The gradient of a sideslip or roll angle."""
     quantity, _, unit = name.partition(".")
     value, sigma = _slope(blocks, values)
     title = f"{quantity} gradient, {named_unit(unit)}"
@@ -117,12 +118,6 @@ def _notes(blocks: Blocks, kind: str) -> Iterator[str]:
             f"The lateral acceleration changes by up to {fastest:.2f} m/s² in 1 s; up to {RECOMMENDED:g} is closer to "
             "a steady state."
         )
-
-
-def _scale_error(blocks: Blocks) -> str:
-    """What a scale error of the steer angle does."""
-    change = approximate(0.01 * abs(_slope(blocks, blocks.steer)[0]), GRADIENT)
-    return f"A scale error of the steer angle of 1 % changes the understeer gradient by {change}; sigma is without it."
 
 
 def _arrays(blocks: Blocks, wheelbase: float) -> dict[str, Array]:

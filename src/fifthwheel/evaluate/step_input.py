@@ -79,7 +79,6 @@ def measures(response: Response) -> Mapping[str, float]:
 
 
 def _steady(response: Response) -> NDArray[np.bool_]:
-    """Samples of the steady values, (N,)."""
     return np.asarray((response.time > 2 / 3 * response.end) & (response.time <= BEFORE_END * response.end))
 
 

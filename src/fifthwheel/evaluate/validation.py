@@ -97,14 +97,14 @@ class Validation(Displayed):
     def as_dict(self) -> dict[str, Any]:
         """The content of validation.json, SI: also both evaluations."""
         curves = [
-            {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in asdict(c).items()}
+            {n: v.tolist() if isinstance(v, np.ndarray) else v for n, v in asdict(c).items() if n != "sigma"}
             | {"title": c.title, "inside": c.inside, "exceedance": c.exceedance, "verdict": c.verdict}
             for c in self.curves
         ]
         return {
             "verdict": self.verdict,
             "measures": [asdict(m) | {"limit": m.limit, "verdict": m.verdict} for m in self.measures],
-            "curves": [{name: value for name, value in curve.items() if name != "sigma"} for curve in curves],
+            "curves": curves,
             "notes": list(self.notes),
             "results": self.results.as_dict(),
             "log": self.log.as_dict(),
@@ -265,7 +265,6 @@ def _with_yaw_rate(record: Record) -> dict[str, Array]:
 
 
 def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -> Iterator[ComparedMeasure]:
-    """The measures that both have."""
     found = {measure.name: measure for measure in results}
     for measure in log:
         if (other := found.get(measure.name)) is not None:
@@ -282,7 +281,6 @@ def _measures(results: Evaluation, log: Evaluation, stated: Mapping[str, str]) -
 
 
 def _of_inputs(results: Record, log: Record, curves: tuple[ComparedCurve, ...]) -> Iterator[str]:
-    """Other speeds and steer angles."""
     speeds = [float(np.nanmean(record.signals["speed"])) for record in (results, log)]
     if abs(speeds[0] - speeds[1]) > SPEED:
         yield f"Mean speeds differ: results {3.6 * speeds[0]:.1f} km/h, log {3.6 * speeds[1]:.1f} km/h."

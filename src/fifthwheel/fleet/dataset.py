@@ -189,7 +189,6 @@ def batches(trips: pa.Table) -> Iterator[TruckTrips]:
 
 
 def _groups(file: pq.ParquetFile, found: Any) -> list[int]:
-    """The row groups with at least one of the found rows."""
     ends = np.cumsum([file.metadata.row_group(k).num_rows for k in range(file.metadata.num_row_groups)])
     return [k for k, flags in enumerate(np.split(found.to_numpy(), ends[:-1])) if flags.any()]
 

@@ -108,12 +108,7 @@ def run(
             execute = partial(run_on, stack.enter_context(connected(scheduler, jobs=jobs)))
         dataset.join()
         done, failures = dataset.known()
-        job = TripJob(
-            folder=dataset.folder,
-            settings=settings,
-            done=done,
-            failures={} if retry else failures,
-        )
+        job = TripJob(folder=dataset.folder, settings=settings, done=done, failures={} if retry else failures)
         digests = dict[Trip, str]()
         for k, (trip, outcome) in enumerate(execute(process_trip, job, trips), start=1):
             if isinstance(outcome, Lost):
@@ -138,7 +133,6 @@ def run(
 def _combined(
     dataset: TripDataset, groups: Sequence[TruckTrips], fleet: FleetSettings, execute: Any, progress: Progress
 ) -> Rows:
-    """The rows of trucks, trailers, histories and changes from the trips that count."""
     count = sum(len(logs) for group in groups for _, logs in group)
     false_alarm = fleet.false_alarms / max(count * len(WINDOWS), 1)
     job = CombinationJob(path=dataset.path, settings=fleet, false_alarm=false_alarm)

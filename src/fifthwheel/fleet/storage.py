@@ -6,7 +6,6 @@ Logs and vehicle files in an object store are copied to a temporary file while a
 downloaded, and no other protocol is accepted.
 """
 
-import hashlib
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -167,12 +166,6 @@ def modified(path: str) -> float:
             return Path(path).stat().st_mtime
         system, inside = filesystem(path)
         return float(system.modified(inside).timestamp())
-
-
-def digest(path: Path) -> str:
-    """SHA-256 of a local file."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 @contextmanager

@@ -151,7 +151,6 @@ def _limit(combined: Combined, unknown: Owned) -> tuple[list[str], float]:
 
 
 def _since_change(combined: Combined, unknown: Owned, trips: list[int]) -> int:
-    """The first trip with an unknown after its last change."""
     place = combined.layout.unknowns[unknown]
     changed = [c.trip for c in combined.changes if c.kind.name != OUTLIER and place in c.kind.members]
     return next(k for k in trips if k >= max(changed, default=0))

@@ -22,6 +22,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fifthwheel import __version__
+from fifthwheel._atomic import file_digest
 from fifthwheel.errors import FifthwheelError, printable
 from fifthwheel.fleet import storage
 from fifthwheel.fleet.manifest import Trip
@@ -118,7 +119,7 @@ def process_trip(job: TripJob, trip: Trip) -> TripOutcome:
     digest = log_digest = ""
     try:
         with storage.local_file(trip.log) as path:
-            log_digest = storage.digest(path)
+            log_digest = file_digest(path)
             vehicle_text = catalogue.text(trip.vehicle) if trip.vehicle in catalogue.names() else _text(trip.vehicle)
             map_text = _text(trip.signals) if trip.signals else ""
             digest = _digest(trip, job, log_digest, vehicle_text, map_text)
@@ -189,10 +190,9 @@ def _packages() -> list[tuple[str, str]]:
 
 
 def _digest(trip: Trip, job: TripJob, log_digest: str, vehicle_text: str, map_text: str) -> str:
-    """Digest of everything that determines the row of a trip."""
     databases = []
     if trip.signals and not storage.is_remote(trip.signals):
-        databases = [storage.digest(path) for path in map(Path, SignalMap.load(trip.signals).databases)]
+        databases = [file_digest(Path(path)) for path in SignalMap.load(trip.signals).databases]
     date = trip.date or storage.modified(trip.log)  # of a log without a date of its own
     texts = [log_digest, vehicle_text, map_text, databases, str(date)]
     return _hash(texts, job.settings_digest, __version__, _labels(trip))

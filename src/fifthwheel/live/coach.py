@@ -221,7 +221,6 @@ class Coach:
         return Progress(name=name, sigma=sigma, target=target, reached=sigma <= target and not note, note=note)
 
     def _obstacle(self, output: Output) -> str:
-        """Why nothing is learned at an output."""
         speed = next(
             (s["speed"] for s in reversed(output.samples) if math.isfinite(s.get("speed", math.nan))), math.nan
         )

@@ -128,7 +128,6 @@ class Learning:
 
 
 def _inconsistent(learner: Learner) -> bool:
-    """Whether the innovations contradict the estimates."""
     return any(doubt.kind is DoubtKind.NOISE for doubt in learner.doubts)
 
 

@@ -56,20 +56,13 @@ class Node:
     """
 
     def __init__(
-        self,
-        estimator: LiveEstimator,
-        decoder: FrameDecoder,
-        live_map: LiveMap,
-        *,
-        extra: tuple[str, ...] = (),
+        self, estimator: LiveEstimator, decoder: FrameDecoder, live_map: LiveMap, *, extra: tuple[str, ...] = ()
     ) -> None:
         self.estimator, self.decoder = estimator, decoder
         self.faults = LiveFault.NONE
         """Faults that the node cannot see, such as those of the bus; see `set_fault`."""
         self.extra: dict[str, float] = {}
         """Last valid value of the extra columns."""
-        self.frames = 0
-        """Frames with a mapped signal."""
         self._map, self._sampler, self._time_base = live_map, Sampler(RATE), TimeBase()
         self._health = Health(column for column in decoder.columns if column not in extra)
         self._signals = SignalHealth()
@@ -98,15 +91,12 @@ class Node:
             if self._time_base.newest - time > LATE_FRAME:
                 self._delayed = self._time_base.newest
             before = time
-            readings = self.decoder.decode(counted)
-            self.frames += bool(readings)
-            for column, value, quality in readings:
+            for column, value, quality in self.decoder.decode(counted):
                 if column in self.extra_columns:
                     if value == value:
                         self.extra[column] = value
                     continue
-                for cycle in self._sampler.put(time, column, value):
-                    outputs.append(self._output(cycle))
+                outputs += map(self._output, self._sampler.put(time, column, value))
                 self._health.update(time, column, quality)
         return outputs
 

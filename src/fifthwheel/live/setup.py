@@ -161,7 +161,6 @@ def _session(
     recorded: Path | None,
     say: Callable[[str], object],
 ) -> Session:
-    """The session without its page and its bus."""
     node, learning, states = _node(chosen, observer, vehicle, signal_map)
     encoder = None
     if (first := _identifier(chosen.send)) is not None:

@@ -3,6 +3,8 @@
 import math
 from collections.abc import Iterable, Mapping
 from enum import IntEnum, IntFlag
+from functools import reduce
+from operator import or_
 
 from fifthwheel.channels import is_input
 from fifthwheel.live.sampler import Arrivals
@@ -118,9 +120,7 @@ class Health:
 
     def faults(self, problems: dict[str, LiveFault]) -> LiveFault:
         """The faults of all columns together."""
-        result = LiveFault.NONE
-        for fault in problems.values():
-            result |= fault
+        result = reduce(or_, problems.values(), LiveFault.NONE)
         if problems and len(problems) == len(self._arrivals) and result == LiveFault.SIGNAL_MISSING:
             return LiveFault.SILENT
         return result

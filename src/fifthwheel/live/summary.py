@@ -60,5 +60,4 @@ class Summary:
 
 
 def _estimate(learned: LearnedValue) -> Estimate:
-    """A learned value as the table of results has it."""
     return Estimate(**vars(learned), unit=unit_of(learned.name), initial=learned.value, stage=1)

@@ -100,7 +100,6 @@ class _Printer:
         return escape(self._shown(text))
 
     def _shown(self, text: str) -> str:
-        """A text as this console shows it."""
         text = printable_lines(text)
         return plain_ascii(text) if self._ascii else text
 

@@ -26,7 +26,6 @@ DATES = [
 """Form of a date by the distance of the ticks, ms or months."""
 SPACE, HEAD = 0.05, 0.03
 """Between two rows, and above a row with titles, as a fraction of the height."""
-SYMBOLS = {"circle": "circle", "cross": "x", "diamond": "diamond", "square": "square"}
 
 
 def figure(plot: PanelGrid) -> Figure:
@@ -101,7 +100,7 @@ def _band(item: Band, colour: str, panel: Panel) -> Figure:
 
 
 def _points(item: Points, colour: str, panel: Panel) -> Figure:
-    marker = {"symbol": SYMBOLS[item.marker], "color": colour, "size": item.size}
+    marker = {"symbol": "x" if item.marker == "cross" else item.marker, "color": colour, "size": item.size}
     trace: Figure = {"type": "scatter", "mode": "markers", "marker": marker}
     for axis, sigma, digits in (("x", item.x_sigma, TIME_DIGITS), ("y", item.y_sigma, VALUE_DIGITS)):
         trace[axis] = _numbers(as_array(getattr(item, axis)), digits, log=getattr(panel, axis).log)
@@ -185,7 +184,6 @@ def _domains(plot: PanelGrid) -> Iterable[list[float]]:
 
 
 def _axis(panel: Panel, name: str) -> Figure:
-    """The style of an axis, "x" or "y", of a panel."""
     axis: Axis = getattr(panel, name)
     if not axis.log:
         return axis_style(axis)

@@ -1,7 +1,7 @@
 """Results for people: the documents of results, with their words, as pages and on a terminal."""
 
 from fifthwheel.report.assessment import assessment_document, write_assessment_report
-from fifthwheel.report.comparison import comparison_document, write_comparison_page
+from fifthwheel.report.comparison import comparison_document, comparison_page
 from fifthwheel.report.conclusion import Conclusion, conclude_identification, conclude_states
 from fifthwheel.report.identification import identification_document, write_report
 from fifthwheel.report.provenance import Provenance, gather_provenance, provenance_of_run
@@ -13,6 +13,7 @@ __all__ = [
     "StateConditions",
     "assessment_document",
     "comparison_document",
+    "comparison_page",
     "conclude_identification",
     "conclude_states",
     "gather_provenance",
@@ -20,7 +21,6 @@ __all__ = [
     "provenance_of_run",
     "states_document",
     "write_assessment_report",
-    "write_comparison_page",
     "write_report",
     "write_states_report",
 ]

@@ -96,8 +96,7 @@ def verdict(measure: MeasureResult) -> str:
 
 def with_verdict(assessment: Assessment, words: str) -> list[MeasureResult]:
     """Measures with a threshold of `SCHEME` and this verdict."""
-    found = [(measure, measure.best_threshold()) for measure in assessment if verdict(measure) == words]
-    return [measure for measure, threshold in found if threshold is not None and threshold.scheme == SCHEME]
+    return [m for m in assessment if verdict(m) == words and (t := m.best_threshold()) and t.scheme == SCHEME]
 
 
 def is_good(assessment: Assessment) -> bool:

@@ -1,11 +1,8 @@
 """A comparison of identifications: its page, and its result on a terminal and in the workbench."""
 
-from pathlib import Path
-
 import fifthwheel
 from fifthwheel import pages
 from fifthwheel.diagnose.comparison import Comparison
-from fifthwheel.pages import page
 from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import spoken
 
@@ -17,8 +14,8 @@ EXPLANATION = (
 )
 
 
-def write_comparison_page(path: Path, comparison: Comparison) -> None:
-    """Write table, notes and plots of a comparison as one HTML file."""
+def comparison_page(comparison: Comparison) -> pages.Document:
+    """Table, notes and plots of a comparison."""
     figures = [
         pages.CaptionedPlot(spoken(name), plot, group=name, path=("", "comparison", name))
         for name, plot in comparison.plots().items()
@@ -33,7 +30,7 @@ def write_comparison_page(path: Path, comparison: Comparison) -> None:
         pages.Plots(figures),
     ]
     subtitle = f"{', '.join(comparison.runs)}; fifthwheel {fifthwheel.__version__}"
-    page.write(path, pages.Document("Comparison", blocks, subtitle))
+    return pages.Document("Comparison", blocks, subtitle)
 
 
 def comparison_document(comparison: Comparison) -> pages.Document:

@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel.channels import WEIGHTS, is_of, missing_for_mass, si_unit
-from fifthwheel.diagnose.advice import Advice, has_roll_rate, next_steps
+from fifthwheel.diagnose.advice import Advice, has_roll_rate, is_unused_friction, next_steps
 from fifthwheel.diagnose.caution import CautionKind, ranked
 from fifthwheel.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.diagnose.doubt_cautions import describe_cause
@@ -116,7 +116,7 @@ def conclude_identification(
         validated: validation logs, each identified with the knowledge of the identification.
     """
     given = (Verdict.FIXED, Verdict.STATED)
-    estimated = [e for e in identification.parameters if e.verdict not in given and not _is_unused_friction(e)]
+    estimated = [e for e in identification.parameters if e.verdict not in given and not is_unused_friction(e)]
     converged = [e for e in estimated if e.verdict is Verdict.CONVERGED]
     derived = [e for e in identification.derived if e.verdict is Verdict.CONVERGED]
     runs = summarise_runs(identification, records)
@@ -145,11 +145,6 @@ def conclude_identification(
         steps=tuple(next_steps(identification, runs, outlook)),
         notes=(*identification.notes, *[f"{finding.log}: {finding.message}" for finding in repaired]),
     )
-
-
-def _is_unused_friction(estimate: Estimate) -> bool:
-    """Whether it is the friction of a road of which the logs use little; it keeps its prior, which is no fault."""
-    return estimate.name == FRICTION and estimate.verdict in (Verdict.NOT_EXCITED, Verdict.NOT_IDENTIFIABLE)
 
 
 def _headline(
@@ -191,7 +186,6 @@ def _headline(
 
 
 def _likely_cause(identification: Identification) -> str:
-    """What the logs contradict."""
     causes = [c for doubt in identification.doubts if doubt.kind is DoubtKind.ASSUMPTION for c in doubt.causes]
     if len(causes) != 1:
         return " The logs contradict the vehicle file or an assumption on a sensor: see the first caution."
@@ -280,16 +274,16 @@ def _reason(identification: Identification, e: Estimate) -> str:
     """Why there is no estimate of a parameter, and what its value is."""
     value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
     estimate = with_sigma(e.value, e.sigma, e.unit)
-    if e.verdict is Verdict.FIXED:
-        return f"{value}, as requested"
-    if e.verdict is Verdict.STATED:
-        return f"{estimate}; the logs add little to what you stated"
-    if e.verdict is Verdict.AT_BOUND:
-        return f"{value} is the limit of the permitted range and not an estimate"
-    if e.verdict is Verdict.DOUBTFUL:
-        return f"{estimate} depends on an assumption that the logs contradict; see the cautions"
-    if e.verdict is Verdict.NOT_CONVERGED:
-        return f"{estimate} is provisional: the next step of the search would move it by half a sigma or more"
+    reasons = {
+        Verdict.FIXED: f"{value}, as requested",
+        Verdict.STATED: f"{estimate}; the logs add little to what you stated",
+        Verdict.AT_BOUND: f"{value} is the limit of the permitted range and not an estimate",
+        Verdict.DOUBTFUL: f"{estimate} depends on an assumption that the logs contradict; see the cautions",
+        Verdict.NOT_CONVERGED: f"{estimate} is provisional: the next step of the search would move it by half a sigma "
+        "or more",
+    }
+    if e.verdict in reasons:
+        return reasons[e.verdict]
     origin = _origin(identification, e)
     if e.verdict is Verdict.NOT_IDENTIFIABLE:
         if e.correlated_with:

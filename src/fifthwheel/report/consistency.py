@@ -109,7 +109,6 @@ def _channel(log: str, signal: str, states: States | None, fit: Fit | None) -> p
 
 
 def _autocorrelation(correlation: Autocorrelation) -> Panel:
-    """The autocorrelation of a residual with the band of white noise."""
     ends, limit = [0.0, float(correlation.lag[-1])], np.full(2, correlation.limit)
     known = np.isfinite(correlation.value)
     items: list[Item] = [

@@ -47,19 +47,19 @@ def _row(plan: ExperimentDesign, name: str) -> tuple[pages.Cell, ...]:
 
 def _summary(run: ProposedRun) -> str:
     """ "4 x lane change of 0.4 Hz at 88 km/h, 1.5 m/s², 32 s"."""
-    kind = KINDS[run.kind].partition(",")[0]
-    if run.frequency:
-        kind += f" of {run.frequency:g} Hz"
-    speed = f"{3.6 * run.speed:.0f} km/h"
-    acceleration = approximate(run.acceleration, "m/s^2")
-    return f"{run.repetitions} x {kind} at {speed}, {acceleration}, {fixed(run.duration, 0)} s"
+    kind, acceleration = _of_frequency(KINDS[run.kind].partition(",")[0], run), approximate(run.acceleration, "m/s^2")
+    return f"{run.repetitions} x {kind} at {3.6 * run.speed:.0f} km/h, {acceleration}, {fixed(run.duration, 0)} s"
+
+
+def _of_frequency(kind: str, run: ProposedRun) -> str:
+    return kind + (f" of {run.frequency:g} Hz" if run.frequency else "")
 
 
 def _instructions(run: ProposedRun) -> Iterator[str]:
-    kind = KINDS[run.kind] + (f" of {run.frequency:g} Hz" if run.frequency else "")
     repeated = ""
     if run.repetitions > 1:
         repeated = f", alternately left and right, one every {fixed(run.duration / run.repetitions, 1)} s"
+    kind = _of_frequency(KINDS[run.kind], run)
     yield f"{run.repetitions} x {kind}{repeated}, at a constant {3.6 * run.speed:.0f} km/h."
     if run.offset and run.frequency:
         length, time = run.speed / run.frequency, 1 / run.frequency

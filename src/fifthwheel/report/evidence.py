@@ -123,7 +123,6 @@ def _measures(assessment: Assessment) -> pages.Table:
 
 
 def _parameters(parameters: Sequence[AssessedParameter]) -> pages.Block:
-    """Two tables beside each other."""
     rows = [(spoken(p.name), with_sigma(p.value, p.sigma, p.unit), p.verdict.replace("_", " ")) for p in parameters]
     half = (len(rows) + 1) // 2
     return pages.Beside([pages.Table(PARAMETERS, rows[:half]), pages.Table(PARAMETERS, rows[half:])])

@@ -145,7 +145,6 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
 
 
 def _picture(e: Estimate, file: float | None) -> pages.Markup:
-    """Prior, vehicle file and estimate on one scale."""
     spans = [(e.initial, e.prior or 0.0), (e.value, e.sigma or 0.0), *([(file, 0.0)] if file is not None else [])]
     spans.append((e.value, LEAST_RANGE * abs(e.value)))
     low, high = min(v - s for v, s in spans), max(v + s for v, s in spans)

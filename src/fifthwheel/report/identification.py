@@ -214,7 +214,6 @@ def _prior_alone(identification: Identification, name: str) -> tuple[float, floa
 
 
 def _change(value: float, sigma: float | None, initial: float, prior: float | None, unit: str) -> tuple[str, ...]:
-    """Value, sigma, unit and prior of an uncertain number."""
     text, spread, name = shown_parts(value, sigma, unit)
     before, prior_text, _ = shown_parts(initial, prior, unit)
     return text, spread or "–", name, before if prior_text is None else f"{before} ± {prior_text}"
@@ -289,7 +288,6 @@ def _bar(row: ParameterInformation) -> str:
 
 
 def _histories(identification: Identification) -> Iterator[pages.Block]:
-    """The history of each estimate over driving time."""
     yield pages.Heading("Histories of the estimates", key="histories")
     one_stage = identification.method == "one-stage"
     if one_stage:
@@ -333,7 +331,6 @@ def _histories(identification: Identification) -> Iterator[pages.Block]:
 
 
 def _fits(logs: Mapping[str, Sequence[Fit]]) -> Iterator[pages.Block]:
-    """One figure for each log, with its channels below each other."""
     if not logs:
         return
     yield pages.Heading("Measured and predicted", key="fits")
@@ -385,7 +382,6 @@ def _fits_by_log(identification: Identification) -> dict[str, list[Fit]]:
 
 
 def _fit_tables(identification: Identification) -> Iterator[pages.Table]:
-    """The fits of each log, for a terminal."""
     for log, fits in _fits_by_log(identification).items():
         rows = []
         for fit in fits:

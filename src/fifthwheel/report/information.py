@@ -30,7 +30,7 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
     errors = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity == "error"]
     others = [f"{log}: {f.message}" for log, f in outlook.findings if f.severity != "error"]
     unknown = [p for p in outlook.parameters if p.verdict is not Verdict.STATED]
-    identifiable = [p for p in unknown if is_identifiable(p)]
+    identifiable = [p for p in unknown if p.verdict is Verdict.CONVERGED]
     correlated = [p for p in outlook.parameters if p.correlated_with and p.remedies]
     complete = len(identifiable) == len(unknown) and not errors
     blocks: list[pages.Block] = [
@@ -46,14 +46,9 @@ def information_document(outlook: InformationAssessment) -> pages.Document:
     return pages.Document("Information in the logs", blocks)
 
 
-def is_identifiable(assessment: ParameterAssessment) -> bool:
-    """Whether an identification would estimate it."""
-    return assessment.verdict is Verdict.CONVERGED
-
-
 def _has_sigma(p: ParameterAssessment) -> bool:
     """Whether the predicted sigma means something: of an estimate, or of what a user stated."""
-    return is_identifiable(p) or p.verdict is Verdict.STATED
+    return p.verdict in (Verdict.CONVERGED, Verdict.STATED)
 
 
 def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
@@ -89,7 +84,6 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
 def _headline(
     outlook: InformationAssessment, identifiable: Sequence[ParameterAssessment], count: int, has_errors: bool
 ) -> str:
-    """How many parameters are identifiable, and whether the logs have errors."""
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
         unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
@@ -138,7 +132,6 @@ def _correlation(p: ParameterAssessment) -> str:
 
 
 def _notes(outlook: InformationAssessment) -> Iterator[str]:
-    """What the words and numbers mean, and the assumed noise."""
     remedies = [remedy for p in outlook.parameters for remedy in p.remedies]
     if any(remedy.drive == "lane_change" for remedy in remedies):
         speed = f"{3.6 * outlook.speed:.0f} km/h"

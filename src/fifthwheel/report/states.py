@@ -93,7 +93,6 @@ def states_document(
 
 
 def _tables(summary: StateSummary) -> Iterator[pages.Block]:
-    """The states of a record in a few numbers."""
     columns = {"2 sigma, median>": summary.band}
     if any(value is not None for value in summary.reference_rms.values()):
         columns["rms from reference>"] = summary.reference_rms

@@ -15,11 +15,12 @@ from fifthwheel.identify import Identification
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.result.storage import read_contents
 from fifthwheel.observe import write_states
+from fifthwheel.pages.page import write as write_page
 from fifthwheel.report import (
     Provenance,
     StateConditions,
+    comparison_page,
     write_assessment_report,
-    write_comparison_page,
     write_report,
     write_states_report,
 )
@@ -246,5 +247,5 @@ def write_comparison(comparison: Comparison, *, csv: Path | None = None, html: P
     if csv is not None:
         write_text(csv, comparison.to_csv())
     if html is not None:
-        write_comparison_page(html, comparison)
+        write_page(html, comparison_page(comparison))
     return {path.name: path for path in (csv, html) if path is not None}

@@ -21,7 +21,9 @@ def build(workspace: Workspace) -> None:
 def _result(workspace: Workspace) -> None:
     """The check of the present files; it is computed if there is none."""
     key = f"check {runs.stamp(workspace)}"
-    job = jobs.get(key) or jobs.start(key, runs.check, workspace.folder)
+    job = jobs.get(key)
+    if job.state == "none":
+        job = jobs.start(key, runs.check, workspace.folder)
     layout.show_progress(key, lambda _: _result.refresh())
     if job.state == "done":
         documents.show(*information_document(job.result).blocks)

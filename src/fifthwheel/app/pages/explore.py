@@ -3,7 +3,7 @@
 import asyncio
 import math
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from html import escape
 from typing import Any
@@ -25,6 +25,7 @@ from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.plots import Line, Panel, Plot, Points
 from fifthwheel.plots.palette import BLUE, VERMILLION
 from fifthwheel.record import Record
+from fifthwheel.report.words import counted
 from fifthwheel.spoken_names import named_unit, spoken
 from fifthwheel.vehicle import Vehicle, unit_of
 from fifthwheel.vehicle.edited_file import edited
@@ -115,7 +116,7 @@ class _Page:
         async def follow(event: events.GenericEventArguments) -> None:
             steps = int(event.args)
             changed = given * FACTOR ** (steps / STEPS)
-            self.values = {**self.values, path: changed} if steps else _without(self.values, path)
+            self.values = {k: v for k, v in {**self.values, path: changed}.items() if steps or k != path}
             number.text = with_sigma(changed, None, unit_of(path))
             self._moved = time.monotonic()
             await self._update()
@@ -135,7 +136,7 @@ class _Page:
         changed = choices.model_copy(update={"explore": {k: v for k, v in shown.items() if v is not None}})
         if changed != choices:
             self.workspace.write_choices(changed, "explore other numbers")
-            layout.undo_buttons.refresh()
+            layout.refresh_undo_buttons()
 
     async def _reset(self) -> None:
         self.values = {}
@@ -149,7 +150,7 @@ class _Page:
         text = edited(self.workspace.read(VEHICLE) or "", self.truck.replace(self.values))
         cleared = self.workspace.choices().model_copy(update={"explore": {}})
         self.workspace.write({VEHICLE: text, CHOICES: cleared.text()}, "write the numbers of Explore")
-        numbers = "1 number" if len(self.values) == 1 else f"{len(self.values)} numbers"
+        numbers = counted(len(self.values), "number")
         layout.reload(f"{numbers} written to {VEHICLE}. Undo restores the file, and the sliders as they were.")
 
     # Predicted against measured
@@ -191,7 +192,6 @@ class _Page:
         await self._find("")
 
     async def _find(self, text: str) -> None:
-        """Show the signals whose name contains a text."""
         self._found, self._fit_plot = text, None
         given = self._shown(self._given)
         self._fit_place.clear()
@@ -245,13 +245,11 @@ class _Page:
         if self._busy:
             self._pending = True
             return
-        self._busy = True
+        self._busy = self._pending = True
         try:
-            while True:
+            while self._pending:
                 self._pending = False
                 await self._draw()
-                if not self._pending:
-                    break
         finally:
             self._busy = False
 
@@ -271,10 +269,6 @@ class _Page:
                 with self._fit_rows:
                     documents.show(fit_table(given, changed))
         self._draw_model()
-
-
-def _without(values: Mapping[str, float], path: str) -> dict[str, float]:
-    return {name: value for name, value in values.items() if name != path}
 
 
 def fit_plot(given: list[Fit], changed: list[Fit]) -> Plot:

@@ -55,7 +55,6 @@ class _Settings:
 
     @ui.refreshable_method
     def _sentences(self) -> None:
-        """What is known before the identification."""
         choices = self.workspace.choices()
         removable = {str(parse(text)): text for text in choices.identify.get(known.STATEMENTS, ())}
         with ui.element("ul").classes("fw-known").props('aria-label="What is known"'):
@@ -71,7 +70,6 @@ class _Settings:
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
 
     def _statement(self, label: str) -> None:
-        """The place where a user states a number."""
         with ui.element("div").classes("fw-question"):
             ui.label(label)
             name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)
@@ -129,7 +127,7 @@ class _Settings:
         paths = [self.workspace.log(name) for name in used]
         starts_of(self.truck, runs.options(self.workspace, changed), paths)  # refuses what is wrong
         self.workspace.write_choices(changed, f"set {key.replace('_', ' ')}")
-        layout.undo_buttons.refresh()
+        layout.refresh_undo_buttons()
         self._sentences.refresh()
 
     def _value(self, key: str, default: Any) -> Any:
@@ -199,20 +197,18 @@ class _Settings:
 @ui.refreshable
 def _run(workspace: Workspace) -> None:
     job = jobs.get(KEY)
-    running = job is not None and job.running
-    if running:
+    if job.running:
         layout.show_progress(KEY, partial(_ended, workspace))
     else:
-        if job is not None and job.state == "failed":
+        if job.state == "failed":
             layout.failure(job.error)
-        elif job is not None and job.state == "cancelled":
+        elif job.state == "cancelled":
             ui.label("Cancelled; no result was changed.").props("role=status")
         with ui.row().classes("items-end"):
-            unfinished = job is not None and job.state in ("failed", "cancelled")
-            made = job.product if job is not None and unfinished else runs.next_name(workspace)
+            made = job.product if job.unfinished else runs.next_name(workspace)
             name = ui.input(words.NAME_OF_RESULT, value=made).classes("fw-field")
             ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
-    for left in runs.interrupted(workspace) if not running else ():
+    for left in runs.interrupted(workspace) if not job.running else ():
         with ui.row().classes("items-center"):
             ui.label(f"{printable(left)}: interrupted before its end, without a result. Start it again, or delete it.")
             _delete_button(workspace, left)

@@ -84,9 +84,9 @@ class _Page:
         """Untick the logs that cannot be read, so that no check or identification needs them."""
         for name in logs:
             job, choices = jobs.get(_key(name)), self.workspace.choices()
-            if job is not None and job.state == "failed" and choices.of(name).use:
+            if job.state == "failed" and choices.of(name).use:
                 self.workspace.write_choices(choices.with_log(name, use=False), f"leave out {name}")
-                layout.undo_buttons.refresh()
+                layout.refresh_undo_buttons()
 
     @ui.refreshable_method
     def _channels(self) -> None:
@@ -107,13 +107,13 @@ class _Page:
             with ui.element("td"):
                 box = ui.checkbox(value=choices.of(name).use, on_change=use)
                 box.props["aria-label"] = f"Use {name}"
-                box.set_enabled(job is None or job.state != "failed")
+                box.set_enabled(job.state != "failed")
             with ui.element("td"):
                 link = ui.link(name, f"?{layout.query(log=name)}")
                 if chosen:
                     link.props("aria-current=true").classes("text-weight-bold")
             with ui.element("td"):
-                if job is not None and job.state in ("failed", "cancelled"):
+                if job.unfinished:
                     layout.failure(job.error or "reading was cancelled")
                 elif inputs.is_stored(self.workspace, name):
                     survey = inputs.survey(self.workspace, name)
@@ -124,7 +124,7 @@ class _Page:
                 else:
                     ui.label("waits to be read")
             with ui.element("td"):
-                if job is not None and job.state in ("failed", "cancelled"):
+                if job.unfinished:
                     ui.button("Read again", on_click=partial(self._read_again, name)).props("flat dense no-caps")
                 remove = ui.button("Remove", on_click=partial(self._ask_to_remove, name))
                 remove.props("flat dense no-caps").props["aria-label"] = f"Remove {name}"
@@ -150,9 +150,7 @@ class _Page:
         """Remove a log after a question, because this cannot be undone."""
         question = f"Delete {name} from {self.workspace.folder / 'logs'}? This cannot be undone."
         if await layout.confirmed(question, "Delete"):
-            job = jobs.get(_key(name))
-            if job is not None:
-                job.cancel()
+            jobs.get(_key(name)).cancel()
             try:
                 self.workspace.remove_log(name)
             finally:
@@ -162,10 +160,10 @@ class _Page:
 def _read_next(workspace: Workspace, logs: list[str]) -> None:
     """Read the first log that has not been read, unless one is being read: reading needs memory."""
     states = {name: jobs.get(_key(name)) for name in logs}
-    if any(job is not None and job.running for job in states.values()):
+    if any(job.running for job in states.values()):
         return
     for name, job in states.items():
-        if (job is None or job.state == "done") and not inputs.is_stored(workspace, name):
+        if job.state in ("none", "done") and not inputs.is_stored(workspace, name):
             jobs.start(_key(name), inputs.store, workspace.folder, name)
             return
 

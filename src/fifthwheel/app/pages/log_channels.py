@@ -45,7 +45,7 @@ def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
     times = log.row_time
     shown = [column for column in drawn if column in log.columns][:MOST]
     shown = shown or [n for n, c in survey.contents.items() if c.alive and n != times and c.sigma > 0][:FIRST]
-    view = _View(workspace, name, log, survey, shown)
+    view = _View(workspace, name, log, shown)
     view.build()
     _table(log, survey, shown, view.draw)
 
@@ -53,8 +53,8 @@ def channels(workspace: Workspace, name: str, drawn: Sequence[str]) -> None:
 class _View:
     """The plot of some channels in a window of time, and the choice of windows."""
 
-    def __init__(self, workspace: Workspace, name: str, log: StoredLog, survey: LogSurvey, shown: list[str]) -> None:
-        self._workspace, self._name, self._log, self._survey, self._shown = workspace, name, log, survey, shown
+    def __init__(self, workspace: Workspace, name: str, log: StoredLog, shown: list[str]) -> None:
+        self._workspace, self._name, self._log, self._shown = workspace, name, log, shown
         self._whole = log.span()
         self._origin = float(np.floor(self._whole[0])) if self._whole[0] > _EPOCH else 0.0
         self._range = self._whole
@@ -136,7 +136,6 @@ class _View:
         return window[0] - self._origin, window[1] - self._origin
 
     def _chosen(self) -> tuple[float, float]:
-        """The window of the two fields, by the timestamps of the log."""
         low, high = sorted(layout.typed_number(field.value) or 0.0 for field in (self._from, self._to))
         return max(low + self._origin, self._whole[0]), min(high + self._origin, self._whole[1])
 
@@ -173,7 +172,7 @@ class _View:
         rounded = tuple(sorted({(round(low, 3), round(high, 3)) for low, high in windows if high > low}))
         choices = self._workspace.choices().with_log(self._name, exclude=rounded)
         self._workspace.write_choices(choices, label)
-        layout.undo_buttons.refresh()
+        layout.refresh_undo_buttons()
         self._windows.refresh()
         await self.draw()
 

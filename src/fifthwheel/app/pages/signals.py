@@ -76,7 +76,6 @@ class _Page:
         ui.timer(0, first, once=True)
 
     def _find(self, text: str) -> None:
-        """Show the signals whose name contains a text."""
         self._found = text
         for signal, section in self._sections.items():
             section.visible = layout.contains(signal, text)
@@ -99,7 +98,7 @@ class _Page:
 
     async def mend(self, finding: Finding) -> None:
         """Do what a finding proposes, for each of its signals."""
-        text, channels = self.workspace.read(SIGNALS) or "", self.signal_map().signals
+        text, channels = self.workspace.read(SIGNALS) or "", self.workspace.signal_map().signals
         for signal in (finding.signal, *finding.others):
             text = with_channel(text, signal, **_remedy(finding, channels.get(signal)))
         await self._write(text, f"mend {finding.signal}")
@@ -130,13 +129,9 @@ class _Page:
         self._verdict.refresh()
         self._draw()
 
-    def signal_map(self) -> SignalMap:
-        """The map as it is on disk."""
-        return self.workspace.signal_map() or SignalMap()
-
     async def _write(self, text: str, label: str) -> None:
         self.workspace.write({SIGNALS: text}, label)
-        layout.undo_buttons.refresh()
+        layout.refresh_undo_buttons()
         await self.compare()
 
     def _draw(self) -> None:
@@ -173,11 +168,11 @@ class _Page:
             for finding in findings:
                 with ui.element("li"), ui.row().classes("items-center no-wrap"):
                     layout.finding(finding.severity, finding.message)
-                    if finding.remedy and finding.signal in self.signal_map().signals:
+                    if finding.remedy and finding.signal in self.workspace.signal_map().signals:
                         button = ui.button("Mend", on_click=partial(self.mend, finding)).props("dense no-caps")
                         button.props["aria-label"] = f"Mend {finding.signal}"
             if self.evidence is not None:
-                against = objections(self.evidence, self.signal_map(), self.workspace.vehicle())
+                against = objections(self.evidence, self.workspace.signal_map(), self.workspace.vehicle())
                 for text in against:
                     with ui.element("li"):
                         layout.finding("warning", text)
@@ -191,7 +186,7 @@ class _Page:
     @ui.refreshable_method
     def _rows(self) -> None:
         try:
-            signal_map = self.signal_map()
+            signal_map = self.workspace.signal_map()
         except FifthwheelError as error:
             layout.failure(f"{error}\nCorrect signals.toml with a text editor, or propose a map.")
             return
@@ -240,8 +235,7 @@ class _Page:
         return {"column": channel.column, "unit": unit, "sign": channel.sign, **numbers}
 
     def _show_file(self, signal: str) -> None:
-        """Let the fields of a signal show the file again."""
-        shown = self._shown(signal, self.signal_map().signals[signal])
+        shown = self._shown(signal, self.workspace.signal_map().signals[signal])
         for key, field in self._fields[signal].items():
             field.set_value(shown[key])
 
@@ -258,7 +252,7 @@ class _Page:
 
     async def _changed(self, signal: str, key: str, value: Any) -> None:
         """A field has a new value; an empty one is the default. After a refusal, the field shows the file again."""
-        if key == "unit" and value in ("", self._unit_in_log(self.signal_map().signals[signal])):
+        if key == "unit" and value in ("", self._unit_in_log(self.workspace.signal_map().signals[signal])):
             value = None
         await self._set(signal, key, value)
         if self._refusals[signal].text:
@@ -266,7 +260,7 @@ class _Page:
 
     async def _set(self, signal: str, key: str, value: Any) -> None:
         """Change a key of a signal; a refusal is shown in its row until the next change."""
-        if value == getattr(self.signal_map().signals[signal], key):
+        if value == getattr(self.workspace.signal_map().signals[signal], key):
             return
         refusal = self._refusals[signal]
         refusal.text = ""
@@ -281,7 +275,7 @@ class _Page:
 
     def _adding(self) -> None:
         with ui.row().classes("items-end"):
-            units = {SignalName.of(name).unit for name in self.signal_map().signals} - {"", None}
+            units = {SignalName.of(name).unit for name in self.workspace.signal_map().signals} - {"", None}
             names = ["speed"]
             for unit in sorted(units or {"tractor", "semitrailer"}):
                 names += [f"steer.{unit}.front", *[f"{channel.quantity}.{unit}" for channel in IDENTIFIED]]
@@ -303,7 +297,7 @@ class _Page:
             if signal in (finding.signal, *finding.others):
                 layout.finding(finding.severity, finding.message)
         channel = self.evidence.channels.get(signal)
-        mapped = self.signal_map().signals.get(signal)
+        mapped = self.workspace.signal_map().signals.get(signal)
         if channel is None or mapped is None:
             ui.label("An input: the other signals are predicted from it." if channel is None else "")
             return

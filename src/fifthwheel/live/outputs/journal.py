@@ -76,7 +76,6 @@ class Journal:
         self._write("end", None, **self._counts())
 
     def _counts(self) -> dict[str, Any]:
-        """What came since the last counts."""
         counts = {"outputs": dict(self._outputs), "refused": dict(self._refused)}
         self._outputs.clear()
         self._refused.clear()

@@ -126,7 +126,6 @@ class LiveBus:
                 self._ended.wait(RETRY)
 
     def _read(self, bus: Any) -> None:
-        """Read frames until the end or an error."""
         while not self._ended.is_set():
             message = bus.recv(_POLL)
             if message is None:

@@ -40,11 +40,7 @@ def read_trace(path: Path, notes: list[str]) -> Iterator[Frame]:
 
 
 def replay(
-    node: Node,
-    frames: Iterator[Frame],
-    *,
-    speed: float = 1.0,
-    sleep: Callable[[float], object] = time.sleep,
+    node: Node, frames: Iterator[Frame], *, speed: float = 1.0, sleep: Callable[[float], object] = time.sleep
 ) -> Iterator[Output]:
     """The outputs of a node for recorded frames; `speed` in recorded seconds per second, 0 for as fast as possible."""
     started, first = time.monotonic(), math.nan
