@@ -111,10 +111,11 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     stated = [vehicle.stated[path] for path in axles if path in vehicle.stated]
     lengths = Lengths(
         wheelbase=first - tractor.axle_groups[1].position,
-        coupling=first - wheel.leading_position,
-        coupling_sigma=vehicle.stated.get(f"{wheel.name}.leading_position"),
-        trailer=wheel.trailing_position - trailer.axle_groups[0].position,
-        trailer_sigma=fmean(stated) if len(stated) == len(axles) else None,
+        coupling=(first - wheel.leading_position, vehicle.stated.get(f"{wheel.name}.leading_position")),
+        trailer=(
+            wheel.trailing_position - trailer.axle_groups[0].position,
+            fmean(stated) if len(stated) == len(axles) else None,
+        ),
     )
     sigmas = {change.name: abs(change.slopes.get(change.name, 0.0)) for change in changes(vehicle)}
     tare = trailer.mass - (trailer.payload.mass if trailer.payload else 0.0)
