@@ -10,22 +10,14 @@ import math
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.plant.powertrain import GRAVITY, STEP, DrivenTruck, Powertrain, Road
+from fifthwheel.plant.powertrain import GRAVITY, SIGNALS, STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.plant.sensors import driveline_sensors, measure
 from fifthwheel.record import Record
 
 SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
 """Of traffic, m/s; a red light or a roundabout stops or slows it in between."""
-TRUE = (
-    "speed",
-    "engine_speed",
-    "engine_torque",
-    "friction_torque",
-    "driveline_engaged",
-    "braking.tractor",
-    "grade",
-)
-"""True signals, SI; the engine torque includes the friction."""
+TRUE = ("speed", *SIGNALS[:-1], "braking.tractor", "grade")
+"""True signals, SI."""
 
 
 def drive(
@@ -82,6 +74,5 @@ def _motion(truck: DrivenTruck, road: Road, traffic: Array) -> Array:
         v = max(v + (force.drive - resistance - downhill - force.brake) / total * STEP, 0.0)
         place += v * STEP
         train.turn(v)
-        indicated = train.torque + train.friction
-        out[k] = v, train.engine_speed, indicated, train.friction, train.engaged, train.braking, grade
+        out[k] = v, *train.signals, grade
     return out
