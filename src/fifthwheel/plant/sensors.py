@@ -218,8 +218,7 @@ def _check_name(name: str, sensor: Sensor) -> None:
 def read_sensors(path: str | Path) -> dict[str, Sensor]:
     """Sensors by signal from a TOML file, with numbers in SI or texts with a unit; see the docstring of this module.
 
-    Raises:
-        SignalError: the file is not readable, or a table, key or value in it is not valid.
+    A SignalError if the file is not readable, or a table, key or value in it is not valid.
     """
     try:
         text = read_toml(Path(path))

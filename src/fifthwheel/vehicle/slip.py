@@ -56,8 +56,7 @@ class Slip:
     def load(cls, path: str | Path) -> Self:
         """Read a slip file.
 
-        Raises:
-            VehicleError: the file is not readable or not TOML, or has another key or a load that is no mass.
+        A VehicleError if the file is not readable or not TOML, or has another key or a load that is no mass.
         """
         try:
             table = parse_toml(read_toml(Path(path)))
@@ -110,10 +109,8 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     "tractor.cog", m behind the first axle, where there is no solo slip, and "trailer.mass" without load, kg, where
     there is no empty slip. Without a solo slip, the laden loads inform the tractor's CoG too if the kingpin is known.
     The result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and "coupling", with
-    standard deviations; distances are behind the first axle and the kingpin. What does not follow is absent.
-
-    Raises:
-        VehicleError: a load is missing or unknown, or the loads contradict each other.
+    standard deviations; distances are behind the first axle and the kingpin. What does not follow is absent. A
+    VehicleError if a load is missing or unknown, or the loads contradict each other.
     """
     _check_slip(slip, groups)
     _check_order(lengths, slip, groups, tares)
@@ -154,8 +151,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
 def weigh_solo(lengths: Lengths, slip: Slip, groups: tuple[str, str, str]) -> dict[str, Number]:
     """The results "tractor.mass" and "tractor.cog" of `weigh`, from the loads of the tractor alone.
 
-    Raises:
-        VehicleError: a load is missing or unknown, or front and drive loads seem exchanged.
+    A VehicleError if a load is missing or unknown, or front and drive loads seem exchanged.
     """
     _check_slip(slip, groups, "solo")
     _check_order(lengths, slip, groups, {})

@@ -142,7 +142,6 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     for path, (value, _) in values.items():
         if path.endswith("mass") and value <= 0:
             raise VehicleError(f"{path}: expected above 0 kg, got {value:.0f} kg from {name}; check it, and {path}")
-    source = f"{vehicle.source}; weighed by {name}".removeprefix("; ")
     weighed = vehicle.replace(
         {path: round(value, 0 if path.endswith("mass") else 3) for path, (value, _) in values.items()}
     )
@@ -154,7 +153,8 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
         if sigma or (after[path] != before[path] and path not in vehicle.assumed)
     ]
     assumed = {path: reason for path, reason in weighed.assumed.items() if path not in written}
-    new_text = with_numbers(text, weighed.model_copy(update={"source": source, "assumed": assumed}), written)
+    described = _with_source(weighed, f"weighed by {name}").model_copy(update={"assumed": assumed})
+    new_text = with_numbers(text, described, written)
     newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
     loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
     return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
@@ -220,10 +220,9 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
     body = f"{unit.name}.sprung.mass"
     if body not in loaded.stated:
         stated[body] = quantity_of("mass").sigma * unit.sprung.mass
-    source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
     assumed = {path: reason for path, reason in loaded.assumed.items() if path not in stated or path == body}
-    loaded = loaded.with_stated(stated).model_copy(update={"source": source, "assumed": assumed})
-    loaded = _rounded(loaded, vehicle)
+    loaded = _with_source(loaded.with_stated(stated), f"mass by {', '.join(record.name for record in records)}")
+    loaded = _rounded(loaded.model_copy(update={"assumed": assumed}), vehicle)
     return DrivenVehicle(
         vehicle=loaded,
         result=result,
@@ -231,6 +230,10 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
         changed=changed_numbers(vehicle, loaded),
         text=None if text is None else edited(text, loaded),
     )
+
+
+def _with_source(vehicle: Vehicle, added: str) -> Vehicle:
+    return vehicle.model_copy(update={"source": f"{vehicle.source}; {added}".removeprefix("; ")})
 
 
 def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
@@ -269,8 +272,7 @@ def weigh_vehicle(
                 "name in signals.toml"
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
-    source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
-    weighed = _rounded(weighed.model_copy(update={"source": source}), vehicle)
+    weighed = _rounded(_with_source(weighed, f"weighed by {record.name}"), vehicle)
     new_text = None if text is None else edited(text, weighed)
     return WeighedVehicle(vehicle=weighed, loads=loads, text=new_text, unused=unused)
 
@@ -278,17 +280,14 @@ def weigh_vehicle(
 def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
     """The vehicle with the result of a roll test; see `vehicle.with_roll_test`.
 
-    Other numbers have the standard deviations that the vehicle file states, or else the default ones.
-
-    Raises:
-        VehicleError: the test is not plausible, or does not suit the vehicle.
+    Other numbers have the standard deviations that the vehicle file states, or else the default ones. A VehicleError if
+    the test is not plausible, or does not suit the vehicle.
     """
     rows = {path: (quantity_of(path), value) for path, value in vehicle.parameters().items()}
     sigmas = {path: row.sigma_of(value) for path, (row, value) in rows.items() if row.is_uncertain and value}
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
-    source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")
-    return _rounded(tested.model_copy(update={"source": source}), vehicle)
+    return _rounded(_with_source(tested, f"roll test of the {test.unit}"), vehicle)
 
 
 def changed_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float | None]]:

@@ -71,9 +71,8 @@ class Description:
 def new_vehicle(description: Description) -> str:
     """The text of a vehicle file, with the uncertainty and the source of each number.
 
-    Raises:
-        VehicleError: a class is not one of a tractor or semitrailer, the slip contradicts itself, or a number is not
-            valid.
+    A VehicleError if a class is not one of a tractor or semitrailer, the slip contradicts itself, or a number is not
+    valid.
     """
     _check(description)
     builder = _Builder(description)

@@ -30,10 +30,8 @@ def complete(fields: Mapping[str, Any]) -> Table:
     """Fields of a vehicle, as from `toml_format.parse`, with the missing numbers of each unit that has a class, and of
     the coupling in front of it; `stated` has the standard deviation of each filled number, and `assumed` its source.
 
-    A relaxation length needs no class: all truck tyres have nearly the same. A file for tyres without lag says 0.
-
-    Raises:
-        VehicleError: a class does not exist or has other axle groups, or a number is missing that no class can give.
+    A relaxation length needs no class: all truck tyres have nearly the same. A file for tyres without lag says 0. A
+    VehicleError if a class does not exist or has other axle groups, or a number is missing that no class can give.
     """
     completed = copy.deepcopy(dict(fields))
     units, couplings = completed["units"], completed["couplings"]
