@@ -32,7 +32,6 @@ def test_only_loads_beyond_the_tolerance_are_listed():
     assert (difference.log, difference.group) == ("run", "semitrailer")
     assert difference.measured == pytest.approx(0.9 * difference.expected)
     assert difference.expected == loads["semitrailer"]
-    assert len(axle_load_differences(TRUCK, [record], tolerance=0.03)) == 2
 
 
 def test_weighing_finds_the_masses_of_another_vehicle():

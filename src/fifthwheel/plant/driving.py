@@ -30,11 +30,6 @@ def drive(
     Args:
         duration: s.
         rate: of the log, Hz.
-
-    Example:
-        >>> from fifthwheel.plant.driving import DrivenTruck, drive
-        >>> sorted(drive(DrivenTruck(mass=30e3), duration=20.0).signals)[:3]
-        ['braking.tractor', 'driveline_engaged', 'engine_speed']
     """
     rng = np.random.default_rng(seed)
     n, every = round(duration / STEP), round(1 / (rate * STEP))

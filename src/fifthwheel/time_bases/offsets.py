@@ -208,16 +208,6 @@ def _joined(name: str, offsets: Sequence[TimeOffset], signals: tuple[str, ...]) 
     """The common offset of several channels: their mean, weighted by sigma."""
     weight = np.array([1 / max(o.sigma, 1e-3) ** 2 for o in offsets])
     weight /= weight.sum()
-
-    def mean(values: list[float]) -> float:
-        return float(weight @ np.array(values))
-
-    return TimeOffset(
-        name=name,
-        signals=signals,
-        offset=mean([o.offset for o in offsets]),
-        sigma=mean([o.sigma for o in offsets]),  # the error of the vehicle is common to all channels
-        explained_at_0=mean([o.explained_at_0 for o in offsets]),
-        explained=mean([o.explained for o in offsets]),
-        smallest=max(o.smallest for o in offsets),
-    )
+    averaged = ("offset", "sigma", "explained_at_0", "explained")  # the error of the vehicle is common to all channels
+    means = {key: float(weight @ np.array([getattr(o, key) for o in offsets])) for key in averaged}
+    return TimeOffset(name=name, signals=signals, smallest=max(o.smallest for o in offsets), **means)

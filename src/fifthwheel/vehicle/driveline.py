@@ -92,10 +92,6 @@ def driveline_numbers(driveline: Driveline | None, stated: Mapping[str, float]) 
 
     A value in the vehicle file without a standard deviation has the relative one of `DRIVELINE`. The arguments are the
     fields of the vehicle.
-
-    Example:
-        >>> driveline_numbers(None, {})["efficiency"]
-        (0.945, 0.01)
     """
     given = {} if driveline is None else driveline.model_dump(exclude_none=True)
     numbers = {}

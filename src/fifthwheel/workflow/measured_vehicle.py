@@ -22,6 +22,8 @@ from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
+ON_BOARD_ACCURACY = 0.05
+"""Of the axle loads of on-board weighing, as a fraction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -64,16 +66,10 @@ class WeighedVehicle:
         }
 
 
-def axle_load_differences(
-    vehicle: Vehicle, records: Sequence[Record], *, tolerance: float = 0.05
-) -> tuple[AxleLoadDifference, ...]:
-    """Axle loads in the logs that differ from the vehicle file by more than a fraction of its load.
+def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> tuple[AxleLoadDifference, ...]:
+    """Axle loads in the logs that differ from the vehicle file by more than the accuracy of on-board weighing.
 
-    Args:
-        tolerance: by default the accuracy of on-board weighing.
-
-    Raises:
-        SignalError: an axle load with too few samples at rest or on a straight.
+    A SignalError for an axle load with too few samples at rest or on a straight.
     """
     weighed = [record for record in records if any(name.startswith(PREFIX) for name in record.signals)]
     expected = vehicle.axle_loads() if weighed else {}
@@ -81,7 +77,7 @@ def axle_load_differences(
         AxleLoadDifference(log=record.name, group=group, measured=load.value, expected=expected[group])
         for record in weighed
         for group, load in static_loads(record).items()
-        if group in expected and abs(load.value / expected[group] - 1) > tolerance
+        if group in expected and abs(load.value / expected[group] - 1) > ON_BOARD_ACCURACY
     )
 
 
