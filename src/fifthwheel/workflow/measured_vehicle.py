@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
@@ -52,8 +52,8 @@ class WeighedVehicle:
     vehicle: Vehicle
     loads: Mapping[str, StaticLoad]
     """By the path of the axle group."""
-    text: str | None = None
-    """The vehicle file with the new numbers, and its comments; None without a file."""
+    text: str
+    """The vehicle file with the new numbers, and its comments."""
     unused: tuple[str, ...] = ()
     """Weights in the log that are not the load of an axle group; `mass` uses them."""
 
@@ -164,10 +164,9 @@ class DrivenVehicle:
     result: GrossMass
     before: tuple[float, float]
     """Gross mass and its standard deviation by the vehicle file, kg."""
-    text: str | None = None
-    """The vehicle file with the new numbers, and its comments; None without a file."""
-
-    changed: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    text: str
+    """The vehicle file with the new numbers, and its comments."""
+    changed: Mapping[str, Mapping[str, float | None]]
     """The numbers of the vehicle file that follow the load; see `changed_numbers`."""
 
     @property
@@ -181,19 +180,18 @@ class DrivenVehicle:
         return {"gross_mass": asdict(self.result), "vehicle_file": file, "changed": self.changed}
 
 
-def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | None = None) -> DrivenVehicle:
-    """The vehicle with the payload, and with axle loads the CoG, of its laden unit in logs; see `identify.mass`.
+def drive_vehicle(records: Sequence[Record], text: str) -> DrivenVehicle:
+    """The vehicle of a file with the payload, and with axle loads the CoG, of its laden unit in logs; see
+    `identify.mass`.
 
     The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
     deviation of the measurements and the other units; its body keeps its own.
-
-    Args:
-        text: the vehicle file, for the text of the result.
 
     Raises:
         SignalError: the logs do not determine the mass, or driving and weights contradict each other.
         VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
     """
+    vehicle = Vehicle.loads(text)
     result, before = gross_mass(records, vehicle), mass_of_file(vehicle)
     if result.verdict is Verdict.DOUBTFUL:
         raise SignalError(f"{enumerated([record.name for record in records])}: {contradiction(result)}")
@@ -224,7 +222,7 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
         result=result,
         before=before,
         changed=changed_numbers(vehicle, loaded),
-        text=None if text is None else edited(text, loaded),
+        text=edited(text, loaded),
     )
 
 
@@ -242,13 +240,12 @@ def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
     return Vehicle(**fields)
 
 
-def weigh_vehicle(
-    record: Record, vehicle: Vehicle, *, tolerance: float = 0.02, text: str | None = None
-) -> WeighedVehicle:
+def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> WeighedVehicle:
     """Masses and CoG positions from the axle loads of a log; yaw and roll inertias stay.
 
     Args:
-        text: the vehicle file, for the text of the result.
+        record: the log.
+        text: vehicle file.
         tolerance: allowed difference of the front axle's load from the expected one, as a fraction of the tractor's
             load.
 
@@ -256,6 +253,7 @@ def weigh_vehicle(
         SignalError: the log has no axle load, or one of a group that the vehicle does not have.
         VehicleError: the loads contradict each other.
     """
+    vehicle = Vehicle.loads(text)
     groups = vehicle.axle_loads()
     of_units = {unit.name for unit in vehicle.units} - set(groups)  # a trailer with one axle group has its name
     loads = {group: load for group, load in static_loads(record).items() if group not in of_units}
@@ -269,8 +267,7 @@ def weigh_vehicle(
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
     weighed = _rounded(_with_source(weighed, f"weighed by {record.name}"), vehicle)
-    new_text = None if text is None else edited(text, weighed)
-    return WeighedVehicle(vehicle=weighed, loads=loads, text=new_text, unused=unused)
+    return WeighedVehicle(vehicle=weighed, loads=loads, text=edited(text, weighed), unused=unused)
 
 
 def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
