@@ -164,7 +164,7 @@ def _complete_masses(completion: _Completion, unit: Table, kind: VehicleClass) -
 
 def _complete_groups(completion: _Completion, unit: Table, kind: VehicleClass, loads: Mapping[str, float]) -> None:
     """Stiffness and damping of the axle groups."""
-    for group, figures in zip(unit["axle_groups"], kind.groups.values(), strict=True):
+    for group, (figures, _) in zip(unit["axle_groups"], kind.groups.values(), strict=True):
         path, count = _group_path(unit, group), len(_on_road(group))
         if loads[path] <= 0:
             raise VehicleError(
