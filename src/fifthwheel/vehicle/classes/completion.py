@@ -113,8 +113,8 @@ def _complete_unit(completion: _Completion, unit: Table, coupling: Table | None)
         for axle in group["axles"] or [{}]:
             _require(axle, ("position",), f"{name}.{axle.get('name', group.get('name', 'axles'))}")
     axles = [axle for group in groups for axle in group["axles"]]
-    if kind.steerable:
-        axles[0 if kind.steerable == "first" else -1].setdefault("steerable", True)
+    if kind.coupling is None or kind.steers_last:
+        axles[-1 if kind.steers_last else 0].setdefault("steerable", True)
     reference = coupling["trailing_position"] if coupling else axles[0]["position"]
     others = axles if coupling else axles[len(groups[0]["axles"]) :]
     wheelbase = reference - sum(axle["position"] for axle in others) / len(others)

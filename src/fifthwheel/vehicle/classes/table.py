@@ -12,7 +12,7 @@ the sets chose it, sigma is wider. The sets:
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from fifthwheel.vehicle.unit import CouplingKind
 
@@ -72,8 +72,8 @@ class VehicleClass:
     body: BodyFigures
     coupling: CouplingFigures | None = None
     """The front coupling; None for a first unit."""
-    steerable: Literal["first", "last"] | None = None
-    """Which axle has a steer angle as an input."""
+    steers_last: bool = False
+    """Whether the last axle has a steer angle as an input; the first axle of a first unit has one."""
 
     @property
     def axle_counts(self) -> tuple[int, ...]:
@@ -167,7 +167,7 @@ TRAILER_COG = Figure(0.67, 0.08, "Auburn 0.56 laden and 0.67 unladen, article 0.
 THREE_AXLE_TRACTOR_COG = Figure(0.38, 0.06, "Auburn 0.37, Kraz 0.48 of the wheelbase")
 
 
-def _semitrailer(description: str, axles: int, tare: Figure, steerable: Literal["last"] | None = None) -> VehicleClass:
+def _semitrailer(description: str, axles: int, tare: Figure, steers_last: bool = False) -> VehicleClass:
     return VehicleClass(
         description=description,
         groups={"axles": (TRAILER_AXLE, axles)},
@@ -175,7 +175,7 @@ def _semitrailer(description: str, axles: int, tare: Figure, steerable: Literal[
         cog=TRAILER_COG,
         body=TRAILER,
         coupling=FIFTH_WHEEL,
-        steerable=steerable,
+        steers_last=steers_last,
     )
 
 
@@ -189,7 +189,6 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(7200, 600, "article 6.9 and 7.2, GOPS 5.8 t"),
         cog=Figure(0.28, 0.04, "article 0.28, GOPS 0.28 of the wheelbase"),
         body=TRACTOR,
-        steerable="first",
     ),
     "tractor_6x2": VehicleClass(
         description="three-axle tractor, one driven axle",
@@ -197,7 +196,6 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(8300, 800, "between 7.2 t of two axles (article) and 8.6 t of 6x4 (Auburn)"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
-        steerable="first",
     ),
     "tractor_6x4": VehicleClass(
         description="three-axle tractor, two driven axles",
@@ -205,12 +203,11 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(9000, 1000, "Auburn 8.6 t; Kraz 13.2 t"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
-        steerable="first",
     ),
     "semitrailer_2": _semitrailer("two-axle semitrailer", 2, TWO_AXLE_TARE),
     "semitrailer_3": _semitrailer("three-axle semitrailer", 3, THREE_AXLE_TARE),
-    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, "last"),
-    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, "last"),
+    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, True),
+    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, True),
     "b_double_lead": VehicleClass(
         description="lead trailer of a B-double, with a fifth wheel behind its axles",
         groups={"axles": (TRAILER_AXLE, 3)},
@@ -225,7 +222,6 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(8500, 1500, "chosen: the tractor of the article, 7 t, with a body"),
         cog=Figure(0.5, 0.12, "chosen: unladen 0.35, laden 0.65 of the wheelbase"),
         body=RIGID,
-        steerable="first",
     ),
     "truck_6x2": VehicleClass(
         description="three-axle rigid truck",
@@ -233,7 +229,6 @@ CLASSES: Mapping[str, VehicleClass] = {
         tare=Figure(11000, 2000, "chosen: a three-axle tractor, 8.6 t (Auburn), with a body"),
         cog=Figure(0.58, 0.12, "chosen: unladen 0.45, laden 0.7 of the wheelbase"),
         body=RIGID,
-        steerable="first",
     ),
     "dolly": VehicleClass(
         description="dolly: drawbar, axles and a fifth wheel",
