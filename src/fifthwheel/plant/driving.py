@@ -23,13 +23,9 @@ TRUE = ("speed", *SIGNALS[:-1], "braking.tractor", "grade")
 def drive(
     truck: DrivenTruck, *, duration: float = 600.0, seed: int = 0, rate: float = 50.0, name: str = "drive"
 ) -> Record:
-    """The log of a drive with stops and hills, all of it random.
+    """The log of a drive of a duration, s, with stops and hills, all of it random, at a sampling rate, Hz.
 
     The reference has the true speed and grade.
-
-    Args:
-        duration: s.
-        rate: of the log, Hz.
     """
     rng = np.random.default_rng(seed)
     n, every = round(duration / STEP), round(1 / (rate * STEP))

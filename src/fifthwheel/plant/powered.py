@@ -105,12 +105,8 @@ class PoweredWheels:
 
 
 def brake_limited(torques: Array, rim_speed: Array) -> Array:
-    """Torques of wheels, N m, (wheels,): a brake opposes the rotation, so a locked wheel stands and does not turn back.
-
-    Args:
-        torques: by the commands, negative of a brake.
-        rim_speed: of the wheels, m/s.
-    """
+    """Commanded torques of wheels, N m, (wheels,), negative of a brake, at speeds of their rims, m/s: a brake opposes
+    the rotation, so a locked wheel stands and does not turn back."""
     return np.where(torques < 0, torques * np.clip(rim_speed / LOCKING_SPEED, -1, 1), torques)
 
 

@@ -96,14 +96,8 @@ class Component(BaseModel):
 
     @classmethod
     def require_plausible(cls, key: str, value: float, *, path: str, written: object) -> None:
-        """Raise a VehicleError where a number that the user states, SI, is outside the range of road vehicles.
-
-        Args:
-            key: of the number.
-            value: SI.
-            path: that the message names.
-            written: the value as the user wrote it.
-        """
+        """Raise a VehicleError where a number that the user states, SI, is outside the range of road vehicles; the
+        message has its path, and the value as `written`."""
         low, high = cls.plausible.get(key, (-math.inf, math.inf))
         if not low <= value <= high:
             unit = "" if cls.si_units[key] == "1" else f" {cls.si_units[key]}"

@@ -88,7 +88,6 @@ def read_records(
         paths: logs of one vehicle.
         signal_map: which column is which signal, the same for all logs.
         exclude: windows that are left out, as of `read_log`, by the name of a record; "" for all records.
-        progress: called with a title, the thousandths of a log that are read, and 1000.
 
     Raises:
         SignalError: a log that cannot be read, or windows of another one.
