@@ -40,8 +40,7 @@ def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
     load, height, width, floor = (
         p[f"{unit.name}.payload.{key}"] for key in ("mass", "height", "width", "floor_height")
     )
-    cog = floor + height / 2
-    lever = cog - roll_axis
+    cog, lever = floor + height / 2, floor + height / 2 - roll_axis
     inertia = inertia + load * (lever * lever)
     if unit.payload.shape == "uniform":
         inertia = inertia + load * (width * width + height * height) / 12
