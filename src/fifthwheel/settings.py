@@ -6,7 +6,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import MISSING, asdict, dataclass, field, fields
-from functools import cache
+from functools import cache, partial
 from itertools import pairwise
 from reprlib import repr as shorten
 from textwrap import dedent, fill
@@ -76,28 +76,14 @@ class Option:
         return self.flags or (f"--{name.replace('_', '-')}",)
 
 
-class _Documentation:
-    """The `__doc__` of settings: their docstring with all fields, made when it is first read."""
+class _Made:
+    """An attribute of a class, made from it when it is read."""
 
-    def __init__(self, text: str | None) -> None:
-        self.text = text
+    def __init__(self, make: Callable[[Any], Any]) -> None:
+        self.make = make
 
-    def __get__(self, instance: object, kind: Any) -> str | None:
-        # the decorator of dataclasses reads it too, before it sets this: then the source need not be read
-        return _documentation(kind, self.text) if self.text and "__match_args__" in vars(kind) else self.text
-
-
-class _Signature:
-    """The signature of settings: the types with limits and cures would fill a screen."""
-
-    def __get__(self, instance: object, kind: Any) -> inspect.Signature:
-        return _signature(kind)
-
-
-class _Shown(str):
-    """A text that is its own representation: a default in a signature."""
-
-    __repr__ = str.__str__
+    def __get__(self, instance: object, kind: Any) -> Any:
+        return self.make(kind)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,10 +94,10 @@ class Settings:
         SignalError: a value has another type or is outside its range; each line names a setting and the cure.
     """
 
-    __signature__ = _Signature()
+    __signature__ = _Made(lambda kind: _signature(kind))
 
     def __init_subclass__(cls) -> None:
-        type.__setattr__(cls, "__doc__", _Documentation(cls.__doc__))
+        type.__setattr__(cls, "__doc__", _Made(partial(_documentation, text=cls.__doc__)))
 
     def __post_init__(self) -> None:
         from pydantic import ValidationError  # slow to import, and not needed for the options in a help text
@@ -157,39 +143,34 @@ def meanings(kind: Any) -> dict[str, str]:
     return {f.name: found.get(f.name, "") for f in fields(kind)}
 
 
-def shown(value: Any) -> str:
+def _shown(value: Any) -> str:
     """A value of a setting: a number without the digits of a conversion of units, other settings by their name."""
     if isinstance(value, Settings):
         return f"{type(value).__name__}()"
     if isinstance(value, tuple):
-        return "(" + ", ".join(map(shown, value)) + ")"
+        return "(" + ", ".join(map(_shown, value)) + ")"
     return f"{value:.4g}" if isinstance(value, float) and value < 1e4 else repr(value)
 
 
 def _default(setting: Any) -> str:
     """The default of a field, shortened; "" if it has none."""
-    if setting.default is MISSING and setting.default_factory is MISSING:
-        return ""
     value = setting.default if setting.default_factory is MISSING else setting.default_factory()
-    text = shown(value)
+    text = "" if value is MISSING else _shown(value)
     return text if len(text) < 60 else shorten(value)
 
 
-@cache
 def _signature(kind: Any) -> inspect.Signature:
-    Parameter = inspect.Parameter
-    own = []
-    for f in fields(kind):
-        default = _Shown(_default(f)) or Parameter.empty if f.default is MISSING else f.default
-        own.append(Parameter(f.name, Parameter.KEYWORD_ONLY, default=default))
-    with_self = [Parameter("self", Parameter.POSITIONAL_OR_KEYWORD), *own]
-    kind.__init__.__signature__ = inspect.Signature(with_self)  # help() shows it too
-    return inspect.Signature(own)
+    """Without the types, which would fill a screen with their limits and cures."""
+    parameters = inspect.signature(kind.__init__).parameters.values()
+    plain = [parameter.replace(annotation=inspect.Parameter.empty) for parameter in parameters]
+    kind.__init__.__signature__ = inspect.Signature(plain)  # help() shows it too
+    return inspect.Signature(plain[1:])
 
 
-@cache
-def _documentation(kind: Any, text: str) -> str:
+def _documentation(kind: Any, text: str | None) -> str | None:
     """A docstring with all fields before its sections."""
+    if not text or "__match_args__" not in vars(kind):  # the decorator of dataclasses reads it before it sets this
+        return text
     head, *sections = re.split(r"\n\n(?=[A-Z]\w+:\n)", inspect.cleandoc(text), maxsplit=1)
     defaults = {f.name: f" (default {default})" if (default := _default(f)) else "" for f in fields(kind)}
     entries = [f"    {name}{defaults[name]}: {meaning}" for name, meaning in meanings(kind).items()]

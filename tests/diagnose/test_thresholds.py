@@ -106,7 +106,7 @@ def test_a_sensor_error_further_than_two_and_a_half_prior_sigmas(result, name, m
 @pytest.mark.parametrize("kind", ["position", "height"])
 def test_the_place_of_an_accelerometer(result, kind):
     unit = result.identification.initial_vehicle.unit("tractor")
-    mean = getattr(unit.accelerometer_place, kind)
+    mean = getattr(unit.place_of_accelerometer(), kind)
     settings = replace(result.identification.settings, given={f"{ACCELEROMETER}.{kind}": "+- 0.377 m"})
     assert not unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 - 1e-6), 1e-6, settings)
     assert unusual(result, f"{ACCELEROMETER}.{kind}", mean - 2.5 * 0.377 * (1 + 1e-6), 1e-6, settings)

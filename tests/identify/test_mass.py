@@ -110,7 +110,7 @@ def test_driving_that_contradicts_the_loads_is_refused_and_found():
     result = fw.gross_mass([record], TRUCK)
     assert result.verdict is fw.Verdict.DOUBTFUL
     with pytest.raises(fw.SignalError, match=r"drive: the gross mass is 2\d.* by driving, and 40\.6.* by axle loads"):
-        drive_vehicle([record], TRUCK)
+        drive_vehicle([record], TRUCK.to_toml())
     (finding,) = mass_findings([record], TRUCK)
     assert finding.fault == "mass"
     assert "correct the scales in [driveline]" in finding.message
@@ -123,7 +123,7 @@ def test_exchanged_loads_are_refused():
     record = parked(signals | {"axle_load.semitrailer": loads["semitrailer"]})
     assert fw.gross_mass([record], TRUCK).verdict is fw.Verdict.DOUBTFUL
     with pytest.raises(fw.SignalError, match=r"parked: axle_load\.tractor\.\w+ differs by \d+\.\d sigma .* exchanged"):
-        drive_vehicle([record], TRUCK)
+        drive_vehicle([record], TRUCK.to_toml())
 
 
 def test_a_parked_truck_with_all_signals_has_the_mass_of_its_loads():
@@ -162,7 +162,7 @@ def test_a_weight_that_cannot_be_used_is_refused(signals, message):
 
 def test_the_file_has_the_load_and_its_cog():
     other = fw.with_payload(TRUCK, 12e3, cog=-5.2)
-    driven = drive_vehicle([parked(loads_of(other), gains=dict.fromkeys(loads_of(other), 1e-4))], TRUCK)
+    driven = drive_vehicle([parked(loads_of(other), gains=dict.fromkeys(loads_of(other), 1e-4))], TRUCK.to_toml())
     new, trailer = driven.vehicle.parameters(), driven.vehicle.units[1]
     assert trailer.mass == pytest.approx(other.units[1].mass, rel=0.01)
     assert driven.vehicle.stated["semitrailer.cog"] < 0.15

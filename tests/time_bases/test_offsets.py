@@ -10,8 +10,9 @@ from fifthwheel.manoeuvres import course
 from fifthwheel.manoeuvres.open_loops import single_sine, single_track_steer
 from fifthwheel.record import Record
 from fifthwheel.simulate import simulate
-from fifthwheel.time_bases import check_signals, measure_time_offsets
-from fifthwheel.time_bases.offsets import TimeOffset
+from fifthwheel.time_bases import check_signals
+from fifthwheel.time_bases.offsets import TimeOffset, offsets_of
+from fifthwheel.time_bases.predictions import predict_channels
 from fifthwheel.vehicle import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011_vehicle")
@@ -57,7 +58,8 @@ def late(record: Record, delay: float, *names: str) -> Record:
 
 
 def measured(record: Record, vehicle: Vehicle | None) -> dict[str, TimeOffset]:
-    return {offset.name: offset for offset in measure_time_offsets(record, vehicle)}
+    prediction = predict_channels(record, vehicle)
+    return {offset.name: offset for offset in offsets_of(record, prediction)} if prediction else {}
 
 
 @each_vehicle
@@ -102,7 +104,7 @@ def test_without_a_vehicle_only_large_delays():
 def test_a_time_base_has_one_offset_before_its_channels():
     record = late(log("linear lane changes"), 0.35, YAW2, ROLL2)
     record = replace(record, time_bases={YAW2: "trailer logger", ROLL2: "trailer logger"})
-    base, *channels = measure_time_offsets(record, TRUCK)
+    base, *channels = measured(record, TRUCK).values()
     assert (base.name, set(base.signals)) == ("trailer logger", {YAW2, ROLL2})
     assert base.offset == pytest.approx(0.35, abs=0.02)
     assert base.significant
@@ -119,7 +121,7 @@ def test_a_log_that_cannot_be_predicted_has_no_offsets():
     straight = record.with_signals({n: np.zeros(len(record)) for n in record.signals if n != "speed"})
     without_speed = replace(record, signals={n: v for n, v in record.signals.items() if n != "speed"})
     for unusable in (straight, without_speed, record.cut(0, 3), record.with_signals({STEER: record.time * np.nan})):
-        assert measure_time_offsets(unusable, TRUCK) == ()
+        assert not measured(unusable, TRUCK)
 
 
 @pytest.mark.parametrize(

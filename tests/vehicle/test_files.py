@@ -135,8 +135,8 @@ def test_place_of_an_accelerometer() -> None:
     assert Vehicle.loads(vehicle.to_toml()) == vehicle
     assert changes(vehicle) == changes(Vehicle.loads(TEXT))
     tractor, trailer = vehicle.units
-    assert tractor.accelerometer_place == tractor.accelerometer
-    assert (trailer.accelerometer_place.position, trailer.accelerometer_place.height) == (
+    assert tractor.place_of_accelerometer() == tractor.accelerometer
+    assert (trailer.place_of_accelerometer().position, trailer.place_of_accelerometer().height) == (
         trailer.cog,
         trailer.roll_axis_height,
     )
@@ -156,7 +156,7 @@ def test_places_of_several_accelerometers() -> None:
     assert changes(vehicle) == changes(Vehicle.loads(TEXT))
     tractor = vehicle.units[0]
     assert tractor.place_of_accelerometer("rear") == tractor.accelerometers["rear"]
-    assert tractor.place_of_accelerometer("front") == tractor.accelerometer_place
+    assert tractor.place_of_accelerometer("front") == tractor.place_of_accelerometer()
     moved = vehicle.replace({"tractor.accelerometers.rear.height": 0.7})
     assert moved.units[0].accelerometers["rear"].height == 0.7
     assert 'height = "0.7 m"' in edited(text, moved)

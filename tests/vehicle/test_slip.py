@@ -16,7 +16,7 @@ from fifthwheel.vehicle.slip import Lengths, Slip, weigh
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")
-LENGTHS = Lengths(wheelbase=3.7, coupling=3.1, trailer=8.0)
+LENGTHS = Lengths(wheelbase=3.7, coupling=(3.1, None), trailer=(8.0, None))
 LADEN = {path: load / STANDARD_GRAVITY for path, load in TRUCK.axle_loads().items()}
 SOLO = {"tractor.front": 7200 * (3.7 - 1.03) / 3.7, "tractor.drive": 7200 * 1.03 / 3.7}
 EMPTY = {
@@ -39,7 +39,7 @@ TRUE = {
 
 def test_exact_slips_give_the_true_masses() -> None:
     slip = Slip(laden=LADEN, solo=SOLO, empty=EMPTY)
-    unknown = Lengths(wheelbase=3.7, coupling=None, trailer=8.0)
+    unknown = Lengths(wheelbase=3.7, coupling=None, trailer=(8.0, None))
     weighed = weigh(unknown, slip, GROUPS, {})
     assert {key: value for key, (value, _) in weighed.items()} == pytest.approx(TRUE)
     known = weigh(LENGTHS, slip, GROUPS, {})
@@ -52,7 +52,7 @@ def test_sigma_is_the_spread_of_repeated_weighings(coupling: float | None) -> No
     random, results = np.random.default_rng(1), []
     for _ in range(300):
         trailer = 8.0 + 0.05 * random.normal()
-        lengths = Lengths(wheelbase=3.7, coupling=coupling, trailer=trailer, trailer_sigma=0.05)
+        lengths = Lengths(wheelbase=3.7, coupling=coupling and (coupling, None), trailer=(trailer, 0.05))
         noisy = [
             {path: load * (1 + 0.01 * random.normal()) for path, load in loads.items()}
             for loads in (LADEN, SOLO, EMPTY)
@@ -73,7 +73,7 @@ def test_a_brochure_replaces_slips() -> None:
     )
     assert weighed["payload.mass"][1] == pytest.approx((weighed["trailer.mass"][1] ** 2 + 300**2) ** 0.5, rel=1e-6)
     with pytest.raises(VehicleError, match=r"solo: expected the loads of the tractor alone, .*give"):
-        weigh(Lengths(wheelbase=3.7, coupling=None, trailer=8.0), slip, GROUPS, tares)
+        weigh(Lengths(wheelbase=3.7, coupling=None, trailer=(8.0, None)), slip, GROUPS, tares)
 
 
 def test_the_laden_slip_gives_the_cog_of_the_tractor_where_the_kingpin_is_known() -> None:
@@ -81,7 +81,7 @@ def test_the_laden_slip_gives_the_cog_of_the_tractor_where_the_kingpin_is_known(
     random, found = np.random.default_rng(4), []
     for _ in range(300):
         loads = {path: load * (1 + 0.01 * random.normal()) for path, load in LADEN.items()}
-        lengths = replace(LENGTHS, coupling=3.1 + 0.02 * random.normal(), coupling_sigma=0.02)
+        lengths = replace(LENGTHS, coupling=(3.1 + 0.02 * random.normal(), 0.02))
         tares = {
             "tractor.mass": (7200 + 200 * random.normal(), 200.0),
             "tractor.cog": (1.03 + 0.3 * random.normal(), 0.3),
@@ -174,7 +174,7 @@ def test_exchanged_loads_of_usual_tractors(
     front, drive, bogie = GROUPS
     solo = {front: (1 - fraction) * mass, drive: fraction * mass}
     laden = {front: solo[front] + (1 - place) * hitch, drive: solo[drive] + place * hitch, bogie: 2e4}
-    lengths = Lengths(wheelbase=wheelbase, coupling=place * wheelbase if known else None, trailer=7.7)
+    lengths = Lengths(wheelbase=wheelbase, coupling=(place * wheelbase, None) if known else None, trailer=(7.7, None))
     loads = {"solo": solo, "laden": laden}
     for condition in wrong:
         right = loads[condition]

@@ -33,8 +33,7 @@ class StaticLoad:
 def static_loads(record: Record) -> dict[str, StaticLoad]:
     """Load of each axle group by its path, from the signals axle_load.<path>; see `static_weights`.
 
-    Raises:
-        SignalError: there is no axle load, or one has too few samples.
+    A SignalError if there is no axle load, or one has too few samples.
     """
     loads = static_weights(record, (AXLE_LOAD,))
     if not loads and (weights := sorted(name for name in record.signals if is_of(name, *WEIGHTS))):
@@ -53,10 +52,8 @@ def static_loads(record: Record) -> dict[str, StaticLoad]:
 def static_weights(record: Record, channels: Sequence[Channel] = WEIGHTS) -> dict[str, StaticLoad]:
     """Axle loads and weights by the names of their signals.
 
-    Samples at rest are used if every one has enough of them, otherwise those of driving straight.
-
-    Raises:
-        SignalError: one has fewer than 5 usable samples.
+    Samples at rest are used if every one has enough of them, otherwise those of driving straight. A SignalError if one
+    has fewer than 5 usable samples.
     """
     loads = {name: values for name, values in record.signals.items() if is_of(name, *channels)}
     used = np.ones(len(record), dtype=bool)
@@ -85,10 +82,8 @@ def mean_weights(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     """Mean and standard deviation, N, of the axle loads and weights in logs of one load, by signal.
 
     The error of the scale is the same in all logs: it is the `scale` of the channel, or the sigma of the `gain` that
-    the signal map states. The scatter counts in full, because the samples of a log are not independent.
-
-    Raises:
-        SignalError: a signal has too few samples, or weighs nothing, or the logs state different things of its sensor.
+    the signal map states. The scatter counts in full, because the samples of a log are not independent. A SignalError
+    if a signal has too few samples, or weighs nothing, or the logs state different things of its sensor.
     """
     found: dict[str, list[tuple[Record, StaticLoad]]] = {}
     for record in records:

@@ -16,7 +16,8 @@ from fifthwheel.record.timestamps import missing_steps
 
 MAX_SPEED = SPEED.limit.magnitude if SPEED.limit else np.inf
 """m/s; a larger one is a fault."""
-_MAX_BINS = 100_000
+_WINDOW, _MAX_BINS = 5.0, 100_000
+"""Parts of a record in which missing samples are counted: their duration, s, and their largest number."""
 _ANY_LIMIT = 1e9
 """SI; no quantity of a truck is as large."""
 _MAP_OR_CUT = "map another column, or cut the record with start and stop in [time] of signals.toml"
@@ -52,8 +53,8 @@ def impossible_samples(name: str, values: Array) -> NDArray[np.bool_]:
         return impossible if few else np.isfinite(magnitude) & (magnitude > _ANY_LIMIT)
 
 
-def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding]:
-    """A gap above 0.5 s, or more than 5 % missing within `window` s; an error if more than half of all is missing.
+def dropouts(record: Record, name: str) -> Iterator[Finding]:
+    """A gap above 0.5 s, or more than 5 % missing within 5 s; an error if more than half of all is missing.
 
     Missing samples are those of `missing_steps`. A signal that only the mass from driving uses is never an error. A
     weight is static, and SAE J1939 sends it every 10 s: it has no gaps.
@@ -70,7 +71,7 @@ def dropouts(record: Record, name: str, window: float = 5.0) -> Iterator[Finding
     edges, missing = missing_steps(record.time, record.signals[name])
     fraction = float(missing.sum() / (last - first))
     longest = int(missing.argmax())
-    bins = min(max(1, round((last - first) / window)), _MAX_BINS)
+    bins = min(max(1, round((last - first) / _WINDOW)), _MAX_BINS)
     per_bin, bin_edges = np.histogram(edges[:-1], bins=bins, range=(edges[0], last), weights=missing)
     worst = int(per_bin.argmax())
     local = per_bin[worst] / (bin_edges[1] - bin_edges[0])

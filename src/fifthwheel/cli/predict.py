@@ -134,7 +134,7 @@ def design(
     from fifthwheel.logs import SignalMap, write_record
     from fifthwheel.logs.files import record_writer
     from fifthwheel.workflow import design_run, read_truck, starts_of
-    from fifthwheel.workflow.settings import fractions
+    from fifthwheel.workflow.settings import targets_of
 
     if out:
         record_writer(out)  # refuses an unknown format before the search
@@ -143,7 +143,7 @@ def design(
         with progress_bar(quiet=as_json) as progress:
             result = design_run(
                 start.vehicle,
-                fractions("--target", target or ()),
+                targets_of(target or ()),
                 start.one_stage,
                 earlier=start.earlier,
                 channels=[name.strip() for text in channels or [] for name in text.split(",")],

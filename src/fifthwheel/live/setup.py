@@ -34,7 +34,7 @@ from fifthwheel.options import LiveOptions, ObserverOptions
 from fifthwheel.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.workflow import exported_observer, read_vehicle, vehicle_and_identification
-from fifthwheel.workflow.settings import fractions
+from fifthwheel.workflow.settings import targets_of
 
 
 @contextmanager
@@ -72,7 +72,7 @@ def opened(
         session = _session(chosen, observer, truck, signal_map, recorded, say)
         if chosen.coach and session.learning is not None:
             pool = None if chosen.replay else stack.enter_context(process_pool(1))
-            targets = fractions("--target", chosen.target)
+            targets = targets_of(chosen.target)
             session.coach = Coach(session.learning, targets, max_speed=max_speed, pool=pool)
         stack.callback(_report, session, say)
         stack.callback(session.close)

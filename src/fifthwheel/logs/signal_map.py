@@ -171,8 +171,7 @@ class SignalSource(BaseModel):
     def stated(self, signal: str) -> SensorPrior:
         """What the keys state of the sensor of a signal.
 
-        Raises:
-            SignalError: a text is not a quantity with its standard deviation.
+        A SignalError if a text is not a quantity with its standard deviation.
         """
         errors: dict[str, tuple[float, float | None]] = {}
         others = {"misalignment": self.misalignment, "play": self.play, "noise": self.noise}

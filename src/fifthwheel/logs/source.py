@@ -35,17 +35,18 @@ def reason(error: Exception) -> str:
 
 
 @contextmanager
-def damage(note: Callable[[str], object]) -> Iterator[None]:
-    """Give `note` the reason where the block fails: in a library, damaged bytes can cause any exception.
+def damage() -> Iterator[list[str]]:
+    """A list that gets the reason where the block fails: in a library, damaged bytes can cause any exception.
 
     A MemoryError passes, because the reading process has a limit.
     """
+    troubles: list[str] = []
     try:
-        yield
+        yield troubles
     except MemoryError:
         raise
     except Exception as error:
-        note(reason(error))
+        troubles.append(reason(error))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,39 +10,22 @@ import math
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.plant.powertrain import GRAVITY, STEP, DrivenTruck, Powertrain, Road
+from fifthwheel.plant.powertrain import GRAVITY, SIGNALS, STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.plant.sensors import driveline_sensors, measure
 from fifthwheel.record import Record
 
 SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
 """Of traffic, m/s; a red light or a roundabout stops or slows it in between."""
-TRUE = (
-    "speed",
-    "engine_speed",
-    "engine_torque",
-    "friction_torque",
-    "driveline_engaged",
-    "braking.tractor",
-    "grade",
-)
-"""True signals, SI; the engine torque includes the friction."""
+TRUE = ("speed", *SIGNALS[:-1], "braking.tractor", "grade")
+"""True signals, SI."""
 
 
 def drive(
     truck: DrivenTruck, *, duration: float = 600.0, seed: int = 0, rate: float = 50.0, name: str = "drive"
 ) -> Record:
-    """The log of a drive with stops and hills, all of it random.
+    """The log of a drive of a duration, s, with stops and hills, all of it random, at a sampling rate, Hz.
 
     The reference has the true speed and grade.
-
-    Args:
-        duration: s.
-        rate: of the log, Hz.
-
-    Example:
-        >>> from fifthwheel.plant.driving import DrivenTruck, drive
-        >>> sorted(drive(DrivenTruck(mass=30e3), duration=20.0).signals)[:3]
-        ['braking.tractor', 'driveline_engaged', 'engine_speed']
     """
     rng = np.random.default_rng(seed)
     n, every = round(duration / STEP), round(1 / (rate * STEP))
@@ -82,6 +65,5 @@ def _motion(truck: DrivenTruck, road: Road, traffic: Array) -> Array:
         v = max(v + (force.drive - resistance - downhill - force.brake) / total * STEP, 0.0)
         place += v * STEP
         train.turn(v)
-        indicated = train.torque + train.friction
-        out[k] = v, train.engine_speed, indicated, train.friction, train.engaged, train.braking, grade
+        out[k] = v, *train.signals, grade
     return out

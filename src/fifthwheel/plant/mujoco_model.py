@@ -46,7 +46,7 @@ def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Prop
             rear = _add_halves(element, body, properties.frame_torsion, unit.roll_axis_height)
         else:
             _add_inertia(element, body.mass, (body.cog[0], 0.0, body.cog[1]), body.inertia)
-        place = unit.accelerometer_place
+        place = unit.place_of_accelerometer()
         Xml.SubElement(element, "site", name=body.name, pos=f"{place.position!r} 0 {place.height!r}")
         _add_frame_sensors(sensors, body.name)
         Xml.SubElement(sensors, "accelerometer", site=body.name)

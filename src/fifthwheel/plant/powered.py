@@ -9,7 +9,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.plant.bodies import BeamAxle
 from fifthwheel.plant.mujoco_model import SIDES
-from fifthwheel.plant.powertrain import STEP, DrivenTruck, Powertrain, Road
+from fifthwheel.plant.powertrain import SIGNALS, STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.plant.properties import Properties
 from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.vehicle import Vehicle
@@ -21,28 +21,12 @@ STEPS_PER_COMMAND = 10
 """Time steps from one command of the driver to the next; together `STEP`."""
 LOCKING_SPEED = 0.5
 """Speed of the rim below which the torque of a brake falls, m/s: a locked wheel creeps more slowly than this."""
-LONGITUDINAL = (
-    "engine_speed",
-    "engine_torque",
-    "friction_torque",
-    "driveline_engaged",
-    "braking",
-    "gear",
-    "grade",
-    "head_wind",
-)
-"""True signals of a powered truck in every row of `PoweredWheels.row`, SI; the engine torque includes the friction."""
+LONGITUDINAL = (*SIGNALS, "gear", "grade", "head_wind")
+"""True signals of a powered truck in `PoweredWheels.row`, SI."""
 
 
 def matched(driven: DrivenTruck, vehicle: Vehicle, properties: Properties) -> DrivenTruck:
-    """The truck with the mass, tyres, drag and rolling resistance of a nonlinear truck.
-
-    Example:
-        >>> import fifthwheel as fw
-        >>> from fifthwheel.plant import DrivenTruck, Properties
-        >>> matched(DrivenTruck(mass=1.0), fw.vehicle("cheng_cebon_2011"), Properties()).mass
-        40650.0
-    """
+    """The truck with the mass, tyres, drag and rolling resistance of a nonlinear truck."""
     return replace(
         driven,
         mass=sum(unit.mass for unit in vehicle.units),
@@ -115,28 +99,14 @@ class PoweredWheels:
         self.wind_force = AIR_DENSITY / 2 * truck.drag_area * (v * abs(v) - (v + wind) * abs(v + wind))
         force = train.forces(wanted=wanted, plan=plan, v=v, resistance=truck.resistance(v, v + wind), grade=self.grade)
         self.armature = self._drive * (force.inertia * truck.radius**2)
-        indicated = train.torque + train.friction
-        self.row[:] = (
-            train.engine_speed,
-            indicated,
-            train.friction,
-            train.engaged,
-            train.braking,
-            train.gear + 1,
-            self.grade,
-            wind,
-        )
+        self.row[:] = (*train.signals, train.gear + 1, self.grade, wind)
         torques: Array = truck.radius * (force.drive * self._drive - force.brake * self._brake)
         return torques
 
 
 def brake_limited(torques: Array, rim_speed: Array) -> Array:
-    """Torques of wheels, N m, (wheels,): a brake opposes the rotation, so a locked wheel stands and does not turn back.
-
-    Args:
-        torques: by the commands, negative of a brake.
-        rim_speed: of the wheels, m/s.
-    """
+    """Commanded torques of wheels, N m, (wheels,), negative of a brake, at speeds of their rims, m/s: a brake opposes
+    the rotation, so a locked wheel stands and does not turn back."""
     return np.where(torques < 0, torques * np.clip(rim_speed / LOCKING_SPEED, -1, 1), torques)
 
 

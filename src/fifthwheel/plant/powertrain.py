@@ -26,6 +26,9 @@ IDLE = 600 * RPM
 FULL_LOAD = np.interp(np.arange(3000.0), [600, 950, 1400, 1900, 2100], [0.55, 1.0, 1.0, 0.74, 0.0]).tolist()
 """Highest torque at each rpm, as a fraction of the maximum."""
 
+SIGNALS = ("engine_speed", "engine_torque", "friction_torque", "driveline_engaged", "braking")
+"""True signals of a powertrain, SI; the engine torque includes the friction."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DrivenTruck:
@@ -70,11 +73,11 @@ class DrivenTruck:
     def drawn(cls, mass: float, rng: np.random.Generator, **given: float) -> "DrivenTruck":
         """A truck with random numbers and sensor errors, except those that are given."""
         numbers = {
-            "drag_area": 6.0 * (1 + 0.15 * rng.normal()),
-            "rolling_resistance": 0.0055 + 0.001 * rng.normal(),
-            "efficiency": 0.955 * (1 + 0.01 * rng.normal()),
-            "engine_inertia": 3.5 * np.exp(0.3 * rng.normal()),
-            "wheel_inertia": 13.5 * np.exp(0.2 * rng.normal()),
+            "drag_area": cls.drag_area * (1 + 0.15 * rng.normal()),
+            "rolling_resistance": cls.rolling_resistance + 0.001 * rng.normal(),
+            "efficiency": cls.efficiency * (1 + 0.01 * rng.normal()),
+            "engine_inertia": cls.engine_inertia * np.exp(0.3 * rng.normal()),
+            "wheel_inertia": cls.wheel_inertia * np.exp(0.2 * rng.normal()),
             "radius": rng.uniform(0.48, 0.52),
             "torque_scale": 1 + 0.02 * rng.normal(),
             "torque_offset": 25.0 * rng.normal(),
@@ -142,6 +145,11 @@ class Powertrain:
         self.braking = self.engaged = False
         self._shift, self._wait = 9.0, 0.0  # s since the start of a gear change, and until the next may start
         self._force = self._force_rate = self._seen = self._integral = self._demand = 0.0
+
+    @property
+    def signals(self) -> tuple[float, ...]:
+        """Values of `SIGNALS`."""
+        return self.engine_speed, self.torque + self.friction, self.friction, self.engaged, self.braking
 
     def forces(self, *, wanted: float, plan: float, v: float, resistance: float, grade: float) -> WheelForces:
         """The forces of the next step.

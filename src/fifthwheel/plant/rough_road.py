@@ -68,13 +68,8 @@ class RoughRoad:
         self._travelled = 0.0
 
     def ahead(self, speed: float, time_step: float, steps: int) -> Array:
-        """Height, m, and its rate, m/s, under every wheel in the next time steps: (steps, 2 * wheels), heights first.
-
-        Args:
-            speed: of the truck, m/s.
-            time_step: s.
-            steps: number of time steps.
-        """
+        """Height, m, and its rate, m/s, under every wheel in the next time steps, s, at a speed, m/s: (steps,
+        2 * wheels), heights first."""
         travelled = self._travelled + speed * time_step * np.arange(steps)[:, None]
         self._travelled += speed * time_step * steps
         place = (travelled + self._positions) / STEP

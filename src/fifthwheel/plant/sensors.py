@@ -107,10 +107,8 @@ def article_sensors(vehicle: Vehicle) -> dict[str, Sensor]:
 def driveline_sensors(driven: DrivenTruck, unit: str = "tractor") -> dict[str, Sensor]:
     """The sensors of driving with the errors of the truck and the resolution of SAE J1939-71, by signal.
 
-    CCVS, 10 values a second; EEC1 and EEC3 with 1 % of the reference torque; the state of driveline and brakes.
-
-    Args:
-        unit: that has the brake switch.
+    CCVS, 10 values a second; EEC1 and EEC3 with 1 % of the reference torque; the state of driveline and brakes, with
+    the switch of the brakes in `unit`.
     """
     per_cent = driven.max_torque / 100
     speed = Sensor(
@@ -218,8 +216,7 @@ def _check_name(name: str, sensor: Sensor) -> None:
 def read_sensors(path: str | Path) -> dict[str, Sensor]:
     """Sensors by signal from a TOML file, with numbers in SI or texts with a unit; see the docstring of this module.
 
-    Raises:
-        SignalError: the file is not readable, or a table, key or value in it is not valid.
+    A SignalError if the file is not readable, or a table, key or value in it is not valid.
     """
     try:
         text = read_toml(Path(path))

@@ -100,11 +100,7 @@ class Plant:
 
     @cached_property
     def multibody(self) -> "Multibody":
-        """The compiled model; the first use compiles it.
-
-        Raises:
-            FifthwheelError: MuJoCo is not installed.
-        """
+        """The compiled model; the first use compiles it. A FifthwheelError if MuJoCo is not installed."""
         return Multibody(self.vehicle, self.properties)
 
     def drive(

@@ -1,7 +1,7 @@
 """The record of a run: named signals on one time base, and reference signals that no estimator uses."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from datetime import UTC, datetime, timedelta
 from functools import partial
 from itertools import pairwise
@@ -335,10 +335,7 @@ class Record(ComparedByContents):
         return channel_page(self.time, self._channels(), self.name, self._extent(), self.notes)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        fields: dict[str, Any] = {"signals": dict(self.signals), "reference": dict(self.reference)}
-        fields |= {"name": self.name, "notes": self.notes, "time_bases": dict(self.time_bases)}
-        fields |= {"sensors": dict(self.sensors), "date": self.date}
-        return partial(Record, time=self.time, **fields), ()
+        return partial(Record, **{f.name: getattr(self, f.name) for f in fields(self)}), ()
 
     def _rows(self, rows: slice, name: str) -> "Record":
         """A part. It shares the memory of the record, unless that would keep more than twice its own."""

@@ -8,8 +8,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.record import Record
 from fifthwheel.time_bases.lags import LagCurve
-from fifthwheel.time_bases.predictions import Prediction, predict_channels
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.time_bases.predictions import Prediction
 
 MIN_EXPLAINED = 0.3
 """Channels of which the prediction explains less are not measured."""
@@ -77,28 +76,15 @@ class _Lags:
         return mean, float(np.sqrt(self.weight @ (lags - mean) ** 2))
 
 
-def measure_time_offsets(record: Record, vehicle: Vehicle | None = None) -> tuple[TimeOffset, ...]:
+def offsets_of(record: Record, prediction: Prediction) -> tuple[TimeOffset, ...]:
     """Time offsets of the time bases and of the channels of a record, by what speed and steer angle predict.
 
     A channel is predicted by the linear model, and the lag is searched at which the prediction explains most of the
     channel's variance with free gain and bias. The offset is relative to the yaw rate of the first unit. If that yaw
     rate and the steer angle do not agree, the other channels decide which of the two is late. The reference has no
-    entry. Channels are left out that the vehicle does not have, or that vary too little or too irregularly.
-
-    Args:
-        record: with speed and a steer angle.
-        vehicle: its cornering stiffness may be wrong by 30 %. Default: any usual tractor and semitrailer, with a larger
-            sigma.
-
-    Returns:
-        The offsets of time bases, then those of single channels, each in the order of the record.
+    entry. Channels are left out that the vehicle does not have, or that vary too little or too irregularly. The
+    offsets of time bases come first, then those of single channels, each in the order of the record.
     """
-    prediction = predict_channels(record, vehicle)
-    return () if prediction is None else offsets_of(record, prediction)
-
-
-def offsets_of(record: Record, prediction: Prediction) -> tuple[TimeOffset, ...]:
-    """`measure_time_offsets` by a given prediction."""
     lags = _measure_lags(prediction)
     if lags is None:
         return ()
@@ -208,16 +194,6 @@ def _joined(name: str, offsets: Sequence[TimeOffset], signals: tuple[str, ...]) 
     """The common offset of several channels: their mean, weighted by sigma."""
     weight = np.array([1 / max(o.sigma, 1e-3) ** 2 for o in offsets])
     weight /= weight.sum()
-
-    def mean(values: list[float]) -> float:
-        return float(weight @ np.array(values))
-
-    return TimeOffset(
-        name=name,
-        signals=signals,
-        offset=mean([o.offset for o in offsets]),
-        sigma=mean([o.sigma for o in offsets]),  # the error of the vehicle is common to all channels
-        explained_at_0=mean([o.explained_at_0 for o in offsets]),
-        explained=mean([o.explained for o in offsets]),
-        smallest=max(o.smallest for o in offsets),
-    )
+    averaged = ("offset", "sigma", "explained_at_0", "explained")  # the error of the vehicle is common to all channels
+    means = {key: float(weight @ np.array([getattr(o, key) for o in offsets])) for key in averaged}
+    return TimeOffset(name=name, signals=signals, smallest=max(o.smallest for o in offsets), **means)

@@ -70,8 +70,10 @@ def predict_channels(record: Record, vehicle: Vehicle | None = None) -> Predicti
     semitrailer vary over the range of usual ones. None where the record has no speed or steer angle that can be used,
     no such channel, or almost only gaps.
     """
-    variants = _generic_variants()
-    if vehicle is not None:
+    if vehicle is None:
+        typical, factors = catalogue.get("cheng_cebon_2011"), product(_UNKNOWN_STIFFNESS, _UNKNOWN_LENGTH)
+        variants = [_scaled(typical, leading=tyres, towed=tyres, length=length) for tyres, length in factors]
+    else:
         variants = [_scaled(vehicle, leading=leading, towed=towed) for leading, towed in _KNOWN_STIFFNESS]
     measured_names = measured_signals(record.signals, [unit.name for unit in variants[0].units], MEASURED)
     names = tuple(name for name in record.signals if name in measured_names)
@@ -120,15 +122,6 @@ def _response(vehicle: Vehicle, names: Sequence[str], time: Array, inputs: dict[
     outputs = free_response(model, dynamics.all_parameters(vehicle, names), time, inputs, x0)[1]
     outputs[: round(_START * RATE)] = np.nan
     return outputs
-
-
-def _generic_variants() -> list[Vehicle]:
-    """Tractors and semitrailers of usual stiffness and length."""
-    typical = catalogue.get("cheng_cebon_2011")
-    return [
-        _scaled(typical, leading=stiffness, towed=stiffness, length=length)
-        for stiffness, length in product(_UNKNOWN_STIFFNESS, _UNKNOWN_LENGTH)
-    ]
 
 
 def _scaled(vehicle: Vehicle, *, leading: float, towed: float, length: float = 1.0) -> Vehicle:

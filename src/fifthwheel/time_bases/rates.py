@@ -62,36 +62,20 @@ def channel_rates(prediction: Prediction) -> Iterator[ClockRate]:
     if usable.size < _MIN_DURATION * RATE:
         return
     rows = slice(int(usable[0]), int(usable[0]) + round(_MAX_DURATION * RATE))
-    predicted = prediction.predicted[_best_variant(prediction), rows]
+    explained = [sum(0.0 if c is None else float(c.explained.max()) for c in row) for row in prediction.curves]
+    predicted = prediction.predicted[int(np.argmax(explained)), rows]  # of the variant that explains all channels best
     for name, measured, response in zip(prediction.names, prediction.measured[rows].T, predicted.T, strict=True):
         channel = channel_of(name)
-        fit = _drift(measured, response) if channel and channel.shows_clock else None
-        if fit is not None and fit.residual < min(_GAIN * fit.residual_without, 1 - _MIN_EXPLAINED):
-            rate = fit.slope / (1 - fit.slope)
-            if abs(rate) > max(MIN_RATE, 3 * fit.sigma):
-                yield ClockRate(signals=(name,), rate=rate, sigma=fit.sigma)
+        drift = _drift(measured, response) if channel and channel.shows_clock else None
+        if drift is not None:
+            rate, sigma = drift[0] / (1 - drift[0]), drift[1]
+            if abs(rate) > max(MIN_RATE, 3 * sigma):
+                yield ClockRate(signals=(name,), rate=rate, sigma=sigma)
 
 
-def _best_variant(prediction: Prediction) -> int:
-    """The variant of the vehicle that explains the sum of all channels best."""
-    return int(
-        np.argmax([sum(0.0 if c is None else float(c.explained.max()) for c in row) for row in prediction.curves])
-    )
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Drift:
-    slope: float
-    """s of lag in a second of the log."""
-    sigma: float
-    residual: float
-    """Unexplained fraction of the variance."""
-    residual_without: float
-    """The same with a constant offset."""
-
-
-def _drift(measured: Array, predicted: Array) -> _Drift | None:
-    """Rate of a channel's clock, by the best straight line through the lags of windows of 4 s."""
+def _drift(measured: Array, predicted: Array) -> tuple[float, float] | None:
+    """Seconds of lag in a second of the log, and their sigma, by the best straight line through the lags of windows of
+    4 s; None where a line explains the channel too little, or hardly better than a constant offset."""
     if np.isfinite(measured + predicted).sum() < _MIN_DURATION * RATE / 2:
         return None
     window = round(_WINDOW * RATE)
@@ -119,18 +103,14 @@ def _drift(measured: Array, predicted: Array) -> _Drift | None:
             covariance, vm, vp = mp - m * p / n, mm - m * m / n, pp - p * p / n
             varies = vm * vp > _ROUNDING * mm * pp
             row[:] = np.where(enough & varies & (covariance > 0), 1 - covariance**2 / (vm * vp), 1.0)
-    best = int(residual.min(axis=1).argmin())
-    if best in (0, every.size - 1) or not residual[best].min() < 1:
-        return None
     profile = residual.min(axis=1)
+    best = int(profile.argmin())
+    explains = profile[best] < min(_GAIN * profile[every.size // 2], 1 - _MIN_EXPLAINED)
+    if best in (0, every.size - 1) or not explains:
+        return None
     curvature = (profile[best - 1] - 2 * profile[best] + profile[best + 1]) / _RATE_STEP**2
-    effective = max(count - 3, 1)
-    return _Drift(
-        slope=float(every[best]),
-        sigma=float(np.hypot(_RATE_STEP, np.sqrt(2 * profile[best] / max(effective * curvature, 1e-9)))),
-        residual=float(profile[best]),
-        residual_without=float(profile[every.size // 2]),
-    )
+    variance = 2 * profile[best] / max(max(count - 3, 1) * curvature, 1e-9)
+    return float(every[best]), float(np.hypot(_RATE_STEP, np.sqrt(variance)))
 
 
 def common_rates(prediction: Prediction) -> Iterator[ClockRate]:

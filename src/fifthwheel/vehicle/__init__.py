@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from fifthwheel.vehicle.catalogue import names as names
     from fifthwheel.vehicle.payload import Laden as Laden
     from fifthwheel.vehicle.payload import laden as laden
-    from fifthwheel.vehicle.payload import laden_cog_height as laden_cog_height
-    from fifthwheel.vehicle.payload import laden_roll_inertia as laden_roll_inertia
     from fifthwheel.vehicle.quantities import unit_of as unit_of
     from fifthwheel.vehicle.roll_test import Measured as Measured
     from fifthwheel.vehicle.roll_test import RollTest as RollTest

@@ -60,10 +60,8 @@ def static_axle_loads(units: Sequence[SupportedBody], joints: Sequence[Joint]) -
     The supports of a unit are its axle groups, at the mean position of their axles, and its front coupling. They carry
     its weight and the load of the unit behind. The moments are solved from the last unit to the first. Two units whose
     joint is not free in pitch are one body, with the axle groups of both as its supports. Units and joints are in the
-    order from front to rear.
-
-    Raises:
-        VehicleError: a unit does not have exactly two supports at two positions, so its loads are not determined.
+    order from front to rear. A VehicleError if a unit does not have exactly two supports at two positions, so its loads
+    are not determined.
     """
     units, joints = _joined(units, joints)
     loads: dict[str, Any] = {}

@@ -95,14 +95,8 @@ class Component(BaseModel):
 
     @classmethod
     def require_plausible(cls, key: str, value: float, *, path: str, written: object) -> None:
-        """Raise a VehicleError where a number that the user states, SI, is outside the range of road vehicles.
-
-        Args:
-            key: of the number.
-            value: SI.
-            path: that the message names.
-            written: the value as the user wrote it.
-        """
+        """Raise a VehicleError where a number that the user states, SI, is outside the range of road vehicles; the
+        message has its path, and the value as `written`."""
         low, high = cls.plausible.get(key, (-math.inf, math.inf))
         if not low <= value <= high:
             unit = "" if cls.si_units[key] == "1" else f" {cls.si_units[key]}"
@@ -142,6 +136,17 @@ def _is_number(annotation: Any) -> bool:
     return annotation is float
 
 
+_EXPECTED = {
+    "greater_than": "a number > {gt:g}",
+    "greater_than_equal": "a number >= {ge:g}",
+    "less_than_equal": "a number <= {le:g}",
+    "finite_number": "a finite number",
+    **dict.fromkeys(("float_type", "float_parsing"), "a number"),
+    "string_pattern_mismatch": "a name of lower-case letters, digits and _, a letter first",
+}
+"""In a message, by the type of an error of pydantic and with its context."""
+
+
 def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
     """One line for each invalid value: path, expected, got, cure."""
     lines = []
@@ -156,20 +161,8 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
                 continue
             case "too_short" if e["loc"] in invalid:
                 continue  # the element that is missing is the invalid one, which has its own line
-            case "greater_than":
-                expected = f"a number > {context['gt']:g}"
-            case "greater_than_equal":
-                expected = f"a number >= {context['ge']:g}"
-            case "less_than_equal":
-                expected = f"a number <= {context['le']:g}"
-            case "finite_number":
-                expected = "a finite number"
-            case "float_type" | "float_parsing":
-                expected = "a number"
             case "too_long":
                 expected, value = f"at most {context['max_length']}", context["actual_length"]
-            case "string_pattern_mismatch":
-                expected = "a name of lower-case letters, digits and _, a letter first"
             case "missing":
                 cure = "give it, or give the unit a class" if e["loc"][-1] in UNITS else "give it"
                 lines.append(f"{prefix}{path}: expected a value, got none; {cure}")
@@ -177,8 +170,8 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
             case "extra_forbidden":
                 lines.append(f"{prefix}{path}: no such key; {suggestion(str(e['loc'][-1]), keys)}")
                 continue
-            case _:
-                expected = e["msg"]
+            case kind:
+                expected = _EXPECTED[kind].format(**context) if kind in _EXPECTED else e["msg"]
         cure = "check its unit" if e["type"] == "less_than_equal" or context.get("ge") else "correct it"
         lines.append(f"{prefix}{path}: expected {expected}, got {shorten(value)}; {cure}")
     return "\n".join(lines)

@@ -19,58 +19,37 @@ AIR_DENSITY = 1.2
 """kg/m^3"""
 
 
+def _optional(unit: str, description: str, low: float, high: float) -> Any:
+    """A number that may be missing, with the range of road vehicles."""
+    return number(unit, description, default=None, plausible=(low, high))
+
+
 class Driveline(Component):
     """The table `[driveline]` of a vehicle file; `DRIVELINE` has the numbers that it omits, except engine and gears."""
 
     owner = "driveline"
-    efficiency: Positive | None = number(
-        "1", "Power at the wheels over power of the engine.", default=None, plausible=(0.7, 1.0)
+    efficiency: Positive | None = _optional("1", "Power at the wheels over power of the engine.", 0.7, 1.0)
+    torque_scale: Positive | None = _optional("1", "Engine torque in the log over the true one.", 0.7, 1.3)
+    speed_scale: Positive | None = _optional("1", "Speed in the log over the true one.", 0.9, 1.1)
+    engine_inertia: NonNegative | None = _optional(
+        "kg m^2", "Engine with flywheel, clutch and gearbox input.", 0.1, 20.0
     )
-    torque_scale: Positive | None = number(
-        "1", "Engine torque in the log over the true one.", default=None, plausible=(0.7, 1.3)
+    rotating_mass: NonNegative | None = _optional(
+        "kg", "Of a wheel with its tyre: inertia over rolling radius squared.", 1.0, 300.0
     )
-    speed_scale: Positive | None = number(
-        "1", "Speed in the log over the true one.", default=None, plausible=(0.9, 1.1)
-    )
-    engine_inertia: NonNegative | None = number(
-        "kg m^2", "Engine with flywheel, clutch and gearbox input.", default=None, plausible=(0.1, 20.0)
-    )
-    rotating_mass: NonNegative | None = number(
-        "kg", "Of a wheel with its tyre: inertia over rolling radius squared.", default=None, plausible=(1.0, 300.0)
-    )
-    drag_area: NonNegative | None = number(
-        "m^2", "Drag coefficient times frontal area.", default=None, plausible=(0.5, 20.0)
-    )
-    rolling_resistance: NonNegative | None = number(
-        "1", "Rolling resistance over load.", default=None, plausible=(0.002, 0.05)
-    )
-    engine_torque: Positive | None = number(
-        "N m", "Largest torque of the engine.", default=None, plausible=(100.0, 10e3)
-    )
-    engine_power: Positive | None = number("W", "Largest power of the engine.", default=None, plausible=(20e3, 2e6))
-    governed_speed: Positive | None = number(
-        "rad/s", "Largest speed of the engine under load.", default=None, plausible=(80.0, 500.0)
-    )
-    launch_torque: Positive | None = number(
-        "N m", "Torque of the engine while the clutch closes.", default=None, plausible=(50.0, 10e3)
-    )
-    launch_speed: Positive | None = number(
-        "rad/s", "Speed of the engine while the clutch closes.", default=None, plausible=(40.0, 300.0)
-    )
-    lowest_gear: Positive | None = number(
-        "1", "Ratio of the lowest gear that starts the truck.", default=None, plausible=(1.0, 50.0)
-    )
-    highest_gear: Positive | None = number("1", "Ratio of the highest gear.", default=None, plausible=(0.3, 3.0))
-    gear_step: Positive | None = number(
-        "1", "Ratio of a gear over that of the next higher one.", default=None, plausible=(1.05, 3.0)
-    )
-    shift_time: NonNegative | None = number(
-        "s", "Time without driving force in a gear change.", default=None, plausible=(0.0, 5.0)
-    )
-    final_drive: Positive | None = number("1", "Ratio of the driven axles.", default=None, plausible=(1.0, 15.0))
-    tyre_radius: Positive | None = number(
-        "m", "Rolling radius of the driven tyres.", default=None, plausible=(0.2, 1.5)
-    )
+    drag_area: NonNegative | None = _optional("m^2", "Drag coefficient times frontal area.", 0.5, 20.0)
+    rolling_resistance: NonNegative | None = _optional("1", "Rolling resistance over load.", 0.002, 0.05)
+    engine_torque: Positive | None = _optional("N m", "Largest torque of the engine.", 100.0, 10e3)
+    engine_power: Positive | None = _optional("W", "Largest power of the engine.", 20e3, 2e6)
+    governed_speed: Positive | None = _optional("rad/s", "Largest speed of the engine under load.", 80.0, 500.0)
+    launch_torque: Positive | None = _optional("N m", "Torque of the engine while the clutch closes.", 50.0, 10e3)
+    launch_speed: Positive | None = _optional("rad/s", "Speed of the engine while the clutch closes.", 40.0, 300.0)
+    lowest_gear: Positive | None = _optional("1", "Ratio of the lowest gear that starts the truck.", 1.0, 50.0)
+    highest_gear: Positive | None = _optional("1", "Ratio of the highest gear.", 0.3, 3.0)
+    gear_step: Positive | None = _optional("1", "Ratio of a gear over that of the next higher one.", 1.05, 3.0)
+    shift_time: NonNegative | None = _optional("s", "Time without driving force in a gear change.", 0.0, 5.0)
+    final_drive: Positive | None = _optional("1", "Ratio of the driven axles.", 1.0, 15.0)
+    tyre_radius: Positive | None = _optional("m", "Rolling radius of the driven tyres.", 0.2, 1.5)
 
     @model_validator(mode="after")
     def _check(self) -> Self:
@@ -113,10 +92,6 @@ def driveline_numbers(driveline: Driveline | None, stated: Mapping[str, float]) 
 
     A value in the vehicle file without a standard deviation has the relative one of `DRIVELINE`. The arguments are the
     fields of the vehicle.
-
-    Example:
-        >>> driveline_numbers(None, {})["efficiency"]
-        (0.945, 0.01)
     """
     given = {} if driveline is None else driveline.model_dump(exclude_none=True)
     numbers = {}

@@ -25,10 +25,8 @@ def with_consistent_masses(vehicle: Vehicle, values: Mapping[str, float]) -> Veh
     """The vehicle with other numbers, SI, by path, and with the masses and assumed numbers that follow from them.
 
     Axles and wheels keep their mass. The payload takes a change of the mass of its unit; the sprung body takes it where
-    there is no payload, or its mass is among the numbers. Nothing follows in a unit whose sprung mass is among them.
-
-    Raises:
-        VehicleError: a number is not valid, or nothing remains for the payload or the sprung body.
+    there is no payload, or its mass is among the numbers. Nothing follows in a unit whose sprung mass is among them. A
+    VehicleError if a number is not valid, or nothing remains for the payload or the sprung body.
     """
     before, changed = vehicle.parameters(), dict(values)
     given = {path for path, value in values.items() if value != before.get(path)}

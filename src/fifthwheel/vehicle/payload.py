@@ -22,76 +22,29 @@ class Laden(NamedTuple):
     """About the roll axis, kg m^2."""
 
 
-def laden_cog_height(*, mass: Any, cog_height: Any, payload_mass: Any, payload_height: Any, floor_height: Any) -> Any:
-    """CoG height of the laden sprung body above the ground, m; equation (8).
-
-    Args:
-        mass, cog_height: of the unladen sprung body, m_se in kg and h_se in m.
-        payload_mass: kg.
-        payload_height: h_p, from the floor to the top of the load, m.
-        floor_height: h_f, above the ground, m.
-    """
-    payload_cog = floor_height + payload_height / 2
-    return (cog_height * mass + payload_cog * payload_mass) / (mass + payload_mass)
-
-
-def laden_roll_inertia(
-    *,
-    roll_inertia: Any,
-    payload_mass: Any,
-    payload_height: Any,
-    payload_width: Any,
-    floor_height: Any,
-    roll_axis_height: Any,
-    uniform: bool = True,
-) -> Any:
-    """Roll inertia of the laden sprung body about the roll axis, kg m^2; equation (9).
-
-    Args:
-        roll_inertia: of the unladen sprung body about the roll axis (I_sx'x'_e), not about its own CoG, kg m^2.
-        payload_mass: kg.
-        payload_height, payload_width: h_p and D_p, m.
-        floor_height, roll_axis_height: h_f and h_r, above the ground, m.
-        uniform: False for a point mass at half the height on the centre line, without the term (D_p^2 + h_p^2) / 12.
-    """
-    lever = floor_height + payload_height / 2 - roll_axis_height
-    total = roll_inertia + payload_mass * (lever * lever)
-    if not uniform:
-        return total
-    return total + payload_mass * (payload_width * payload_width + payload_height * payload_height) / 12
-
-
 def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
     """Laden sprung mass, CoG height and roll inertia of a unit.
+
+    The CoG of a payload is at half its height above the floor. A point mass has no term (D_p^2 + h_p^2) / 12.
 
     Args:
         p: parameters by path; numbers, arrays or symbols.
         unit: gives the name and the shape of the payload; its numbers are not used.
     """
-    mass, height = p[f"{unit.name}.sprung.mass"], p[f"{unit.name}.sprung.cog_height"]
+    mass, cog_height = p[f"{unit.name}.sprung.mass"], p[f"{unit.name}.sprung.cog_height"]
     roll_axis = p[f"{unit.name}.roll_axis_height"]
-    lever = height - roll_axis
+    lever = cog_height - roll_axis
     inertia = p[f"{unit.name}.sprung.roll_inertia"] + mass * (lever * lever)
     if unit.payload is None:
-        return Laden(mass, height, inertia)
-    payload_mass, payload_height, width, floor = (
+        return Laden(mass, cog_height, inertia)
+    load, height, width, floor = (
         p[f"{unit.name}.payload.{key}"] for key in ("mass", "height", "width", "floor_height")
     )
-    return Laden(
-        mass + payload_mass,
-        laden_cog_height(
-            mass=mass, cog_height=height, payload_mass=payload_mass, payload_height=payload_height, floor_height=floor
-        ),
-        laden_roll_inertia(
-            roll_inertia=inertia,
-            payload_mass=payload_mass,
-            payload_height=payload_height,
-            payload_width=width,
-            floor_height=floor,
-            roll_axis_height=roll_axis,
-            uniform=unit.payload.shape == "uniform",
-        ),
-    )
+    cog, lever = floor + height / 2, floor + height / 2 - roll_axis
+    inertia = inertia + load * (lever * lever)
+    if unit.payload.shape == "uniform":
+        inertia = inertia + load * (width * width + height * height) / 12
+    return Laden(mass + load, (cog_height * mass + cog * load) / (mass + load), inertia)
 
 
 def unit_cog_height(p: Mapping[str, Any], unit: Unit) -> Any:

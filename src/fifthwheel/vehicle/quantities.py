@@ -233,8 +233,7 @@ def quantity_of(name: str) -> Quantity:
 def unit_of(path: str) -> str:
     """SI unit of a parameter: 'N/rad', 'kg m^2', 'm'.
 
-    Raises:
-        VehicleError: the path does not end with the name of a quantity.
+    A VehicleError if the path does not end with the name of a quantity.
     """
     last = ParameterPath.of(path).quantity
     unit = UNITS.get(last) or _OWN_UNITS.get(last)

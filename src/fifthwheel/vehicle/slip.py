@@ -56,8 +56,7 @@ class Slip:
     def load(cls, path: str | Path) -> Self:
         """Read a slip file.
 
-        Raises:
-            VehicleError: the file is not readable or not TOML, or has another key or a load that is no mass.
+        A VehicleError if the file is not readable or not TOML, or has another key or a load that is no mass.
         """
         try:
             table = parse_toml(read_toml(Path(path)))
@@ -97,14 +96,10 @@ class Lengths:
 
     wheelbase: float
     """From the tractor's first axle to the middle of its other axles."""
-    coupling: float | None
+    coupling: Number | None
     """From the tractor's first axle to the kingpin; None if it is not known, then the slips determine it."""
-    coupling_sigma: float | None = None
-    """By default 1 % of the wheelbase, as in a vehicle file that states nothing."""
-    trailer: float
+    trailer: Number
     """From the kingpin to the middle of the trailer's axles."""
-    trailer_sigma: float | None = None
-    """By default that of axle positions in a vehicle file that states nothing."""
 
 
 def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Mapping[str, Number]) -> dict[str, Number]:
@@ -114,19 +109,17 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     "tractor.cog", m behind the first axle, where there is no solo slip, and "trailer.mass" without load, kg, where
     there is no empty slip. Without a solo slip, the laden loads inform the tractor's CoG too if the kingpin is known.
     The result has "tractor.mass", "tractor.cog", "trailer.mass", "trailer.cog", "payload.mass" and "coupling", with
-    standard deviations; distances are behind the first axle and the kingpin. What does not follow is absent.
-
-    Raises:
-        VehicleError: a load is missing or unknown, or the loads contradict each other.
+    standard deviations; distances are behind the first axle and the kingpin. What does not follow is absent. A
+    VehicleError if a load is missing or unknown, or the loads contradict each other.
     """
     _check_slip(slip, groups)
     _check_order(lengths, slip, groups, tares)
     inputs = _inputs(slip, groups)
     if lengths.coupling is not None:
-        usual = quantity_of("coupling").sigma * lengths.wheelbase
-        inputs["coupling"] = (lengths.coupling, usual if lengths.coupling_sigma is None else lengths.coupling_sigma)
-    usual = quantity_of("axle_positions").sigma
-    inputs["trailer"] = (lengths.trailer, usual if lengths.trailer_sigma is None else lengths.trailer_sigma)
+        x, sigma = lengths.coupling
+        inputs["coupling"] = x, quantity_of("coupling").sigma * lengths.wheelbase if sigma is None else sigma
+    x, sigma = lengths.trailer
+    inputs["trailer"] = x, quantity_of("axle_positions").sigma if sigma is None else sigma
     if not slip.solo:
         inputs |= {key: tares[key] for key in ("tractor.mass", "tractor.cog")}
     if not slip.empty and "trailer.mass" in tares:
@@ -146,9 +139,9 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if abs(difference) > CONTRADICTION * (sigma or 0.0) + 1e-6 * results["hitch"][0]:
         where = _kingpin({key: value for key, (value, _) in inputs.items()}, lengths)["kingpin"]
         raise VehicleError(
-            f"laden: expected a kingpin {lengths.coupling:.2f} m behind the front axle, got {where:.2f} m by the loads"
-            f" ({groups[0]} differs by {difference:+.0f} kg with a sigma of {sigma:.0f} kg); measure the position of"
-            " the fifth wheel, or weigh again on level ground with released brakes"
+            f"laden: expected a kingpin {inputs['coupling'][0]:.2f} m behind the front axle, got {where:.2f} m by the"
+            f" loads ({groups[0]} differs by {difference:+.0f} kg with a sigma of {sigma:.0f} kg); measure the position"
+            " of the fifth wheel, or weigh again on level ground with released brakes"
         )
     if not slip.solo:
         results["tractor.cog"] = _mean(results["tractor.cog"], results["cog by moments"])
@@ -158,8 +151,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
 def weigh_solo(lengths: Lengths, slip: Slip, groups: tuple[str, str, str]) -> dict[str, Number]:
     """The results "tractor.mass" and "tractor.cog" of `weigh`, from the loads of the tractor alone.
 
-    Raises:
-        VehicleError: a load is missing or unknown, or front and drive loads seem exchanged.
+    A VehicleError if a load is missing or unknown, or front and drive loads seem exchanged.
     """
     _check_slip(slip, groups, "solo")
     _check_order(lengths, slip, groups, {})
@@ -223,27 +215,25 @@ def _statics(
 ) -> dict[str, tuple[str, bool]]:
     """What the loads of each condition say of the tractor, and whether it is possible."""
     front, drive, _ = groups
-    found: dict[str, tuple[str, bool]] = {}
+    found, weighed = dict[str, tuple[str, bool]](), _inputs(slip, groups)
     inputs = {key: tares[key] for key in ("tractor.mass", "tractor.cog") if key in tares}
     if slip.solo:
         fraction = slip.solo[drive] / (slip.solo[front] + slip.solo[drive])
         text = f"{fraction:.0%} of the tractor's mass are on {drive} (expected: at most {MAX_SOLO:.0%})"
         found["solo"] = text, fraction <= MAX_SOLO
-        inputs = {
-            f"solo.{k}": (slip.solo[path], slip.accuracy * slip.solo[path]) for k, path in enumerate((front, drive))
-        }
+        inputs = {key: weighed[key] for key in ("solo.0", "solo.1")}
     if not inputs:
         return found
     for condition in ("laden", "empty"):
-        if loads := getattr(slip, condition):
-            of_slip = {f"laden.{k}": (loads[path], slip.accuracy * loads[path]) for k, path in enumerate(groups)}
+        if getattr(slip, condition):
+            of_slip = {f"laden.{k}": weighed[f"{condition}.{k}"] for k in range(3)}
             where, sigma = propagate(lambda values: _kingpin(values, lengths), {**inputs, **of_slip})["kingpin"]
             low, high = (ratio * lengths.wheelbase for ratio in COUPLING_RANGE)
             expected = f"{low:.2f} to {high:.2f} m"
             if lengths.coupling is not None:
                 margin = CONTRADICTION * (sigma or 0.0) + 1e-6
-                low, high = lengths.coupling - margin, lengths.coupling + margin
-                expected = f"{lengths.coupling:.2f} m"
+                low, high = lengths.coupling[0] - margin, lengths.coupling[0] + margin
+                expected = f"{lengths.coupling[0]:.2f} m"
             text = f"the kingpin is {where:.2f} m behind the front axle (expected: {expected})"
             found[condition] = text, low <= where <= high
     return found
@@ -279,11 +269,11 @@ def _solve(x: Mapping[str, float], lengths: Lengths) -> dict[str, float]:
     if lengths.coupling is None:
         result["coupling"] = moment / hitch if hitch > 0 else math.inf
     else:
-        kingpin = x.get("coupling", lengths.coupling)
+        kingpin = x.get("coupling", lengths.coupling[0])
         result["front"] = (kingpin * hitch - moment) / lengths.wheelbase
         result["cog by moments"] = (lengths.wheelbase * x["laden.1"] - kingpin * hitch) / tractor
     trailer = hitch + x["laden.2"]
-    result |= {"trailer.mass": trailer, "trailer.cog": x.get("trailer", lengths.trailer) * x["laden.2"] / trailer}
+    result |= {"trailer.mass": trailer, "trailer.cog": x.get("trailer", lengths.trailer[0]) * x["laden.2"] / trailer}
     if "empty.0" in x:
         result["payload.mass"] = trailer - (x["empty.0"] + x["empty.1"] - tractor + x["empty.2"])
     elif "unladen" in x:

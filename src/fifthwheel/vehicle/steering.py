@@ -22,6 +22,7 @@ smooth there. A model with linear tyres linearises it there.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from pydantic import AfterValidator, Field, PlainSerializer, model_validator
@@ -63,7 +64,7 @@ class Steering(Component):
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Another process registers states and units, too."""
-        return _made, (dict(self),)
+        return partial(Steering, **dict(self)), ()
 
     @model_validator(mode="before")
     @classmethod
@@ -180,10 +181,6 @@ def require_roll(steering: Steering | None, roll: bool) -> None:
     """A VehicleError where own equations use roll and a model has none."""
     if steering is not None and steering.uses_roll and not roll:
         raise VehicleError("steering: its equations use roll; use roll=True, or a vehicle without them")
-
-
-def _made(fields: dict[str, Any]) -> Steering:
-    return Steering(**fields)
 
 
 def quantity_of(path: str, text: Any) -> tuple[str, float, float | None]:

@@ -112,8 +112,7 @@ def stored(equations: Any) -> dict[str, Any]:
 def found(value: Any) -> Any:
     """The equations, also from their name or what `stored` gives.
 
-    Raises:
-        VehicleError: it is not imported, another one, or no function of the arguments with scalar results.
+    A VehicleError if it is not imported, another one, or no function of the arguments with scalar results.
     """
     saved: Any = {"function": value, "values": {}} if isinstance(value, str) else value
     if isinstance(saved, Mapping):

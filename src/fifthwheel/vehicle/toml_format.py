@@ -40,8 +40,7 @@ def read(path: Path) -> str:
 def parse(text: str, vehicle: type[Component]) -> tuple[Table, bool]:
     """Fields of a vehicle, which its class has, and whether all its numbers are exact.
 
-    Raises:
-        VehicleError: not TOML, an unknown key, or a value that is no quantity of its unit.
+    A VehicleError for a text that is not TOML, an unknown key, or a value that is no quantity of its unit.
     """
     try:
         table = parse_toml(text)

@@ -39,9 +39,11 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
     stated = vehicle.stated
     slopes: dict[str, dict[str, float]] = {MASS_SCALE: {}}
     for i, unit in enumerate(vehicle.units):
-        if f"{unit.name}.mass" not in stated:
+        mass = f"{unit.name}.mass"
+        if mass not in stated:
             slopes[MASS_SCALE] |= _mass_scale(vehicle, unit)
-        slopes[f"{unit.name}.mass"] = _mass(vehicle, unit)
+        sigma = stated.get(mass, quantity_of("mass").sigma * unit.mass)
+        slopes[mass] = _scaled_masses(vehicle, unit, sigma / unit.mass)
         slopes |= _division(vehicle, unit)
         cog = f"{unit.name}.cog"
         slopes[cog] = {cog: stated.get(cog, cog_sigma(laden=unit.payload is not None))}
@@ -74,12 +76,6 @@ def _mass_scale(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
     keys = ("yaw_inertia", "sprung.roll_inertia", "sprung.roll_yaw_product")
     inertias = {path: fraction * p[path] for key in keys if (path := f"{unit.name}.{key}") not in vehicle.stated}
     return _scaled_masses(vehicle, unit, fraction) | inertias
-
-
-def _mass(vehicle: Vehicle, unit: Unit) -> dict[str, float]:
-    """Slopes of the change of a unit's mass."""
-    sigma = vehicle.stated.get(f"{unit.name}.mass", quantity_of("mass").sigma * unit.mass)
-    return _scaled_masses(vehicle, unit, sigma / unit.mass)
 
 
 def _scaled_masses(vehicle: Vehicle, unit: Unit, fraction: float) -> dict[str, float]:

@@ -326,13 +326,9 @@ class Unit(Component):
         """Mass of sprung body and payload, kg."""
         return self.sprung.mass + (self.payload.mass if self.payload else 0.0)
 
-    @property
-    def accelerometer_place(self) -> Accelerometer:
-        """The place of the lateral accelerometer: as given, or under the CoG on the roll axis."""
-        return self.place_of_accelerometer("")
-
-    def place_of_accelerometer(self, name: str) -> Accelerometer:
-        """The place of lateral_acceleration.<unit>.<name>: its own, else that of lateral_acceleration.<unit>."""
+    def place_of_accelerometer(self, name: str = "") -> Accelerometer:
+        """The place of lateral_acceleration.<unit>.<name>: its own, else that of lateral_acceleration.<unit>, which by
+        default is under the CoG on the roll axis."""
         default = self.accelerometer or Accelerometer(position=self.cog, height=self.roll_axis_height)
         return self.accelerometers.get(name, default)
 

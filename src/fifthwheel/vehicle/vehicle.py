@@ -312,8 +312,7 @@ class Vehicle(Component):
     def fields_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """All fields as nested dictionaries and lists, with other values of some scalars by path.
 
-        Raises:
-            VehicleError: a path does not exist.
+        A VehicleError if a path does not exist.
         """
         fields, locations = self.model_dump(), self.locations()
         self._require(values, locations)

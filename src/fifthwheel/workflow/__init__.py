@@ -1,90 +1,45 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
-from fifthwheel.identify.given import require_signals
-from fifthwheel.identify.knowledge.storage import file_of as knowledge_file
-from fifthwheel.options import IdentifyOptions
-from fifthwheel.time_bases import check_signals
-from fifthwheel.time_bases.evidence import ChannelEvidence, SignalEvidence, signal_evidence
-from fifthwheel.workflow.exported import exported_learner, exported_observer
-from fifthwheel.workflow.identification import design_run, run_identification, run_loads
-from fifthwheel.workflow.inputs import (
-    identification_file,
-    read_knowledge,
-    read_records,
-    read_vehicle,
-    vehicle_and_identification,
-    vehicle_file,
-    vehicle_text,
-)
-from fifthwheel.workflow.log_contents import propose_signals, survey_file
-from fifthwheel.workflow.measured_vehicle import (
-    axle_load_differences,
-    changed_numbers,
-    drive_vehicle,
-    roll_tested_vehicle,
-    weigh_by_slip,
-    weigh_vehicle,
-)
-from fifthwheel.workflow.results import (
-    ASSESSMENT_FILES,
-    EVALUATION_FILES,
-    IDENTIFICATION_FILES,
-    STATES_FILES,
-    VALIDATION_FILES,
-    compare_runs,
-    read_truck,
-    write_assessment,
-    write_comparison,
-    write_evaluation,
-    write_loads,
-    write_results,
-)
-from fifthwheel.workflow.settings import chosen_one_stage, identification_settings
-from fifthwheel.workflow.start import starts_of
-from fifthwheel.workflow.states import run_states
-
-__all__ = [
-    "ASSESSMENT_FILES",
-    "EVALUATION_FILES",
-    "IDENTIFICATION_FILES",
-    "STATES_FILES",
-    "VALIDATION_FILES",
-    "ChannelEvidence",
-    "IdentifyOptions",
-    "SignalEvidence",
-    "axle_load_differences",
-    "changed_numbers",
-    "check_signals",
-    "chosen_one_stage",
-    "compare_runs",
-    "design_run",
-    "drive_vehicle",
-    "exported_learner",
-    "exported_observer",
-    "identification_file",
-    "identification_settings",
-    "knowledge_file",
-    "propose_signals",
-    "read_knowledge",
-    "read_records",
-    "read_truck",
-    "read_vehicle",
-    "require_signals",
-    "roll_tested_vehicle",
-    "run_identification",
-    "run_loads",
-    "run_states",
-    "signal_evidence",
-    "starts_of",
-    "survey_file",
-    "vehicle_and_identification",
-    "vehicle_file",
-    "vehicle_text",
-    "weigh_by_slip",
-    "weigh_vehicle",
-    "write_assessment",
-    "write_comparison",
-    "write_evaluation",
-    "write_loads",
-    "write_results",
-]
+from fifthwheel.identify.given import require_signals as require_signals
+from fifthwheel.identify.knowledge.storage import knowledge_file as knowledge_file
+from fifthwheel.options import IdentifyOptions as IdentifyOptions
+from fifthwheel.time_bases import check_signals as check_signals
+from fifthwheel.time_bases.evidence import ChannelEvidence as ChannelEvidence
+from fifthwheel.time_bases.evidence import SignalEvidence as SignalEvidence
+from fifthwheel.time_bases.evidence import signal_evidence as signal_evidence
+from fifthwheel.workflow.exported import exported_learner as exported_learner
+from fifthwheel.workflow.exported import exported_observer as exported_observer
+from fifthwheel.workflow.identification import design_run as design_run
+from fifthwheel.workflow.identification import run_identification as run_identification
+from fifthwheel.workflow.identification import run_loads as run_loads
+from fifthwheel.workflow.inputs import identification_file as identification_file
+from fifthwheel.workflow.inputs import read_knowledge as read_knowledge
+from fifthwheel.workflow.inputs import read_records as read_records
+from fifthwheel.workflow.inputs import read_vehicle as read_vehicle
+from fifthwheel.workflow.inputs import vehicle_and_identification as vehicle_and_identification
+from fifthwheel.workflow.inputs import vehicle_file as vehicle_file
+from fifthwheel.workflow.inputs import vehicle_text as vehicle_text
+from fifthwheel.workflow.log_contents import propose_signals as propose_signals
+from fifthwheel.workflow.log_contents import survey_file as survey_file
+from fifthwheel.workflow.measured_vehicle import axle_load_differences as axle_load_differences
+from fifthwheel.workflow.measured_vehicle import changed_numbers as changed_numbers
+from fifthwheel.workflow.measured_vehicle import drive_vehicle as drive_vehicle
+from fifthwheel.workflow.measured_vehicle import roll_tested_vehicle as roll_tested_vehicle
+from fifthwheel.workflow.measured_vehicle import weigh_by_slip as weigh_by_slip
+from fifthwheel.workflow.measured_vehicle import weigh_vehicle as weigh_vehicle
+from fifthwheel.workflow.results import ASSESSMENT_FILES as ASSESSMENT_FILES
+from fifthwheel.workflow.results import EVALUATION_FILES as EVALUATION_FILES
+from fifthwheel.workflow.results import IDENTIFICATION_FILES as IDENTIFICATION_FILES
+from fifthwheel.workflow.results import STATES_FILES as STATES_FILES
+from fifthwheel.workflow.results import VALIDATION_FILES as VALIDATION_FILES
+from fifthwheel.workflow.results import compare_runs as compare_runs
+from fifthwheel.workflow.results import read_truck as read_truck
+from fifthwheel.workflow.results import write_assessment as write_assessment
+from fifthwheel.workflow.results import write_comparison as write_comparison
+from fifthwheel.workflow.results import write_evaluation as write_evaluation
+from fifthwheel.workflow.results import write_loads as write_loads
+from fifthwheel.workflow.results import write_results as write_results
+from fifthwheel.workflow.settings import chosen_one_stage as chosen_one_stage
+from fifthwheel.workflow.settings import identification_settings as identification_settings
+from fifthwheel.workflow.start import starts_of as starts_of
+from fifthwheel.workflow.states import run_states as run_states

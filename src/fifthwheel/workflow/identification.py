@@ -72,7 +72,6 @@ def run_identification(
         settings: the method, by default `OneStage()`.
         knowledge, occasion: as of `identify`.
         validate: logs that are only predicted.
-        progress: called with a title, the work done and the total.
 
     Raises:
         SignalError: a log that cannot be used.

@@ -31,10 +31,8 @@ def vehicle_file(name: str) -> str:
 def vehicle_and_identification(vehicle: str, identification: Path | None = None) -> tuple[str, Path | None]:
     """The file, or name in the catalogue, of a vehicle, and the identification.json that belongs to it.
 
-    A result folder stands for both of its files, unless another identification is given.
-
-    Raises:
-        VehicleError: a folder without a vehicle file.
+    A result folder stands for both of its files, unless another identification is given. A VehicleError for a folder
+    without a vehicle file.
     """
     result = identification_file(vehicle)
     if result is not None:
@@ -50,8 +48,7 @@ def vehicle_and_identification(vehicle: str, identification: Path | None = None)
 def read_vehicle(name: str) -> Vehicle:
     """The vehicle of this name in the catalogue, of this file, or of this result folder or identification.json.
 
-    Raises:
-        VehicleError: neither exists, or the file does not describe a vehicle.
+    A VehicleError if neither exists, or the file does not describe a vehicle.
     """
     if name in catalogue.names():
         return catalogue.get(name)
@@ -91,7 +88,6 @@ def read_records(
         paths: logs of one vehicle.
         signal_map: which column is which signal, the same for all logs.
         exclude: windows that are left out, as of `read_log`, by the name of a record; "" for all records.
-        progress: called with a title, the thousandths of a log that are read, and 1000.
 
     Raises:
         SignalError: a log that cannot be read, or windows of another one.
@@ -122,8 +118,7 @@ def report_fraction(progress: Progress, title: str, fraction: float) -> None:
 def read_knowledge(path: Path) -> Knowledge:
     """The knowledge in a result folder, of its identification.json, of a knowledge.json, or of the file of a learner.
 
-    Raises:
-        SignalError: the file cannot be read, or has no knowledge.
+    A SignalError if the file cannot be read, or has no knowledge.
     """
     if not LEARNER_FILE.wrote(path):
         return Knowledge.load(path)

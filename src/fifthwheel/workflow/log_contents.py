@@ -65,7 +65,6 @@ def survey_file(
         databases: DBC or ARXML files for CAN frames. In the map, those in its folder or below have a relative path.
         map_file: where to write the map.
         whole: read all of a large file.
-        progress: called with a title, the thousandths of the log that are read, and 1000.
 
     Raises:
         SignalError: the log cannot be read.
@@ -85,14 +84,8 @@ def survey_file(
 def propose_signals(
     log: LogSource, survey: LogSurvey, vehicle: Vehicle | None = None, *, databases: Sequence[Path] = ()
 ) -> LogContents:
-    """The map proposed for an open log.
-
-    Args:
-        log: open; it is read again.
-        survey: its survey.
-        vehicle: as in `survey_file`.
-        databases: as the map names them.
-    """
+    """The map proposed for an open log, which is read again; the vehicle is used as in `survey_file`, and the databases
+    are as the map names them."""
     known: dict[str, Any] = {}
     if vehicle is not None:
         known = {"units": [unit.name for unit in vehicle.units], "wheelbase": vehicle.wheelbase}

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
@@ -22,6 +22,8 @@ from fifthwheel.vehicle.slip import Lengths, Number, Slip, weigh
 
 TRACTOR, TRAILER = "tractor", "trailer"
 """First words of the results of `slip.weigh`."""
+ON_BOARD_ACCURACY = 0.05
+"""Of the axle loads of on-board weighing, as a fraction."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,8 +52,8 @@ class WeighedVehicle:
     vehicle: Vehicle
     loads: Mapping[str, StaticLoad]
     """By the path of the axle group."""
-    text: str | None = None
-    """The vehicle file with the new numbers, and its comments; None without a file."""
+    text: str
+    """The vehicle file with the new numbers, and its comments."""
     unused: tuple[str, ...] = ()
     """Weights in the log that are not the load of an axle group; `mass` uses them."""
 
@@ -64,16 +66,10 @@ class WeighedVehicle:
         }
 
 
-def axle_load_differences(
-    vehicle: Vehicle, records: Sequence[Record], *, tolerance: float = 0.05
-) -> tuple[AxleLoadDifference, ...]:
-    """Axle loads in the logs that differ from the vehicle file by more than a fraction of its load.
+def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> tuple[AxleLoadDifference, ...]:
+    """Axle loads in the logs that differ from the vehicle file by more than the accuracy of on-board weighing.
 
-    Args:
-        tolerance: by default the accuracy of on-board weighing.
-
-    Raises:
-        SignalError: an axle load with too few samples at rest or on a straight.
+    A SignalError for an axle load with too few samples at rest or on a straight.
     """
     weighed = [record for record in records if any(name.startswith(PREFIX) for name in record.signals)]
     expected = vehicle.axle_loads() if weighed else {}
@@ -81,7 +77,7 @@ def axle_load_differences(
         AxleLoadDifference(log=record.name, group=group, measured=load.value, expected=expected[group])
         for record in weighed
         for group, load in static_loads(record).items()
-        if group in expected and abs(load.value / expected[group] - 1) > tolerance
+        if group in expected and abs(load.value / expected[group] - 1) > ON_BOARD_ACCURACY
     )
 
 
@@ -111,10 +107,11 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     stated = [vehicle.stated[path] for path in axles if path in vehicle.stated]
     lengths = Lengths(
         wheelbase=first - tractor.axle_groups[1].position,
-        coupling=first - wheel.leading_position,
-        coupling_sigma=vehicle.stated.get(f"{wheel.name}.leading_position"),
-        trailer=wheel.trailing_position - trailer.axle_groups[0].position,
-        trailer_sigma=fmean(stated) if len(stated) == len(axles) else None,
+        coupling=(first - wheel.leading_position, vehicle.stated.get(f"{wheel.name}.leading_position")),
+        trailer=(
+            wheel.trailing_position - trailer.axle_groups[0].position,
+            fmean(stated) if len(stated) == len(axles) else None,
+        ),
     )
     sigmas = {change.name: abs(change.slopes.get(change.name, 0.0)) for change in changes(vehicle)}
     tare = trailer.mass - (trailer.payload.mass if trailer.payload else 0.0)
@@ -141,7 +138,6 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
     for path, (value, _) in values.items():
         if path.endswith("mass") and value <= 0:
             raise VehicleError(f"{path}: expected above 0 kg, got {value:.0f} kg from {name}; check it, and {path}")
-    source = f"{vehicle.source}; weighed by {name}".removeprefix("; ")
     weighed = vehicle.replace(
         {path: round(value, 0 if path.endswith("mass") else 3) for path, (value, _) in values.items()}
     )
@@ -153,7 +149,8 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
         if sigma or (after[path] != before[path] and path not in vehicle.assumed)
     ]
     assumed = {path: reason for path, reason in weighed.assumed.items() if path not in written}
-    new_text = with_numbers(text, weighed.model_copy(update={"source": source, "assumed": assumed}), written)
+    described = _with_source(weighed, f"weighed by {name}").model_copy(update={"assumed": assumed})
+    new_text = with_numbers(text, described, written)
     newtons = {path: STANDARD_GRAVITY * load for path, load in slip.laden.items()}
     loads = {path: StaticLoad(value=load, scatter=slip.accuracy * load, samples=1) for path, load in newtons.items()}
     return WeighedVehicle(vehicle=Vehicle.loads(new_text), loads=loads, text=new_text)
@@ -167,10 +164,9 @@ class DrivenVehicle:
     result: GrossMass
     before: tuple[float, float]
     """Gross mass and its standard deviation by the vehicle file, kg."""
-    text: str | None = None
-    """The vehicle file with the new numbers, and its comments; None without a file."""
-
-    changed: Mapping[str, Mapping[str, float | None]] = field(default_factory=dict)
+    text: str
+    """The vehicle file with the new numbers, and its comments."""
+    changed: Mapping[str, Mapping[str, float | None]]
     """The numbers of the vehicle file that follow the load; see `changed_numbers`."""
 
     @property
@@ -184,19 +180,18 @@ class DrivenVehicle:
         return {"gross_mass": asdict(self.result), "vehicle_file": file, "changed": self.changed}
 
 
-def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | None = None) -> DrivenVehicle:
-    """The vehicle with the payload, and with axle loads the CoG, of its laden unit in logs; see `identify.mass`.
+def drive_vehicle(records: Sequence[Record], text: str) -> DrivenVehicle:
+    """The vehicle of a file with the payload, and with axle loads the CoG, of its laden unit in logs; see
+    `identify.mass`.
 
     The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
     deviation of the measurements and the other units; its body keeps its own.
-
-    Args:
-        text: the vehicle file, for the text of the result.
 
     Raises:
         SignalError: the logs do not determine the mass, or driving and weights contradict each other.
         VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
     """
+    vehicle = Vehicle.loads(text)
     result, before = gross_mass(records, vehicle), mass_of_file(vehicle)
     if result.verdict is Verdict.DOUBTFUL:
         raise SignalError(f"{enumerated([record.name for record in records])}: {contradiction(result)}")
@@ -219,17 +214,20 @@ def drive_vehicle(records: Sequence[Record], vehicle: Vehicle, *, text: str | No
     body = f"{unit.name}.sprung.mass"
     if body not in loaded.stated:
         stated[body] = quantity_of("mass").sigma * unit.sprung.mass
-    source = f"{vehicle.source}; mass by {', '.join(record.name for record in records)}".removeprefix("; ")
     assumed = {path: reason for path, reason in loaded.assumed.items() if path not in stated or path == body}
-    loaded = loaded.with_stated(stated).model_copy(update={"source": source, "assumed": assumed})
-    loaded = _rounded(loaded, vehicle)
+    loaded = _with_source(loaded.with_stated(stated), f"mass by {', '.join(record.name for record in records)}")
+    loaded = _rounded(loaded.model_copy(update={"assumed": assumed}), vehicle)
     return DrivenVehicle(
         vehicle=loaded,
         result=result,
         before=before,
         changed=changed_numbers(vehicle, loaded),
-        text=None if text is None else edited(text, loaded),
+        text=edited(text, loaded),
     )
+
+
+def _with_source(vehicle: Vehicle, added: str) -> Vehicle:
+    return vehicle.model_copy(update={"source": f"{vehicle.source}; {added}".removeprefix("; ")})
 
 
 def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
@@ -242,13 +240,12 @@ def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
     return Vehicle(**fields)
 
 
-def weigh_vehicle(
-    record: Record, vehicle: Vehicle, *, tolerance: float = 0.02, text: str | None = None
-) -> WeighedVehicle:
+def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> WeighedVehicle:
     """Masses and CoG positions from the axle loads of a log; yaw and roll inertias stay.
 
     Args:
-        text: the vehicle file, for the text of the result.
+        record: the log.
+        text: vehicle file.
         tolerance: allowed difference of the front axle's load from the expected one, as a fraction of the tractor's
             load.
 
@@ -256,6 +253,7 @@ def weigh_vehicle(
         SignalError: the log has no axle load, or one of a group that the vehicle does not have.
         VehicleError: the loads contradict each other.
     """
+    vehicle = Vehicle.loads(text)
     groups = vehicle.axle_loads()
     of_units = {unit.name for unit in vehicle.units} - set(groups)  # a trailer with one axle group has its name
     loads = {group: load for group, load in static_loads(record).items() if group not in of_units}
@@ -268,26 +266,21 @@ def weigh_vehicle(
                 "name in signals.toml"
             )
     weighed = with_axle_loads(vehicle, {group: load.value for group, load in loads.items()}, tolerance=tolerance)
-    source = f"{vehicle.source}; weighed by {record.name}".removeprefix("; ")
-    weighed = _rounded(weighed.model_copy(update={"source": source}), vehicle)
-    new_text = None if text is None else edited(text, weighed)
-    return WeighedVehicle(vehicle=weighed, loads=loads, text=new_text, unused=unused)
+    weighed = _rounded(_with_source(weighed, f"weighed by {record.name}"), vehicle)
+    return WeighedVehicle(vehicle=weighed, loads=loads, text=edited(text, weighed), unused=unused)
 
 
 def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
     """The vehicle with the result of a roll test; see `vehicle.with_roll_test`.
 
-    Other numbers have the standard deviations that the vehicle file states, or else the default ones.
-
-    Raises:
-        VehicleError: the test is not plausible, or does not suit the vehicle.
+    Other numbers have the standard deviations that the vehicle file states, or else the default ones. A VehicleError if
+    the test is not plausible, or does not suit the vehicle.
     """
     rows = {path: (quantity_of(path), value) for path, value in vehicle.parameters().items()}
     sigmas = {path: row.sigma_of(value) for path, (row, value) in rows.items() if row.is_uncertain and value}
     masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
-    source = f"{vehicle.source}; roll test of the {test.unit}".removeprefix("; ")
-    return _rounded(tested.model_copy(update={"source": source}), vehicle)
+    return _rounded(_with_source(tested, f"roll test of the {test.unit}"), vehicle)
 
 
 def changed_numbers(before: Vehicle, after: Vehicle) -> dict[str, dict[str, float | None]]:

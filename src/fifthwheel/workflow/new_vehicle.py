@@ -71,9 +71,8 @@ class Description:
 def new_vehicle(description: Description) -> str:
     """The text of a vehicle file, with the uncertainty and the source of each number.
 
-    Raises:
-        VehicleError: a class is not one of a tractor or semitrailer, the slip contradicts itself, or a number is not
-            valid.
+    A VehicleError if a class is not one of a tractor or semitrailer, the slip contradicts itself, or a number is not
+    valid.
     """
     _check(description)
     builder = _Builder(description)
@@ -168,13 +167,7 @@ class _Builder:
         if position is not None:
             self._set(coupling, COUPLING, "leading_position", (-position[0], position[1]), MEASURED)
         rear = [axle["position"] for axle in tractor["axle_groups"][1]["axles"]]
-        lengths = Lengths(
-            wheelbase=-sum(rear) / len(rear),
-            coupling=None if position is None else position[0],
-            coupling_sigma=None if position is None else position[1],
-            trailer=known.trailer_wheelbase[0],
-            trailer_sigma=known.trailer_wheelbase[1],
-        )
+        lengths = Lengths(wheelbase=-sum(rear) / len(rear), coupling=position, trailer=known.trailer_wheelbase)
         groups = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
         if not known.slip.laden:
             if known.slip.solo:

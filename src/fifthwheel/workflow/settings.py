@@ -92,11 +92,8 @@ def named_values(
     return values
 
 
-_FRACTION = "NAME=FRACTION, such as roll_stiffness=10%"
-
-
-def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
-    """ "name=fraction" as name: fraction, from 0 to below 1; it may be in per cent."""
+def targets_of(texts: Iterable[str]) -> dict[str, float]:
+    """ "name=fraction" of `--target` as name: fraction, from 0 to below 1; it may be in per cent."""
 
     def fraction(_: str, text: str) -> float:
         value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
@@ -105,4 +102,4 @@ def fractions(option: str, texts: Iterable[str]) -> dict[str, float]:
             raise FifthwheelError(f"expected 0% or more and below 100%, got {given}; write 5% or 0.05")
         return value
 
-    return named_values(option, texts, _FRACTION, fraction)
+    return named_values("--target", texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)

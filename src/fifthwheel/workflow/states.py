@@ -67,7 +67,6 @@ def run_states(
             from the log itself.
         smooth: use later samples too.
         check: refuse implausible signals.
-        progress: called with a title, the records done and their number.
 
     Raises:
         SignalError: a log that cannot be used.

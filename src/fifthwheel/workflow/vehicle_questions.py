@@ -52,8 +52,7 @@ class Question:
     def parse(self, answer: str) -> Any:
         """The value of an answer: a choice, value and standard deviation, or loads by their paths.
 
-        Raises:
-            VehicleError: not an answer to this question.
+        A VehicleError if the answer is not one to this question.
         """
         try:
             if self.choices:

@@ -280,7 +280,7 @@ def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
 
 def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
     """By the vehicle file; its stated standard deviation replaces that of the settings, and an exact place is known."""
-    place = truck.unit("tractor").accelerometer_place
+    place = truck.unit("tractor").place_of_accelerometer()
     unknowns = by_name(truck, OneStage(given={"lateral_acceleration.*.position": "+- 0.4 m"}), OUTPUTS)
     for kind, sigma in (("position", 0.4), ("height", 0.3)):
         unknown = unknowns[f"{ACCELERATION}.{kind}"]

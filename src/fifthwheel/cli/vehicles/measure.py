@@ -72,10 +72,10 @@ def weigh(
     with reserved(out, force=force):
         if log is not None:
             (record,) = terminal.load_records([log], signals, allow_outside=allow_outside)
-            weighed = weigh_vehicle(record, truck, tolerance=tolerance, text=text)
+            weighed = weigh_vehicle(record, text, tolerance=tolerance)
         elif slip is not None:
             weighed = weigh_by_slip(Slip.load(slip), text, name=slip.name)
-        write_text(out, weighed.text or weighed.vehicle.to_toml())
+        write_text(out, weighed.text)
     document = partial(weighed_document, weighed.loads, truck, weighed.vehicle, weighed.unused)
     terminal.print_result(weighed.as_dict(), document, {"vehicle": out}, as_json=as_json)
 
@@ -111,8 +111,8 @@ def mass(
     with reserved(out, force=force):
         records = terminal.load_records(logs, signals, allow_outside=allow_outside, exclude=exclude)
         terminal.warn_of_masses(truck)
-        driven = drive_vehicle(records, truck, text=text)
-        write_text(out, driven.text or driven.vehicle.to_toml())
+        driven = drive_vehicle(records, text)
+        write_text(out, driven.text)
     document = partial(mass_document, driven.result, driven.before, driven.changed)
     terminal.print_result(driven.as_dict(), document, {"vehicle": out}, as_json=as_json)
 

@@ -43,7 +43,7 @@ def write(path: Path, logs: Sequence[LogKnowledge]) -> None:
 def read(path: Path) -> tuple[LogKnowledge, ...]:
     """The logs in a file, or in a folder with one; a SignalError if it cannot be read, another program wrote it, or its
     numbers are impossible."""
-    path = file_of(path)
+    path = knowledge_file(path)
     if not path.exists() and path.with_name(IDENTIFICATION).exists():
         raise SignalError(
             f"{path}: the result in this folder has no knowledge, because two stages or another version wrote it; "
@@ -60,7 +60,7 @@ def read(path: Path) -> tuple[LogKnowledge, ...]:
     return logs
 
 
-def file_of(path: Path) -> Path:
+def knowledge_file(path: Path) -> Path:
     """The file that a result folder, its identification.json, or a path of a file stands for."""
     if path.is_dir():
         return path / KNOWLEDGE

@@ -196,11 +196,12 @@ def _file(path: Path) -> list[tuple[int, bool, Message]]:
     ending = path.suffix[1:].lower()
     reasons: list[str] = []
     for kind in (ending,) if ending in _FORMATS else _FORMATS:
-        with damage(reasons.append):
+        with damage() as troubles:
             text = data.decode(_ENCODINGS.get(kind, "utf-8"), "replace").removeprefix("\ufeff")
             if table := _table(text, kind):
                 return table
-            reasons.append("it defines no message")
+            troubles.append("it defines no message")
+        reasons += troubles
     why = reasons[0].partition(': "')[0]  # without the line of the file
     raise SignalError(f"{path.name}: not a valid CAN database ({why}); give a DBC or ARXML file")
 

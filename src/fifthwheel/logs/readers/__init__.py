@@ -67,11 +67,7 @@ def matlab_4_order(head: bytes) -> Literal["<", ">"] | None:
 FORMATS = (
     Format(name="Parquet", module="parquet", begins=lambda head: head.startswith(b"PAR1")),
     Format(name="ASAM MDF", module="mdf", begins=lambda head: head[:8] in (b"MDF     ", b"UnFinMF ")),
-    Format(
-        name="MATLAB",
-        module="mat",
-        begins=lambda head: head.startswith(_MATLAB) or matlab_4_order(head) is not None,
-    ),
+    Format(name="MATLAB", module="mat", begins=lambda head: head.startswith(_MATLAB) or bool(matlab_4_order(head))),
     Format(name="MCAP", module="mcap", begins=lambda head: head.startswith(b"\x89MCAP")),
     Format(name="CAN trace", module="can", begins=lambda head: trace_kind(head) is not None),
     Format(name="CSV", module="text", begins=lambda head: True),
@@ -105,8 +101,8 @@ def open_log(
 
     `databases` are DBC or ARXML files for CAN frames, searched in order before the built-in J1939 messages. `progress`
     receives the fraction read where opening needs the whole file. With `sample`, only a sample of a large file is read
-    (`LogSource.sample`). A SignalError if the file is not a regular one,
-    cannot be read, is no log, exceeds a limit, or needs a library that is not installed.
+    (`LogSource.sample`). A SignalError if the file is not a regular one, cannot be read, is no log, exceeds a limit, or
+    needs a library that is not installed.
     """
     path = Path(path)
     try:

@@ -86,8 +86,7 @@ def _messages(
 
 def _blf_messages(file: BinaryIO, notes: list[str]) -> Iterator[can.Message]:
     count, since, place, message = 0, 0, 0, None
-    troubles: list[str] = []
-    with damage(troubles.append):
+    with damage() as troubles:
         for count, message in enumerate(can.BLFReader(file), 1):
             if count % _CHECKED == 0 and file.tell() != place:
                 place, since = file.tell(), count

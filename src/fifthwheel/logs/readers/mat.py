@@ -80,8 +80,7 @@ class MatLog(LogSource):
         for number, (clock, names) in enumerate(clocks.items()):
             signals = [self._signals[name] for name in names]
             time, first = signals[0].clock.time, 0
-            troubles: list[str] = []
-            with damage(troubles.append):
+            with damage() as troubles:
                 seconds, arrays = _seconds(time), [signal.values.load() for signal in signals]
                 while first < time.length:
                     last = min(first + _CHUNK_ROWS, time.length)
@@ -147,8 +146,7 @@ def _variables(
         for at, length in places(file, size):
             if at + length > size:
                 break
-            troubles: list[str] = []
-            with damage(troubles.append):
+            with damage() as troubles:
                 name, value = _variable(path, header, at, length)
                 variables[name] = _node(value, partial(_value, path, header, at, length))
             broken += [f"at byte {at} ({why})" for why in troubles]
@@ -227,8 +225,7 @@ class _Tree:
         """The objects of a group by name; `within` are the addresses of the objects around it."""
         nodes: dict[str, Node] = {}
         for name in group:
-            troubles: list[str] = []
-            with damage(troubles.append):
+            with damage() as troubles:
                 link = group.get(name, getlink=True)
                 if isinstance(link, h5py.ExternalLink):
                     self.outside.append(name)

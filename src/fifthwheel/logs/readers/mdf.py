@@ -62,7 +62,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
     log = MdfLog(path, mdf, columns, places, can, decoded)
     log.notes += notes
-    with damage(lambda _: None):  # a damaged date is none
+    with damage():  # a damaged date is none
         log.start = mdf.header.start_time.timestamp()
     return log
 
@@ -107,8 +107,7 @@ class MdfLog(LogSource):
         group = self._places[names[0]][0]
         total, count, last = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0
         parts: list[tuple[int, int | None]] = [*parts_of(total, self._size)] if self.sampled else [(0, None)]
-        troubles: list[str] = []
-        with damage(troubles.append):
+        with damage() as troubles:
             for begin, end in parts:
                 for first, time, fragment in _fragments(self._mdf, group, begin, end):
                     values = {n: _values(self._mdf, self._places[n], first, time.size, fragment) for n in names}
@@ -266,8 +265,7 @@ def _can_log(
 def _batches(mdf: Any, parts: Mapping[int, Mapping[str, int]], notes: list[str]) -> Iterator[tuple[Frames, float]]:
     """The CAN frames of some groups, one group after the other; damage of one ends it, with a note."""
     for number, (group, frame) in enumerate(parts.items(), 1):
-        troubles: list[str] = []
-        with damage(troubles.append):
+        with damage() as troubles:
             for first, time, fragment in _fragments(mdf, group):
                 if time.size:
                     yield _frames(mdf, group, frame, first, time, fragment), number / len(parts)

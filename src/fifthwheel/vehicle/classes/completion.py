@@ -30,10 +30,8 @@ def complete(fields: Mapping[str, Any]) -> Table:
     """Fields of a vehicle, as from `toml_format.parse`, with the missing numbers of each unit that has a class, and of
     the coupling in front of it; `stated` has the standard deviation of each filled number, and `assumed` its source.
 
-    A relaxation length needs no class: all truck tyres have nearly the same. A file for tyres without lag says 0.
-
-    Raises:
-        VehicleError: a class does not exist or has other axle groups, or a number is missing that no class can give.
+    A relaxation length needs no class: all truck tyres have nearly the same. A file for tyres without lag says 0. A
+    VehicleError if a class does not exist or has other axle groups, or a number is missing that no class can give.
     """
     completed = copy.deepcopy(dict(fields))
     units, couplings = completed["units"], completed["couplings"]
@@ -115,8 +113,8 @@ def _complete_unit(completion: _Completion, unit: Table, coupling: Table | None)
         for axle in group["axles"] or [{}]:
             _require(axle, ("position",), f"{name}.{axle.get('name', group.get('name', 'axles'))}")
     axles = [axle for group in groups for axle in group["axles"]]
-    if kind.steerable:
-        axles[0 if kind.steerable == "first" else -1].setdefault("steerable", True)
+    if kind.coupling is None or kind.steers_last:
+        axles[-1 if kind.steers_last else 0].setdefault("steerable", True)
     reference = coupling["trailing_position"] if coupling else axles[0]["position"]
     others = axles if coupling else axles[len(groups[0]["axles"]) :]
     wheelbase = reference - sum(axle["position"] for axle in others) / len(others)
@@ -166,7 +164,7 @@ def _complete_masses(completion: _Completion, unit: Table, kind: VehicleClass) -
 
 def _complete_groups(completion: _Completion, unit: Table, kind: VehicleClass, loads: Mapping[str, float]) -> None:
     """Stiffness and damping of the axle groups."""
-    for group, figures in zip(unit["axle_groups"], kind.groups.values(), strict=True):
+    for group, (figures, _) in zip(unit["axle_groups"], kind.groups.values(), strict=True):
         path, count = _group_path(unit, group), len(_on_road(group))
         if loads[path] <= 0:
             raise VehicleError(

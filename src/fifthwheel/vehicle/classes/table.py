@@ -12,7 +12,7 @@ the sets chose it, sigma is wider. The sets:
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 from fifthwheel.vehicle.unit import CouplingKind
 
@@ -63,10 +63,8 @@ class VehicleClass:
     first unit and the front coupling of the others, and the mean position of the other axles."""
 
     description: str
-    groups: Mapping[str, AxleFigures]
-    """Figures of an axle of each group, front to rear, by the usual name of the group."""
-    axle_counts: tuple[int, ...]
-    """Usual number of axles in each group."""
+    groups: Mapping[str, tuple[AxleFigures, int]]
+    """Figures of an axle of each group, front to rear, and usual number of axles, by the usual name of the group."""
     tare: Figure
     """Mass without payload, kg."""
     cog: Figure
@@ -74,13 +72,18 @@ class VehicleClass:
     body: BodyFigures
     coupling: CouplingFigures | None = None
     """The front coupling; None for a first unit."""
-    steerable: Literal["first", "last"] | None = None
-    """Which axle has a steer angle as an input."""
+    steers_last: bool = False
+    """Whether the last axle has a steer angle as an input; the first axle of a first unit has one."""
+
+    @property
+    def axle_counts(self) -> tuple[int, ...]:
+        """Usual number of axles in each group."""
+        return tuple(count for _, count in self.groups.values())
 
     def unsprung_mass(self, counts: Iterable[int]) -> tuple[float, float]:
         """Mass of axles and wheels with its standard deviation, kg, by the number of axles in each group; one error
         for all axles."""
-        axles = [(n, figures.unsprung_mass) for n, figures in zip(counts, self.groups.values(), strict=True)]
+        axles = [(n, figures.unsprung_mass) for n, (figures, _) in zip(counts, self.groups.values(), strict=True)]
         return sum(n * figure.value for n, figure in axles), sum(n * figure.sigma for n, figure in axles)
 
 
@@ -164,16 +167,15 @@ TRAILER_COG = Figure(0.67, 0.08, "Auburn 0.56 laden and 0.67 unladen, article 0.
 THREE_AXLE_TRACTOR_COG = Figure(0.38, 0.06, "Auburn 0.37, Kraz 0.48 of the wheelbase")
 
 
-def _semitrailer(description: str, axles: int, tare: Figure, steerable: Literal["last"] | None = None) -> VehicleClass:
+def _semitrailer(description: str, axles: int, tare: Figure, steers_last: bool = False) -> VehicleClass:
     return VehicleClass(
         description=description,
-        groups={"axles": TRAILER_AXLE},
-        axle_counts=(axles,),
+        groups={"axles": (TRAILER_AXLE, axles)},
         tare=tare,
         cog=TRAILER_COG,
         body=TRAILER,
         coupling=FIFTH_WHEEL,
-        steerable=steerable,
+        steers_last=steers_last,
     )
 
 
@@ -183,39 +185,32 @@ THREE_AXLE_TARE = Figure(7500, 1500, "chosen: between 4.5 t on two axles (Auburn
 CLASSES: Mapping[str, VehicleClass] = {
     "tractor_4x2": VehicleClass(
         description="two-axle tractor",
-        groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
-        axle_counts=(1, 1),
+        groups={"front": (STEER_AXLE, 1), "drive": (DRIVE_AXLE, 1)},
         tare=Figure(7200, 600, "article 6.9 and 7.2, GOPS 5.8 t"),
         cog=Figure(0.28, 0.04, "article 0.28, GOPS 0.28 of the wheelbase"),
         body=TRACTOR,
-        steerable="first",
     ),
     "tractor_6x2": VehicleClass(
         description="three-axle tractor, one driven axle",
-        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
-        axle_counts=(1, 2),
+        groups={"front": (STEER_AXLE, 1), "drive": (TANDEM_AXLE, 2)},
         tare=Figure(8300, 800, "between 7.2 t of two axles (article) and 8.6 t of 6x4 (Auburn)"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
-        steerable="first",
     ),
     "tractor_6x4": VehicleClass(
         description="three-axle tractor, two driven axles",
-        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
-        axle_counts=(1, 2),
+        groups={"front": (STEER_AXLE, 1), "drive": (TANDEM_AXLE, 2)},
         tare=Figure(9000, 1000, "Auburn 8.6 t; Kraz 13.2 t"),
         cog=THREE_AXLE_TRACTOR_COG,
         body=TRACTOR,
-        steerable="first",
     ),
     "semitrailer_2": _semitrailer("two-axle semitrailer", 2, TWO_AXLE_TARE),
     "semitrailer_3": _semitrailer("three-axle semitrailer", 3, THREE_AXLE_TARE),
-    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, "last"),
-    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, "last"),
+    "semitrailer_2_steered": _semitrailer("two-axle semitrailer, last axle steered", 2, TWO_AXLE_TARE, True),
+    "semitrailer_3_steered": _semitrailer("three-axle semitrailer, last axle steered", 3, THREE_AXLE_TARE, True),
     "b_double_lead": VehicleClass(
         description="lead trailer of a B-double, with a fifth wheel behind its axles",
-        groups={"axles": TRAILER_AXLE},
-        axle_counts=(3,),
+        groups={"axles": (TRAILER_AXLE, 3)},
         tare=Figure(7500, 1500, "as a three-axle semitrailer"),
         cog=Figure(0.7, 0.1, "as a semitrailer, wider: the fifth wheel is part of the frame"),
         body=TRAILER,
@@ -223,26 +218,21 @@ CLASSES: Mapping[str, VehicleClass] = {
     ),
     "truck_4x2": VehicleClass(
         description="two-axle rigid truck",
-        groups={"front": STEER_AXLE, "drive": DRIVE_AXLE},
-        axle_counts=(1, 1),
+        groups={"front": (STEER_AXLE, 1), "drive": (DRIVE_AXLE, 1)},
         tare=Figure(8500, 1500, "chosen: the tractor of the article, 7 t, with a body"),
         cog=Figure(0.5, 0.12, "chosen: unladen 0.35, laden 0.65 of the wheelbase"),
         body=RIGID,
-        steerable="first",
     ),
     "truck_6x2": VehicleClass(
         description="three-axle rigid truck",
-        groups={"front": STEER_AXLE, "drive": TANDEM_AXLE},
-        axle_counts=(1, 2),
+        groups={"front": (STEER_AXLE, 1), "drive": (TANDEM_AXLE, 2)},
         tare=Figure(11000, 2000, "chosen: a three-axle tractor, 8.6 t (Auburn), with a body"),
         cog=Figure(0.58, 0.12, "chosen: unladen 0.45, laden 0.7 of the wheelbase"),
         body=RIGID,
-        steerable="first",
     ),
     "dolly": VehicleClass(
         description="dolly: drawbar, axles and a fifth wheel",
-        groups={"axles": TRAILER_AXLE},
-        axle_counts=(2,),
+        groups={"axles": (TRAILER_AXLE, 2)},
         tare=Figure(2800, 500, "chosen: frame and two axles of 0.7 t"),
         cog=Figure(0.9, 0.08, "chosen: near the axles"),
         body=BodyFigures(
@@ -255,8 +245,7 @@ CLASSES: Mapping[str, VehicleClass] = {
     ),
     "full_trailer": VehicleClass(
         description="body of a full trailer, on the turntable of a dolly",
-        groups={"axles": TRAILER_AXLE},
-        axle_counts=(2,),
+        groups={"axles": (TRAILER_AXLE, 2)},
         tare=Figure(4500, 1000, "chosen: a two-axle semitrailer (Auburn) without its landing legs"),
         cog=Figure(0.5, 0.1, "chosen: the load lies between turntable and axles"),
         body=TRAILER._replace(yaw_gyration=Figure(0.45, 0.08, f"as a semitrailer: {TRAILER.yaw_gyration.source}")),

@@ -29,13 +29,9 @@ COLUMN = 60
 
 
 def template(name: str) -> str:
-    """The text of a vehicle file like a long combination of the catalogue; each number says whether to replace it.
+    """The text of a vehicle file like one of `COMBINATIONS`; each number says whether to replace it.
 
-    Args:
-        name: one of `COMBINATIONS`.
-
-    Raises:
-        VehicleError: there is no such combination.
+    A VehicleError if there is no combination of that name.
     """
     if name not in COMBINATIONS:
         raise VehicleError(f"{name}: no such combination; {suggestion(name, COMBINATIONS)}")
