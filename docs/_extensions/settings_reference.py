@@ -12,9 +12,8 @@ from fifthwheel.channels import PLACE_KINDS, SensorErrorName, channels_with_erro
 from fifthwheel.filters.relinearised import RelinearisationSettings
 from fifthwheel.identify.design import DesignSettings
 from fifthwheel.identify.unknowns.parameters import reported_parameters
-from fifthwheel.names import ends_with
 from fifthwheel.settings import Settings, meanings, shown
-from fifthwheel.vehicle.quantities import QUANTITIES
+from fifthwheel.vehicle.quantities import QUANTITIES, quantity_of
 
 LONG = 60
 """A default with more characters stands below its table."""
@@ -53,11 +52,11 @@ def priors() -> Iterator[str]:
     """The default priors of numbers of the truck, the road and the model; of parameters of a result, as a guess."""
     truck, separate = fw.vehicle("cheng_cebon_2011"), fw.OneStage(uniform_payload=False)
     reported = [*reported_parameters(truck, fw.OneStage()), *reported_parameters(truck, separate)]
-    yield "## Priors\n\n| name ends with | prior | as a parameter of the result | based on |\n|---|---|---|---|"
+    yield "## Priors\n\n| end of the name | prior | as a parameter of the result | based on |\n|---|---|---|---|"
     for name, row in QUANTITIES.items():
         unit = row.unit if row.absolute else ""
         known = prior(row.mean, row.sigma, unit) if row.sigma else ""
-        is_guess = row.mean is None and any(ends_with(path, name) for path in reported)
+        is_guess = row.mean is None and any(quantity_of(path) is row for path in reported)
         guess = prior(None, row.guess, "") if is_guess else ""
         if known or guess:
             yield f"| `{name}` | {known} | {guess} | {row.source} |"

@@ -143,19 +143,19 @@ def meanings(kind: Any) -> dict[str, str]:
     return {f.name: found.get(f.name, "") for f in fields(kind)}
 
 
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """A value of a setting: a number without the digits of a conversion of units, other settings by their name."""
     if isinstance(value, Settings):
         return f"{type(value).__name__}()"
     if isinstance(value, tuple):
-        return "(" + ", ".join(map(_shown, value)) + ")"
+        return "(" + ", ".join(map(shown, value)) + ")"
     return f"{value:.4g}" if isinstance(value, float) and value < 1e4 else repr(value)
 
 
 def _default(setting: Any) -> str:
     """The default of a field, shortened; "" if it has none."""
     value = setting.default if setting.default_factory is MISSING else setting.default_factory()
-    text = "" if value is MISSING else _shown(value)
+    text = "" if value is MISSING else shown(value)
     return text if len(text) < 60 else shorten(value)
 
 

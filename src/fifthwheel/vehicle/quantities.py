@@ -99,7 +99,7 @@ class Quantity(NamedTuple):
 
 
 TYRES: dict[str, Quantity] = {
-    FRICTION: Quantity(0.4, default=0.75, mean=0.75, scope="road"),  # of truck tyres on a dry road
+    FRICTION: Quantity(0.4, default=0.75, mean=0.75, scope="road", source="truck tyres on a dry road"),
     SHAPE: Quantity(0.12, default=1.1, gross=0.2, weight=0.3),
     # half the distance of the tyres of both sides
     HALF_TRACK: Quantity(0.05, unit="m", default=ObserverOptions.half_track, gross=0.1, weight=0.3),
@@ -107,8 +107,8 @@ TYRES: dict[str, Quantity] = {
         0.4, default=0.2, gross=0.7, weight=0.3, source="six truck and bus tyres: 0.1 to 0.37"
     ),
     FRICTION_SENSITIVITY: Quantity(0.5, default=0.09, gross=0.8, weight=0.3, source="the same tyres: 0.07 to 0.19"),
-    # 1: as stiff along the wheel as across it; Magic Formula of trucks: 0.5
-    COMBINED_SLIP: Quantity(0.45, default=0.7, gross=0.8, weight=0.3),
+    # 1: as stiff along the wheel as across it
+    COMBINED_SLIP: Quantity(0.45, default=0.7, gross=0.8, weight=0.3, source="Magic Formula of truck tyres: 0.5"),
     # drag coefficient times frontal area
     DRAG_AREA: Quantity(0.25, unit="m^2", default=6.0, gross=0.4, weight=0.3, source="0.5 to 0.8 times 8 to 10 m^2"),
     # force over load
@@ -135,15 +135,23 @@ QUANTITIES: dict[str, Quantity] = {
     # of linear tyres; sigma: `parameters.softening_priors`; gross: a slippery road
     "softening": Quantity(unit="1/rad", absolute=True, gross=8.0, part="tyres"),
     "cog_height": Quantity(unit="m", words="CoG height"),  # of a laden unit, which follows from others
-    # from log to log, with temperature and pressure of the tyres; gross: other tyres, or flat ones
-    "cornering_stiffness.variation": Quantity(0.025, absolute=True, gross=0.3, weight=0.5),
-    # the least one of a free-running model, as a fraction of each signal
-    DISCREPANCY: Quantity(0.015, absolute=True),
-    ROAD_BANK: Quantity(0.03, unit="rad", absolute=True),  # mean of a segment
-    # within a log, with side wind and the pull of misaligned axles
-    BANK_VARIATION: Quantity(0.005, unit="rad", absolute=True),
-    # timestamps are sometimes made from a nominal sampling rate
-    TIME_BASE: Quantity(0.002, absolute=True, gross=0.03, weight=0.3, scope="truck"),
+    # gross: other tyres, or flat ones
+    "cornering_stiffness.variation": Quantity(
+        0.025, absolute=True, gross=0.3, weight=0.5, source="temperature and pressure of the tyres, from log to log"
+    ),
+    DISCREPANCY: Quantity(0.015, absolute=True, source="the least one of a model that runs free, of each signal"),
+    ROAD_BANK: Quantity(0.03, unit="rad", absolute=True, source="the crossfall of roads, mean of a segment"),
+    BANK_VARIATION: Quantity(
+        0.005, unit="rad", absolute=True, source="within a log, with side wind and the pull of misaligned axles"
+    ),
+    TIME_BASE: Quantity(
+        0.002,
+        absolute=True,
+        gross=0.03,
+        weight=0.3,
+        scope="truck",
+        source="timestamps that are made from a nominal sampling rate",
+    ),
     "time_base.delay": Quantity(0.1, unit="s", absolute=True, gross=0.3, weight=2.0),
     # changes of several numbers of the vehicle file; gross: tare in place of gross mass, or another load
     MASS_SCALE: Quantity(

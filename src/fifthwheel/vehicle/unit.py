@@ -44,8 +44,10 @@ class Axle(Component):
         "1",
         "Castor wheels turn by this fraction of the slip angle of the axle: 0 a fixed axle, 1 an axle without side"
         " force.",
-        # of a fixed last axle of a group behind the first unit; gross: a castor axle
-        Quantity(0.015, absolute=True, gross=0.4, part="axle"),
+        # gross: a castor axle
+        Quantity(
+            0.015, absolute=True, gross=0.4, part="axle", source="the last axle of a group that the file has as fixed"
+        ),
         default=None,
         le=1,
     )
@@ -82,11 +84,11 @@ class AxleGroup(Component):
     cornering_stiffness: Positive = number(
         "N/rad", "Side force per slip angle of all axles together.", Quantity(part="tyres"), ge=1e3, le=1e8
     )
-    # of the suspension: the spread of published trucks; gross: of one axle in place of the group
+    # gross: of one axle in place of the group
     roll_stiffness: Positive = number(
         "N m/rad",
         "Suspension, total of the group.",
-        Quantity(0.1, gross=0.5, of_roll=True, part="suspension"),
+        Quantity(0.1, gross=0.5, of_roll=True, part="suspension", source="the spread of published trucks"),
         plausible=(1e4, 1e8),
     )
     tyre_roll_stiffness: Positive = number(
@@ -175,8 +177,14 @@ class SprungMass(Component):
     roll_inertia: Positive = number(
         "kg m^2",
         "About the longitudinal axis through its own CoG.",
-        # guess: a payload of the same height may be a point, or stand along the sides
-        Quantity(0.2, guess=0.6, gross=0.4, weight=0.5, of_roll=True),
+        Quantity(
+            0.2,
+            guess=0.6,
+            gross=0.4,
+            weight=0.5,
+            of_roll=True,
+            source="a payload of the same height may be a point, or stand along the sides",
+        ),
         plausible=(20.0, 1e6),
     )
     roll_yaw_product: Number = number(
@@ -211,8 +219,15 @@ class Payload(Component):
     height: Positive = number(
         "m",
         "Of the load, from the floor to its top, h_p.",
-        # any height up to 2.7 m, the inside of a usual body
-        Quantity(0.75, absolute=True, mean=1.4, bounds=(0.01, 3.5), scope="load", of_roll=True),
+        Quantity(
+            0.75,
+            absolute=True,
+            mean=1.4,
+            bounds=(0.01, 3.5),
+            scope="load",
+            of_roll=True,
+            source="any height up to 2.7 m, the inside of a usual body",
+        ),
         plausible=(0.0, 6.0),
     )
     width: Positive = number(

@@ -15,7 +15,7 @@ A hypothesis is a cause if it is more probable than H_0. It has to explain the l
 residuals, either the discrepancy is a small fraction of the signals, or the priors of all numbers agree with the logs:
 with the precision W of the prior and the covariance P, twice the cost of the prior has the expected value tr(I - P W)
 (`posterior`). If no cause explains them, the vehicle file or the signal map does not fit, or the model lacks something;
-the change of any one number would mislead.
+the change of any one number would mislead. `benchmarks/constants.md` shows what each constant decides.
 """
 
 import math
