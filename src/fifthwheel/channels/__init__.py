@@ -68,9 +68,8 @@ PLACE_KINDS = ("position", "height")
 REFERENCE = "reference."
 """Prefix of the header of a reference signal, which no estimator uses."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
-_ERROR_UNITS = {"gain": "1", "delay": "s", "misalignment": "rad", "load_sensitivity": "1", "play": "rad"}
-_ERROR_UNITS |= dict.fromkeys(PLACE_KINDS, "m")
-_ERROR_KINDS = ("offset", *_ERROR_UNITS)
+_ERROR_UNITS = {error.kind: error.unit for channel in _ALL for error in channel.errors if error.unit}
+_ERROR_KINDS = {error.kind for channel in _ALL for error in channel.errors}
 
 
 def register(channel: Channel) -> None:
@@ -272,7 +271,7 @@ class SensorErrorName(NamedTuple):
 
     signal: str
     kind: str
-    """offset, gain, delay, misalignment, load_sensitivity or play; of a sensor with a place also position or height."""
+    """As in `ErrorKind`."""
 
     @classmethod
     @lru_cache(maxsize=4096)

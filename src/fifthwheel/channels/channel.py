@@ -188,7 +188,9 @@ class ErrorKind:
     """One kind of error of a sensor, <signal>.<kind>, which an identification estimates."""
 
     kind: str
-    """offset, gain, delay, misalignment, load_sensitivity, play, position or height."""
+    """Such as "offset", "gain" or "delay"; "position" and "height" are those of the place of the sensor."""
+    unit: str = ""
+    """SI; empty for that of the channel."""
     prior: float
     """Prior standard deviation, SI, where neither a user nor the class of the sensor states another one."""
     per_log: bool = False
@@ -203,8 +205,8 @@ class ErrorKind:
     """How common a gross error is, relative to others."""
 
 
-GAIN = partial(ErrorKind, kind="gain", gross=0.4, weight=2.0)
-DELAY = partial(ErrorKind, kind="delay", gross=0.3, weight=2.0)
+GAIN = partial(ErrorKind, kind="gain", unit="1", gross=0.4, weight=2.0)
+DELAY = partial(ErrorKind, kind="delay", unit="s", gross=0.3, weight=2.0)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -75,6 +75,6 @@ STEER = Channel(
         ErrorKind(kind="offset", prior=0.01, per_log=True, gross=0.04, weight=1.5),
         GAIN(prior=0.15),  # a nominal steering ratio may be wrong by this
         DELAY(prior=0.05),
-        ErrorKind(kind="play", prior=math.radians(0.2), positive=True),  # at the wheels, of a sound steering
+        ErrorKind(kind="play", unit="rad", prior=math.radians(0.2), positive=True),  # of a sound steering
     ),
 )

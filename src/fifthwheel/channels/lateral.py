@@ -60,8 +60,8 @@ LATERAL_ACCELERATION = Channel(
         ),  # with gravity by the tilt: 1 degree gives 0.17 m/s^2
         GAIN(prior=0.03),
         DELAY(prior=0.03),  # with that of the low-pass filter of the sensor
-        ErrorKind(kind="position", prior=0.5, gross=1.5, weight=0.5),
-        ErrorKind(kind="height", prior=0.3, gross=0.6, weight=0.5),
+        ErrorKind(kind="position", unit="m", prior=0.5, gross=1.5, weight=0.5),
+        ErrorKind(kind="height", unit="m", prior=0.3, gross=0.6, weight=0.5),
     ),
 )
 

@@ -27,7 +27,7 @@ AXIS_WORDS = "(ang[a-z]*|rotation[a-z]*)_?(vel[a-z]*|rate)"
 GYRO_ERRORS = (
     ErrorKind(kind="offset", prior=0.004, per_log=True, gross=0.04),
     GAIN(prior=0.005),
-    ErrorKind(kind="misalignment", prior=math.radians(1), gross=0.4),  # a bracket is square to 0.5 to 1 degree
+    ErrorKind(kind="misalignment", unit="rad", prior=math.radians(1), gross=0.4),  # a bracket is square to 1 degree
     DELAY(prior=0.01, uncertain=True),
 )
 

@@ -54,7 +54,7 @@ WHEEL_SPEED_DIFFERENCE = Channel(
         ErrorKind(kind="offset", prior=0.005, per_log=True, gross=0.02),
         GAIN(prior=0.03),
         # Magic Formula files of two truck tyres give 0.001 and 0.017 for a laden trailer axle
-        ErrorKind(kind="load_sensitivity", prior=0.015),
+        ErrorKind(kind="load_sensitivity", unit="1", prior=0.015),
         # the control unit averages pulses over 20 to 60 ms, and a wheel follows the road within a relaxation length
         DELAY(prior=0.05),
     ),

@@ -26,7 +26,7 @@ class CautionKind(StrEnum):
     MISALIGNMENT = "misalignment"  # an unusual misalignment of a gyro
     LOAD_SENSITIVITY = "load_sensitivity"  # an unusual effect of the load transfer on wheel speeds
     PLAY = "play"  # an unusual play of the steering
-    OFFSET = "offset"  # an unusual offset of a sensor
+    OFFSET = "offset"  # an unusual offset or another error of a sensor
     UNRELATED_CHANNEL = "unrelated channel"  # no relation to the motion of the truck
     POOR_FIT = "poor fit"  # the identified truck predicts the channel poorly
     REJECTED_SAMPLES = "rejected samples"  # many samples of a channel are outside the gate

@@ -173,13 +173,12 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             text = f"the estimated gain is {value}; 1 is expected."
             cure = "Check the unit, calibrate the sensor, and correct its gain in the signal map."
         else:
-            text = f"the estimated offset is {value}, more than such a sensor usually has."
+            text = f"the estimated {kind.replace('_', ' ')} is {value}, more than such a sensor usually has."
             cure = "Check the mounting and the calibration of the sensor."
         message = f"{signal} in {error.log}: {text}" if error.log else f"{signal}: {text}"
         parameters = tuple(dict.fromkeys(name for doubt in doubts for name in doubt.parameters))
-        yield Caution(
-            CautionKind(kind), message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log
-        )
+        of = CautionKind(kind) if kind in list(CautionKind) else CautionKind.OFFSET
+        yield Caution(of, message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log)
 
 
 def _concerns(doubt: Doubt, name: str) -> bool:

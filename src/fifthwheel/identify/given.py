@@ -251,6 +251,11 @@ def _refuse(
             f"{each}: expected one number, got the error that {', '.join(altered)} share; state these with their "
             f"standard deviation, such as {altered[0]}='+- {'2 cm' if unit_of(altered[0]) == 'm' else '1 %'}'"
         )
+    if valueless := [path for path in vehicle.locations() if ends_with(path, each.name)]:
+        number = f"0 {unit_of(valueless[0])}".removesuffix(" 1")
+        raise VehicleError(
+            f"{each}: {valueless[0]} has no value in the vehicle file; state one, such as '{number} +- ...'"
+        )
     words = names if "." in each.name else sorted({name.rpartition(".")[2] for name in names})
     raise VehicleError(f"{each.name}: no such parameter in {vehicle.name}; {suggestion(each.name, words)}")
 

@@ -14,6 +14,7 @@ from fifthwheel.identify.design.assess import InformationAssessment, ParameterAs
 from fifthwheel.identify.design.remedies import Remedy
 from fifthwheel.report.words import spoken_verdict
 from fifthwheel.spoken_names import named, spoken
+from fifthwheel.vehicle.quantities import quantity_of, size_of
 
 PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "
@@ -55,16 +56,21 @@ def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
     return (
         pages.Hinted(spoken(p.name), p.name),
         with_sigma(p.value, None, p.unit),
-        f"±{relative(p.value, p.prior)}",
-        f"±{relative(p.value, p.sigma)}" if _has_sigma(p) else "–",
+        f"±{_spread(p, p.prior)}",
+        f"±{_spread(p, p.sigma)}" if _has_sigma(p) else "–",
         _bar(p),
         pages.Mark(spoken_verdict(p.verdict, predicted=True), p.verdict),
     )
 
 
+def _spread(p: ParameterAssessment, sigma: float) -> str:
+    """A sigma as a fraction of the value, or in the unit of a number that may be 0."""
+    return approximate(sigma, p.unit) if quantity_of(p.name).signed else relative(p.value, sigma)
+
+
 def _bar(p: ParameterAssessment) -> pages.Markup:
     """Prior and predicted sigma as bars of up to 100 % of the value."""
-    prior, predicted = (min(sigma / abs(p.value), 1.0) if p.value else 1.0 for sigma in (p.prior, p.sigma))
+    prior, predicted = (min(sigma / size_of(p.name, p.value, p.prior), 1.0) for sigma in (p.prior, p.sigma))
     return pages.Markup(
         f'<div class="fw-bar" aria-hidden="true"><span class="prior" style="width: {100 * prior:.1f}%"></span>'
         f'<span class="predicted" style="width: {100 * predicted if _has_sigma(p) else 0:.1f}%"></span></div>'
@@ -99,8 +105,8 @@ def _headline(
 
 def _improvement(p: ParameterAssessment) -> str:
     """As "Trailer, yaw inertia: 20 % -> 12 % if the roll axis height of the trailer is calibrated"."""
-    start = relative(p.value, p.sigma) if _has_sigma(p) else spoken_verdict(p.verdict)
-    changes = [f"-> {relative(p.value, remedy.sigma)} {describe_remedy(remedy, naming=named)}" for remedy in p.remedies]
+    start = _spread(p, p.sigma) if _has_sigma(p) else spoken_verdict(p.verdict)
+    changes = [f"-> {_spread(p, remedy.sigma)} {describe_remedy(remedy, naming=named)}" for remedy in p.remedies]
     return f"{spoken(p.name)}: {start} {', '.join(changes)}"
 
 
@@ -118,8 +124,8 @@ def _sensors(outlook: InformationAssessment) -> Iterator[pages.Block]:
         [
             (
                 spoken(p.name),
-                f"±{relative(p.value, p.sigma)}" if _has_sigma(p) else "–",
-                *[f"±{relative(p.value, s)}" if (s := outlook.sensors[c][p.name]) < p.prior else "–" for c in signals],
+                f"±{_spread(p, p.sigma)}" if _has_sigma(p) else "–",
+                *[f"±{_spread(p, s)}" if (s := outlook.sensors[c][p.name]) < p.prior else "–" for c in signals],
             )
             for p in outlook.parameters
         ],

@@ -45,8 +45,9 @@ def number(
     """A field that is a parameter: a number with a path, and what is known of it where nobody states more.
 
     Its SI unit is the same wherever a component has this key; default and limits are those of `pydantic.Field`. A
-    number without a lower limit may be 0 or negative. A vehicle file with a number outside `plausible` is refused: no
-    road vehicle has it, heavy haulage included. Estimates and samples of Monte Carlo studies may be outside.
+    number that has no lower limit, or one below 0, may be 0 or negative. A vehicle file with a number outside
+    `plausible` is refused: no road vehicle has it, heavy haulage included. Estimates and samples of Monte Carlo studies
+    may be outside.
     """
     extra: dict[str, Any] = {"unit": unit, "plausible": plausible, "row": row}
     return Field(description=description, json_schema_extra=extra, **limits)

@@ -433,7 +433,7 @@ def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
     """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
     front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)
     zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
-    shown = {e.name: e for e in identify([record], zero, OneStage(tyres="linear")).uncertain}[PRODUCT]
+    shown = identify([record], zero, OneStage(tyres="linear"))[PRODUCT]
     assert 0 < shown.sigma <= 500.0
     given = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact", front: "free"}
     settings = OneStage(given=given, reported=(PRODUCT,), tyres="linear")

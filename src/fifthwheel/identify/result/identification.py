@@ -69,12 +69,11 @@ class Identification(IdentificationData):
     """
 
     def __getitem__(self, name: str) -> Estimate:
-        """The estimate of a parameter or derived quantity by name; KeyError if there is none."""
-        for estimate in (*self.parameters, *self.derived):
-            if estimate.name == name:
-                return estimate
-        known = [estimate.name for estimate in (*self.parameters, *self.derived)]
-        raise KeyError(f"{name}: not estimated; {suggestion(name, known)}")
+        """The estimate of a parameter, derived quantity or uncertain number by name; KeyError if there is none."""
+        estimates = {estimate.name: estimate for estimate in (*self.uncertain, *self.derived, *self.parameters)}
+        if name not in estimates:
+            raise KeyError(f"{name}: not estimated; {suggestion(name, estimates)}")
+        return estimates[name]
 
     def observer_settings(self, log: str | None = None, **changes: Any) -> "ObserverSettings":
         """Settings for an `Observer` of this vehicle with the estimated sensor errors and noise.

@@ -176,7 +176,8 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
         mean = getattr(unit.place_of_accelerometer(signal.part), kind.kind)
     found = stated(settings.given, name, error.unit or "1", mean)
     if found.free:
-        raise refused(found, "is estimated already; give its standard deviation, such as '+- 10 %'")
+        usual = f"+- {kind.prior:.3g} {error.unit}".removesuffix(" 1")
+        raise refused(found, f"is estimated already; give its standard deviation, such as {usual!r}")
     if kind.positive and found.value < 0:
         raise refused(found, f"expected 0 or more, got {found.value:g} {error.unit}; correct it")
     chosen = found.or_sigma(sigma)
