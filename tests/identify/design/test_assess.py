@@ -24,6 +24,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.report.information import information_document
 from fifthwheel.simulate import simulate
+from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from tests.identify.conftest import without
 
@@ -335,3 +336,11 @@ def test_one_more_sensor_gives_the_sigma_of_a_log_that_has_it(truck, record):
 
 def test_a_complete_log_needs_no_other_sensor(assessment):
     assert not assessment.sensors
+
+
+def test_a_number_that_may_be_zero_has_its_sigma_in_its_unit(truck: Vehicle) -> None:
+    """A fraction of 0 is nothing, and one of a coordinate depends on the origin."""
+    name, log = "semitrailer.sprung.roll_yaw_product", simulate(truck, count=1, seed=3)
+    settings = OneStage(given={name: "+- 500 kg m^2"}, reported=(name,), tyres="linear")
+    outlook = predict_sigmas([log], truck.replace({name: 0.0}), settings)
+    assert "±500 kg m²" in str(information_document(outlook))
