@@ -136,6 +136,7 @@ def conclude_identification(
         results=(
             *[_identified(identification, e) for e in converged],
             *[sentence(f"{spoken(e.name)}, derived: {with_sigma(e.value, e.sigma, e.unit)}") for e in derived],
+            *map(_stated, identification.stated_numbers),
             *[_validated(p) for p in predicted_logs(identification) if not p.poor and p.log not in contradicted],
         ),
         not_identified=tuple(_not_identified(identification)),
@@ -244,6 +245,11 @@ def _identified(identification: Identification, e: Estimate) -> str:
         above = f"{percent(abs(change))} {'above' if change > 0 else 'below'}"
         text += f", {above if abs(change) >= 5e-4 else 'equal to'} the vehicle file"
     return sentence(text)
+
+
+def _stated(e: Estimate) -> str:
+    prior = f", stated ±{approximate(e.prior, e.unit)}" if e.prior else ""
+    return sentence(f"{spoken(e.name)}: {with_sigma(e.value, e.sigma, e.unit)}{prior}")
 
 
 def _validated(predicted: PredictedLog) -> str:

@@ -143,7 +143,7 @@ def identification_document(identification: Identification, conclusion: Conclusi
     conclusion = conclusion or conclude_identification(identification)
     blocks: list[pages.Block] = [
         pages.Headline(conclusion.headline, conclusion.good),
-        display.estimates_table(identification.parameters, identification.derived),
+        display.estimates_table((*identification.parameters, *identification.stated_numbers), identification.derived),
         *_fit_tables(identification),
         *conclusion.advice(),
     ]

@@ -433,8 +433,12 @@ def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
     """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
     front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)
     zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
-    shown = identify([record], zero, OneStage(tyres="linear"))[PRODUCT]
-    assert 0 < shown.sigma <= 500.0
+    stated = identify(
+        [record], truck.replace({PRODUCT: 0.0}), OneStage(given={PRODUCT: "+- 500 kg m^2"}, tyres="linear")
+    )
+    assert 0 < stated[PRODUCT].sigma <= 500.0
+    assert PRODUCT in stated.summary()
+    assert identify([record], zero, OneStage(tyres="linear"))[PRODUCT] == stated[PRODUCT]
     given = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact", front: "free"}
     settings = OneStage(given=given, reported=(PRODUCT,), tyres="linear")
     assert 0 < predict_sigmas([record], zero, settings)[PRODUCT].relative_sigma <= 1

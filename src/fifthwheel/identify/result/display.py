@@ -25,7 +25,7 @@ DERIVED = ", derived"
 
 def document(identification: IdentificationData, title: str) -> pages.Document:
     """Tables of estimates and fits, the doubts, and the notes."""
-    estimates = estimates_table(identification.parameters, identification.derived)
+    estimates = estimates_table((*identification.parameters, *identification.stated_numbers), identification.derived)
     doubtful = [
         f"; doubtful: {', '.join(doubt.parameters)}" if doubt.parameters else "" for doubt in identification.doubts
     ]

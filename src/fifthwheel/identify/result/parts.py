@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import starmap
 from typing import Annotated
 
 import numpy as np
@@ -13,7 +14,9 @@ from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
+from fifthwheel.identify.statement import applies, statement
 from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import size_of
@@ -174,3 +177,9 @@ class IdentificationData(ComparedByContents):
     findings: tuple[Finding, ...] = ()  # what is implausible in the signals
     notes: tuple[str, ...]
     version: str
+
+    @property
+    def stated_numbers(self) -> list[Estimate]:
+        """The uncertain numbers whose standard deviation the settings state, as estimated."""
+        spread = [found for found in starmap(statement, self.settings.given.items()) if found.kind == "sigma"]
+        return [e for e in self.uncertain if any(applies(found, split_log(e.name)[0]) for found in spread)]
