@@ -156,11 +156,17 @@ def messages(name: str, seed: int) -> list[str]:
     return list(run.conclusion.cautions)
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def parser_of(description: str | None) -> argparse.ArgumentParser:
+    """The options of a study of the faults."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--clean", type=int, default=20, help="number of clean pairs of logs")
     parser.add_argument("--jobs", type=int, default=1)
+    return parser
+
+
+def main() -> None:
+    parser = parser_of(__doc__)
     parser.add_argument("--only", nargs="*", help="words of the names of faults")
     arguments = parser.parse_args()
     faults = [f for f in FAULTS if not arguments.only or any(word in f.name for word in arguments.only)]

@@ -8,7 +8,6 @@ cause is another one, those of which no cause is left, those with other doubtful
 with a doubt.
 """
 
-import argparse
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
@@ -17,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from causes import CAREFUL, FAULTS, logs_and_file
+from causes import CAREFUL, FAULTS, logs_and_file, parser_of
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import OneStage, doubts
 from fifthwheel.identify.doubts import PriorTest
@@ -111,11 +110,7 @@ def decisions(case: tuple[str, int]) -> dict[str, Decision]:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--clean", type=int, default=20, help="number of clean pairs of logs")
-    parser.add_argument("--jobs", type=int, default=1)
-    arguments = parser.parse_args()
+    arguments = parser_of(__doc__).parse_args()
     first = arguments.seed
     cases = [(fault.name, first) for fault in FAULTS]
     cases += [("", seed) for seed in range(first + 1, first + 1 + arguments.clean)]

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.diagnose import advice
 from fifthwheel.diagnose.advice import LANE_CHANGE, next_steps
 from fifthwheel.diagnose.doubt_cautions import describe_cause
 from fifthwheel.diagnose.information_summary import describe_remedy
@@ -268,3 +269,16 @@ def test_causes_in_words(result, sign):
         ),
     ):
         assert describe_cause(what, vehicle, ("a", "b")) == text
+
+
+@pytest.mark.parametrize(
+    "end", ["semitrailer.payload.height", "fifth_wheel.roll_stiffness", "tractor.drive.roll_damping"]
+)
+def test_what_acts_on_roll_needs_more_roll(end: str) -> None:
+    assert advice._excited_by(end) == advice.ROLL
+
+
+def test_a_suspension_stays_with_another_load() -> None:
+    assert advice._is_of_suspension("fifth_wheel.roll_stiffness")
+    assert not advice._is_of_suspension("semitrailer.payload.height")
+    assert not advice._is_of_suspension("semitrailer.yaw_inertia")

@@ -21,8 +21,8 @@ SHOWN = 6
 LONG = 24
 """Number of elements from which a list of numbers is stored as an array."""
 TOLERANCE = 1e-4
-"""On another processor or with other libraries, whose last digits differ: relative to the number, or to the largest of
-one entry, so that an offset near 0 counts by its sigma, and a term of a budget by the largest one."""
+"""On another processor or with other libraries, whose last digits differ: relative to a sigma, and else to the largest
+number of one entry, so that an offset near 0 counts by its sigma, and a term of a budget by the largest one."""
 
 
 def machine() -> dict[str, str]:
@@ -71,7 +71,8 @@ def differences(name: str, tolerance: float = 0.0) -> list[str]:
     found += [f"{key}: new" for key in results if key not in expected]
     sizes = largest_of_entries(expected)
     for key, value in results.items():
-        smallest = max(1e-9, tolerance * sizes.get(key.rpartition("/")[0], 0.0))
+        entry, _, last = key.rpartition("/")
+        smallest = 1e-9 if "sigma" in last else max(1e-9, tolerance * sizes.get(entry, 0.0))
         if key in expected and not same(value, expected[key], tolerance, smallest):
             found.append(f"{key}: {value!r}, expected {expected[key]!r}")
     return found

@@ -31,7 +31,8 @@ ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE = "road.bank", "road.bank_vari
 MASS_SCALE = "mass_scale"
 COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
 """A word with one of these ends the name of a coupling."""
-
+WIDE = 0.5
+"""Prior standard deviation of a position that the logs are to determine, m."""
 
 Scope = Literal["truck", "unit", "load", "axle load", "road"]
 """The whole truck; one unit; the load of a unit behind the first; all loads, as a load moves those of other axles; the
@@ -123,9 +124,8 @@ GROUP_TYRES: dict[str, Quantity] = {
     "static_load": Quantity(0.02, unit="N", scope="axle load", part="axle"),
     "relative_friction": Quantity(0.1, gross=0.2, weight=0.3, part="tyres"),  # to the friction of the road
     "tyres": Quantity(),  # their number
-    "braking_load": Quantity(
-        unit="N/(m/s^2)", scope="axle load"
-    ),  # gained by a deceleration, where each group brakes by its load
+    # gained by a deceleration, where each group brakes by its load
+    "braking_load": Quantity(unit="N/(m/s^2)", scope="axle load"),
     "pull_load": Quantity(scope="axle load"),  # gained by a pull of the first coupling, as a fraction of the pull
 }
 """Of the tyres of each axle group that saturate; they follow from the vehicle."""
@@ -182,7 +182,7 @@ QUANTITIES: dict[str, Quantity] = {
         source="a fifth wheel can be slid along the frame, in steps of 0.05 m or more",
     ),
     "tractor.cog": Quantity(  # the load of a tractor is on its fifth wheel
-        unit="m", absolute=True, signed=True, guess=0.5, gross=0.3, weight=0.5, by_change=True, words="CoG position"
+        unit="m", absolute=True, signed=True, guess=WIDE, gross=0.3, weight=0.5, by_change=True, words="CoG position"
     ),
     "cog.unladen": Quantity(
         0.05,
@@ -198,8 +198,6 @@ QUANTITIES: dict[str, Quantity] = {
 """By the end of the name. Each component of a vehicle adds the rows of its fields."""
 UNITS: dict[str, str] = {name.rpartition(".")[2]: QUANTITIES[name].unit for name in (*TYRES, *GROUP_TYRES, "softening")}
 """SI unit of each number by the last word of its name, which has one unit wherever it occurs."""
-
-
 _OWN_UNITS: dict[str, str] = {}
 """Of the own parameters of a steering, by the last word of their paths."""
 

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from fifthwheel.errors import VehicleError
 from fifthwheel.vehicle.component import Component, HashableDict, Name, NonNegative, Number, Positive, number
-from fifthwheel.vehicle.quantities import Quantity
+from fifthwheel.vehicle.quantities import WIDE, Quantity
 
 CouplingKind = Literal["fifth_wheel", "drawbar_eye", "turntable"]
 MAX_AXLE_GROUPS = 8
@@ -21,8 +21,6 @@ MAX_AXLES = 16
 """Axles of a group."""
 ON_UNIT = (-25.0, 25.0)
 """Plausible positions on a unit, m: the origin is on it."""
-WIDE = 0.5
-"""Prior standard deviation of a position that the logs are to determine, m."""
 MASS = (200.0, 3e5)
 """Plausible masses of a unit, kg."""
 ACCELEROMETERS = ("accelerometer", "accelerometers")
@@ -382,14 +380,17 @@ class Coupling(Component):
         Quantity(absolute=True, guess=WIDE, gross=0.4),
         plausible=ON_UNIT,
     )
-    height: NonNegative = number("m", "Above the ground.", plausible=(0.1, 3.0))
+    height: NonNegative = number("m", "Above the ground.", Quantity(of_roll=True), plausible=(0.1, 3.0))
     roll_stiffness: NonNegative = number(
-        "N m/rad", "Between the two sprung bodies; 0 for a drawbar eye.", Quantity(0.3, gross=0.5), plausible=(0.0, 1e8)
+        "N m/rad",
+        "Between the two sprung bodies; 0 for a drawbar eye.",
+        Quantity(0.3, gross=0.5, of_roll=True),
+        plausible=(0.0, 1e8),
     )
     roll_damping: NonNegative = number(
         "N m s/rad",
         "Between the two sprung bodies.",
-        Quantity(0.3, gross=0.8, weight=0.5),
+        Quantity(0.3, gross=0.8, weight=0.5, of_roll=True),
         default=0.0,
         plausible=(0.0, 1e7),
     )
