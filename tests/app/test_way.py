@@ -163,7 +163,7 @@ def test_the_questions_describe_a_truck_and_are_kept(browser, tmp_path):
             field.press("Tab")
         page.get_by_text("wheelbase: ").first.wait_for()  # kg is no length
         first = page.get_by_role("region", name="Questions").get_by_role("alert").first
-        assert "Correct or remove the answer to: Front axle" in first.inner_text()
+        first.filter(has_text="Correct or remove the answer to: Front axle").wait_for()  # after that of the field
         field = page.get_by_label("Front axle to the first axle behind it")
         field.fill("3,7 m")
         field.press("Tab")
