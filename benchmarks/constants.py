@@ -21,11 +21,12 @@ from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify import OneStage, doubts
 from fifthwheel.identify.doubts import PriorTest
 from fifthwheel.identify.one_stage import causes, evidence, identify
+from fifthwheel.identify.unknowns import gross_errors
 from fifthwheel.workflow.identification import run_identification
 from trust_runs import table
 
 CONSTANTS: tuple[tuple[ModuleType, str], ...] = (
-    (causes, "RATE"),
+    (gross_errors, "RATE"),
     (causes, "RANGE"),
     (causes, "MOST_HYPOTHESES"),
     (causes, "LEAST_LINEAR_ODDS"),

@@ -17,7 +17,7 @@ from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
 from fifthwheel.identify.online.start import discrepancy_variances
 from fifthwheel.identify.online.steering import Excitation
-from fifthwheel.identify.unknowns.gross_errors import largest_possible
+from fifthwheel.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import ParameterPath
@@ -114,10 +114,9 @@ def _sizes_and_limits(learner: Learner, slopes: int) -> str:
         "MAX_AUTOCORRELATION": limits.max_autocorrelation,
         "EXCITED": settings.excited,
         "STRONG_SCORE": doubts.STRONG_SCORE,
-        "UNUSUAL_CHANGE": doubts.UNUSUAL_CHANGE,
         "UNUSUAL_SENSOR_ERROR": doubts.UNUSUAL_SENSOR_ERROR,
         "UNUSUAL_ESTIMATE": doubts.UNUSUAL_ESTIMATE,
-        "AS_LIKELY": doubts.AS_LIKELY,
+        "ABOUT_AS_LIKELY": doubts.ABOUT_AS_LIKELY,
         "HARMFUL_SHIFT": doubts.HARMFUL_SHIFT,
     }
     times = {"SETTLING_TIME": limits.settling_time, "MAX_STEER_DROPOUT": limits.max_steer_dropout}
@@ -180,10 +179,16 @@ def _unknown_tables(learner: Learner) -> list[str]:
     setup, inputs = live.setup, live.setup.inputs
     names, estimated = [u.name for u in setup.unknowns], [u.name for u in setup.estimated_unknowns]
     plays = [f"{name}.play" for name in inputs[1:]]
-    scaling = setup.scaling
+    scaling, considered = setup.scaling, setup.considered_unknowns
+    errors = [gross_error(u) or GrossError(1.0, 1.0) for u in considered]
+    gross = {
+        "possible_change": [largest_possible(u) for u in considered],
+        "gross_variance": [error.size**2 - 1 for error in errors],
+        "gross_odds": [error.prior_odds for error in errors],
+    }
     return [
         *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
-        table("possible_change", [*map(largest_possible, setup.considered_unknowns)] or [0.0], static=False),
+        *(table(name, values or [0.0], static=False) for name, values in gross.items()),
         integers("logarithmic", [int(u.logarithmic) for u in setup.unknowns]),
         integers("sensor_error", [int(u.is_sensor_error) for u in setup.unknowns]),
         integers("roll_channel", [_roll_channel(u, setup.outputs) for u in setup.unknowns]),

@@ -5,11 +5,18 @@ priors z ~ N(0, I) and the posterior covariance P, the estimate z_c of an unknow
 deviation s_c, about sqrt(1 - P_cc) (`one_stage.posterior`). |z_c| / s_c is therefore the statistic of the test of
 "the prior of c is right", when all other priors are. It is the square root of twice the rise of ln p of the logs when
 the prior of c is dropped (Rao 1948; "modification index" in econometrics). Without that prior c changes to
-z_c / s_c^2, and the other estimates change with it by P_c z_c / s_c^2.
+z_c / s_c^2, and the other estimates change with it by P_c z_c / s_c^2. A learner keeps some unknowns at their prior
+mean 0 (considered, Schmidt) and has the same test for these from the score.
 
-A learner keeps some unknowns at their prior mean 0 (considered, Schmidt). It has the score test of Rao for these.
+A prior is contradicted if a gross error of its number (`gross_errors`) is more probable than none. Let d be the
+deviation z_c / s_c^2 without the prior. If the prior holds, its variance is V = 1 / s_c^2; with a gross error of w
+prior standard deviations V + w^2 - 1. With the rate pi of such errors
+
+    ln p(gross error | y) / p(prior holds | y) = ln pi + z_c^2 / s_c^2 (1 - V / (V + w^2 - 1)) / 2
+                                                 - ln((V + w^2 - 1) / V) / 2.
 """
 
+import math
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -17,13 +24,14 @@ from enum import StrEnum
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.identify.unknowns.gross_errors import GrossError, gross_error
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.names import split_log
 
 STRONG_SCORE = 9.0
 """Statistic from which the model does not describe the logs: then every estimate is doubtful."""
-UNUSUAL_CHANGE = 3.5
-"""Statistic from which a prior is contradicted: one of 50 exceeds it in 2 % of all logs if all priors are right."""
+ABOUT_AS_LIKELY = math.log(20)
+"""Causes whose odds are within this factor of the largest are named together."""
 INFORMED = 0.003
 """Least 1 - P_cc: an unknown on which the logs contain less information cannot contradict its prior. It is small,
 because a gross error of a number with a narrow prior, such as the rate of a time base, shows nevertheless."""
@@ -36,8 +44,6 @@ NONLINEAR_ACCELERATION = 3.0
 NONLINEAR_SPEED_RATE = 0.5
 """m/s^2; acceleration and braking beyond it move more than a tenth of the load of a front axle, which changes the
 stiffness of its tyres."""
-AS_LIKELY = 0.85
-"""Causes with so large a fraction of the largest |t| are about as likely."""
 HARMFUL_SHIFT = 0.5
 """An estimate is doubtful if the evidence moves it by more than this number of its standard deviations."""
 
@@ -99,7 +105,6 @@ class PriorTest:
     name: str
     statistic: float  # N(0, 1) if the prior is right
     implied: float  # change that the logs imply, in standard deviations of the prior
-    size: float  # magnitude that counts as unusual from `UNUSUAL_CHANGE` on
     shifts: Array  # change (k,) of all unknowns that goes with it, in prior standard deviations
 
 
@@ -120,15 +125,22 @@ def prior_tests(
             statistic, implied = float(z[i] / scatter[i]), float(z[i]) / informed
             shifts = np.asarray(P[:, i] * (implied / variance[i]))
             shifts[i] = implied
-            test = PriorTest(name=name, statistic=statistic, implied=implied, size=abs(statistic), shifts=shifts)
-            tests.append(test)
+            tests.append(PriorTest(name=name, statistic=statistic, implied=implied, shifts=shifts))
     return sorted(tests, key=lambda test: -abs(test.statistic))
 
 
-def most_likely(tests: Sequence[PriorTest]) -> list[PriorTest]:
-    """The tests with an unusual size that are about as likely as the first of them, which has the largest statistic."""
-    unusual = [test for test in tests if test.size > UNUSUAL_CHANGE]
-    return [t for t in unusual if abs(t.statistic) >= AS_LIKELY * abs(unusual[0].statistic)]
+def linear_odds(test: PriorTest, error: GrossError) -> float:
+    """Logarithm of the odds of a gross error of the number that is tested."""
+    variance = (test.implied / test.statistic) ** 2 if test.statistic else 1.0
+    wider = variance + error.size**2 - 1
+    return error.prior_odds + (test.statistic**2 * (1 - variance / wider) - math.log(wider / variance)) / 2
+
+
+def most_likely(tests: Iterable[PriorTest], unknowns: Mapping[str, Unknown]) -> list[PriorTest]:
+    """The tests by which a gross error is more probable than none, those about as likely as the first of them."""
+    odds = [(linear_odds(test, error), test) for test in tests if (error := gross_error(unknowns[test.name]))]
+    least = max(0.0, max((each for each, _ in odds), default=0.0) - ABOUT_AS_LIKELY)
+    return [test for each, test in sorted(odds, key=lambda pair: -pair[0]) if each > least]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,16 +1,19 @@
 """Both sides of every limit of a doubt of one stage, with the numbers of the documentation."""
 
+import math
 from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fifthwheel.identify.dataset import Dataset
-from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest
+from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest, linear_odds
 from fifthwheel.identify.one_stage.evidence import quick_doubts
 from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.solution import Solution
+from fifthwheel.identify.unknowns.gross_errors import gross_error
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.record import Record
 
@@ -20,7 +23,7 @@ STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, k
 HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS)
 OFFSET = Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, per_log=True, **BOUNDS)
 MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.UNCERTAIN, **BOUNDS)
-DELAY = Unknown(name="delay", centre=0.0, scale=0.01, kind=UnknownKind.UNCERTAIN, **BOUNDS)
+DELAY = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, kind=UnknownKind.UNCERTAIN, **BOUNDS)
 COG = Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.UNCERTAIN, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
 UNKNOWNS = (STIFFNESS, HEIGHT, OFFSET, MASS, DELAY, COG)
 NAMES = ("stiffness", "height", "offset@0", "mass", "delay", "cog", "offset@1")
@@ -56,20 +59,31 @@ def score(name: str, statistic: float, implied: float, **shifts: float) -> Prior
         name=name,
         statistic=statistic,
         implied=implied,
-        size=abs(implied),
         shifts=np.array([shifts.get(n, 0.0) for n in NAMES]),
     )
 
 
+def limit(unknown: Unknown, implied: float, odds: float = 0.0) -> float:
+    """The statistic, with a change that the logs imply, at which a gross error has these odds, logarithm."""
+    error = gross_error(unknown)
+
+    def excess(t: float) -> float:
+        return linear_odds(PriorTest(name="", statistic=t, implied=implied, shifts=np.zeros(0)), error) - odds
+
+    return float(brentq(excess, 0.5, abs(implied), xtol=1e-14))
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_a_contradicted_assumption(sign: int) -> None:
-    """A size above 3.5; `cog` alters x and y."""
-    assert doubts(tests=(score("cog", sign * 8, sign * 3.5),)) == []
-    (doubt,) = doubts(tests=(score("cog", sign * 8, sign * 3.5 * ABOVE),))
-    assert (doubt.kind, doubt.parameters, doubt.log, doubt.statistic) == (DoubtKind.ASSUMPTION, (), None, 8)
+    """A gross error is as probable as none; `cog` alters x and y."""
+    t = limit(COG, 5.0)
+    assert 3 < t < 4
+    assert doubts(tests=(score("cog", sign * t * BELOW, sign * 5.0),)) == []
+    (doubt,) = doubts(tests=(score("cog", sign * t * ABOVE, sign * 5.0),))
+    assert (doubt.kind, doubt.parameters, doubt.log, doubt.statistic) == (DoubtKind.ASSUMPTION, (), None, t * ABOVE)
     (cause,) = doubt.causes
-    assert (cause.name, cause.prior_sigmas) == ("cog", sign * 3.5 * ABOVE)
-    assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3.5, "y": -sign * 0.2 * 3.5})
+    assert (cause.name, cause.prior_sigmas) == ("cog", sign * 5.0)
+    assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 5.0, "y": -sign * 0.2 * 5.0})
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
@@ -78,20 +92,20 @@ def test_estimates_that_a_contradicted_assumption_moves(sign: int) -> None:
     for edge, moved in ((1.0, ()), (ABOVE, ("stiffness",))):
         shifts = {"stiffness": sign * 0.5 * 0.2 * edge, "height": 0.49 * 0.5, "offset@0": 99.0, "mass": 99.0}
         for statistic, parameters in ((9.0, moved), (-9.0, moved), (9 * ABOVE, None), (-9 * ABOVE, None)):
-            found = doubts(tests=(score("mass", statistic, 4.0, **shifts),))
+            found = doubts(tests=(score("mass", statistic, 9.5 * np.sign(statistic), **shifts),))
             (doubt,) = [d for d in found if d.kind is DoubtKind.ASSUMPTION]
             assert doubt.parameters == (("stiffness", "height") if parameters is None else parameters)
 
 
 def test_causes_that_are_about_as_likely() -> None:
-    """At least 85 % of the largest |t|; together they move the estimates that each of them moves, named once."""
-    first = score("mass", -8.0, -3.6, height=1.0)
-    both = score("delay", 0.85 * 8.0, 3.6, height=1.0, stiffness=-1.0)
-    (doubt,) = doubts(tests=(first, both))
+    """Within a factor of 20; together they move the estimates that each of them moves, named once."""
+    first = score("mass", -8.0, -8.5, height=1.0)
+    near = limit(DELAY, 9.0, linear_odds(first, gross_error(MASS)) - math.log(20))
+    (doubt,) = doubts(tests=(first, score("delay", near * ABOVE, 9.0, height=1.0, stiffness=-1.0)))
     assert [cause.name for cause in doubt.causes] == ["mass", "delay"]
     assert doubt.parameters == ("height", "stiffness")
     assert doubt.statistic == 8.0
-    (doubt,) = doubts(tests=(first, score("delay", 0.85 * 8.0 * BELOW, 3.6, stiffness=-1.0)))
+    (doubt,) = doubts(tests=(first, score("delay", near * BELOW, 9.0, stiffness=-1.0)))
     assert [cause.name for cause in doubt.causes] == ["mass"]
     assert doubt.parameters == ("height",)
 

@@ -4,13 +4,15 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import JointEstimate
-from fifthwheel.identify.doubts import Doubt, DoubtKind
+from fifthwheel.identify.doubts import Doubt, DoubtKind, PriorTest, linear_odds
 from fifthwheel.identify.online import LearnerSettings
 from fifthwheel.identify.online.learned import find_doubts, score_tests
 from fifthwheel.identify.online.start import Considered
+from fifthwheel.identify.unknowns.gross_errors import gross_error
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
@@ -54,26 +56,41 @@ def estimated(z: Array, **of: Array) -> JointEstimate:
 def test_score_tests() -> None:
     """Of a scalar c with y = c + noise of variance 1 / I: the estimate without and with its prior N(0, 1)."""
     estimate = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.array([-2.0, 6.0]), information=np.array([4.0, 9.0]))
-    second, first = score_tests(live_filter(), estimate)
+    first, second = score_tests(live_filter(), estimate)
     assert (first.name, second.name) == ("mass", "cog")
-    assert (first.statistic, second.statistic) == (0.5 / (1 / 2), -(6 / 9) / (1 / 3))
-    assert (first.implied, second.implied) == (0.5 * 4 / (4 + 1), -(6 / 9) * 9 / (9 + 1))
-    np.testing.assert_allclose(second.shifts, [0.0, -0.06, -0.12])
-    without = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.ones(2), information=np.array([0.0, 1e-9]))
+    assert (first.statistic, second.statistic) == pytest.approx(
+        (0.5 / np.sqrt(1 + 1 / 4), -(6 / 9) / np.sqrt(1 + 1 / 9))
+    )
+    assert (first.implied, second.implied) == (0.5, -(6 / 9))
+    np.testing.assert_allclose(second.shifts, [0.0, -0.2 / 3, -0.4 / 3])
+    without = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.full(2, 1e-9), information=np.array([0.0, 1e-9]))
     assert [test.name for test in score_tests(live_filter(), without)] == ["cog"]
 
 
+def limit(unknown: Unknown, information: float, odds: float = 0.0) -> float:
+    """The score over its standard deviation at which a gross error has these odds, logarithm."""
+    error = gross_error(unknown)
+
+    def excess(t: float) -> float:
+        statistic, implied = t / np.sqrt(1 + information), t / np.sqrt(information)
+        return linear_odds(PriorTest(name="", statistic=statistic, implied=implied, shifts=np.zeros(0)), error) - odds
+
+    return float(brentq(excess, 0.1, 99.0, xtol=1e-14))
+
+
 @pytest.mark.parametrize("sign", [-1, 1])
-def test_a_contradicted_assumption(sign: int) -> None:
-    """An implied change t sqrt(I) / (1 + I) above 3.5 prior sigmas; `cog` alters x and y."""
-    for t, information in ((7.0, 1.0), (8.75, 4.0)):
-        assert doubts(t=(0.0, sign * t * BELOW), information=(1.0, information)) == []
-        (doubt,) = doubts(t=(0.0, sign * t * ABOVE), information=(1.0, information))
-        assert doubt.kind is DoubtKind.ASSUMPTION
-        assert doubt.statistic == pytest.approx(t)
-        (cause,) = doubt.causes
-        assert (cause.name, cause.prior_sigmas) == ("cog", pytest.approx(sign * 3.5))
-        assert cause.changes == pytest.approx({"x": sign * 2 * 0.2 * 3.5, "y": -sign * 0.2 * 3.5})
+@pytest.mark.parametrize("information", [1.0, 4.0, 100.0])
+def test_a_contradicted_assumption(sign: int, information: float) -> None:
+    """A gross error is as probable as none; `cog` alters x and y."""
+    t = limit(CONSIDERED[1], information)
+    assert doubts(t=(0.0, sign * t * BELOW), information=(1.0, information)) == []
+    (doubt,) = doubts(t=(0.0, sign * t * ABOVE), information=(1.0, information))
+    assert doubt.kind is DoubtKind.ASSUMPTION
+    assert doubt.statistic == pytest.approx(t / np.sqrt(1 + information))
+    implied = sign * t / np.sqrt(information)
+    (cause,) = doubt.causes
+    assert (cause.name, cause.prior_sigmas) == ("cog", pytest.approx(implied))
+    assert cause.changes == pytest.approx({"x": 2 * 0.2 * implied, "y": -0.2 * implied})
 
 
 def test_estimates_that_a_contradicted_assumption_moves() -> None:
@@ -82,20 +99,21 @@ def test_estimates_that_a_contradicted_assumption_moves() -> None:
     for edge, moved in ((BELOW, ()), (ABOVE, ("height",))):
         derivative = np.array([[0.0, 0.0], [0.0, -9.0], [0.0, -limit * edge]])
         Pz = np.diag([0.04, 0.16, SIGMA[2] ** 2 - derivative[2, 1] ** 2])
-        (doubt,) = doubts(t=(0.0, 8.0), Pz=Pz, B=derivative)
+        (doubt,) = doubts(t=(0.0, 40.0), information=(1.0, 100.0), Pz=Pz, B=derivative)
         assert doubt.causes[0].prior_sigmas == 4.0
         assert doubt.parameters == moved
     for t, expected in ((9.0 * BELOW, ()), (9.0 * ABOVE, ("stiffness", "height"))):
         for sign in (-1, 1):
-            (doubt,) = doubts(t=(0.0, sign * t), B=np.zeros((3, 2)))
+            (doubt,) = doubts(t=(0.0, sign * t * np.sqrt(101.0)), information=(1.0, 100.0), B=np.zeros((3, 2)))
             assert doubt.parameters == expected
 
 
 def test_causes_that_are_about_as_likely() -> None:
-    """At least 85 % of the largest |t|; an estimate that both move is named once."""
+    """Within a factor of 20; an estimate that both move is named once."""
     B = np.array([[0.0, 1.0], [0.0, 0.0], [1.0, 1.0]])
+    first, second = limit(CONSIDERED[0], 4.0, odds=5.0), limit(CONSIDERED[1], 4.0, odds=5.0 - np.log(20))
     for edge, names in ((ABOVE, ["mass", "cog"]), (BELOW, ["mass"])):
-        (doubt,) = doubts(t=(8.5, -0.85 * 8.5 * edge), B=B)
+        (doubt,) = doubts(t=(first, -second * edge), information=(4.0, 4.0), B=B)
         assert [cause.name for cause in doubt.causes] == names
         assert doubt.parameters == (("height", "stiffness") if len(names) == 2 else ("height",))
 

@@ -26,7 +26,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.checks import Fault
-from fifthwheel.identify.doubts import PriorTest
+from fifthwheel.identify.doubts import ABOUT_AS_LIKELY, PriorTest, linear_odds
 from fifthwheel.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, minimise
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
@@ -35,14 +35,10 @@ from fifthwheel.identify.unknowns.gross_errors import RANGE, GrossError, gross_e
 
 TITLE = "test of assumptions"
 """Of the progress."""
-RATE = 0.003
-"""Of gross errors of a number of weight 1: a log has 80 numbers, and one in four logs an error."""
 MOST_HYPOTHESES = 10
 """Largest number of fits, those that the linear tests find most probable."""
 LEAST_LINEAR_ODDS = -5.0
 """Logarithm. A gross error distorts its linear test, whose odds are often too small."""
-ABOUT_AS_LIKELY = math.log(20)
-"""Causes whose odds are within this factor of the largest are named together."""
 SAMPLES = 6_000
 """Of longer logs, the fits use about this number of samples."""
 ITERATIONS, TOLERANCE = 16, 0.5
@@ -98,21 +94,6 @@ def likely_causes(solution: Solution, tests: Sequence[PriorTest], progress: Prog
     return Causes(left=min(left)) if left[-1] else Causes(likely=[h.test for h in likely])
 
 
-def linear_odds(test: PriorTest, error: GrossError) -> float:
-    """Logarithm of the odds of a gross error by the linear test of its prior.
-
-    Without that prior the estimate has the deviation d. If the prior holds, d has the variance V = (d / t)^2 with the
-    statistic t; else V + w^2 - 1.
-    """
-    variance = (test.implied / test.statistic) ** 2 if test.statistic else 1.0
-    wider = variance + error.size**2 - 1
-    return _prior_odds(error) + (test.statistic**2 * (1 - variance / wider) - math.log(wider / variance)) / 2
-
-
-def _prior_odds(error: GrossError) -> float:
-    return math.log(RATE * error.weight)
-
-
 def _base(solution: Solution) -> Minimum[Problem]:
     """The solution for the samples that the fits use."""
     problem, z = solution.problem.shortened(SAMPLES), solution.minimum.z.copy()
@@ -132,7 +113,7 @@ def _fitted(base: Minimum[Problem], test: PriorTest, error: GrossError) -> _Hypo
     shifts[_initial_states(problem)] = 0.0
     variance = float(np.linalg.inv(base.model.hessian)[place, place])
     occam = -math.log(w) - math.log(max(1 - (1 - 1 / w**2) * variance, 1e-12)) / 2
-    odds = _prior_odds(error) + base.model.cost - minimum.model.cost + occam
+    odds = error.prior_odds + base.model.cost - minimum.model.cost + occam
     return _Hypothesis(test=replace(test, implied=float(minimum.z[place]), shifts=shifts), minimum=minimum, odds=odds)
 
 

@@ -37,7 +37,7 @@ def quick_doubts(solution: Solution) -> list[Doubt]:
     unknowns = solution.problem.unknowns_by_name
     tests = [t for t in solution.linearisation.tests if unknowns[t.name].kind is UnknownKind.UNCERTAIN]
     possible = [test for test in tests if is_possible(unknowns[test.name], test.implied)]
-    return find_doubts(solution, most_likely(possible) or most_likely(tests))
+    return find_doubts(solution, most_likely(possible, unknowns) or most_likely(tests, unknowns))
 
 
 def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:

@@ -124,7 +124,7 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
         parameters=tuple(u.name for u in unknowns if u.is_of_truck),
     )
     doubts = [
-        *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate))),
+        *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate), evidence.unknowns)),
         *evidence.unusual_estimates(),
     ]
     size, autocorrelation = max(innovations.mean_square), max(innovations.autocorrelation)
@@ -135,7 +135,7 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
 
 
 def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
-    """The score test of every considered unknown that a truck can have as it implies, the largest |t| first.
+    """The test of every considered unknown that a truck can have as it implies.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
@@ -144,16 +144,15 @@ def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
         if information <= 0:
             continue
-        implied = -gradient / (1 + information)
+        implied = -gradient / information
         change = implied * float(live.considered.sigma[i])
         if is_possible(unknown, change):
             tests.append(
                 PriorTest(
                     name=unknown.name,
-                    statistic=-gradient / np.sqrt(information),
+                    statistic=-gradient / np.sqrt(information * (1 + information)),
                     implied=change,
-                    size=abs(implied),
                     shifts=cross[:, i] * implied,
                 )
             )
-    return sorted(tests, key=lambda test: -abs(test.statistic))
+    return tests

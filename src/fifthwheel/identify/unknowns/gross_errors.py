@@ -1,11 +1,14 @@
 """Gross errors: those beyond the prior, and how far from it a truck or a sensor can be at all."""
 
+import math
 from typing import NamedTuple
 
 from fifthwheel.channels import SensorErrorName, channel_of
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle.quantities import quantity_of
 
+RATE = 0.003
+"""Of gross errors of a number of weight 1: a log has 80 numbers, and one in four logs an error."""
 RANGE = 3.0
 """A gross error is at most so many of its standard deviations."""
 
@@ -15,6 +18,11 @@ class GrossError(NamedTuple):
 
     size: float  # its standard deviation, in units of the prior
     weight: float  # how common it is, relative to others
+
+    @property
+    def prior_odds(self) -> float:
+        """Logarithm of the odds before any log."""
+        return math.log(RATE * self.weight)
 
 
 def gross_error(unknown: Unknown) -> GrossError | None:

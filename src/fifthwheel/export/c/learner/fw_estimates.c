@@ -63,38 +63,47 @@ static void fw_mark_all(fw_doubts doubts)
     }
 }
 
-/* |t| of the score test of a considered unknown, and the change that it implies; 0 if that is not unusual, or more than
-   a truck can have. */
-static fw_real fw_score(const fw_inflated *estimate, int c, fw_real *implied)
+/* The test of the prior of a considered unknown. */
+typedef struct {
+    fw_real implied;   /* change without the prior */
+    fw_real statistic; /* squared; it has the variance 1 if the prior holds */
+    fw_real odds;      /* logarithm of the odds of a gross error; below 0 if a truck cannot have the change */
+} fw_test;
+
+static fw_test fw_test_prior(const fw_inflated *estimate, int c)
 {
     const fw_real gradient = estimate->evidence[(FW_AT_GRADIENT - FW_AT_Z) + c] / estimate->inflation;
     const fw_real information = estimate->evidence[(FW_AT_INFORMATION - FW_AT_Z) + c] / estimate->inflation;
-    fw_real score = FW_REAL(0.0);
-    *implied = FW_REAL(0.0);
+    fw_test test = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(-1.0)};
     if (information > FW_REAL(0.0)) {
-        score = FW_ABS(gradient) / FW_SQRT(information);
-        *implied = -gradient / (FW_REAL(1.0) + information);
-    }
-    const fw_real change = FW_ABS(*implied);
-    return ((change > FW_UNUSUAL_CHANGE) && (change <= fw_possible_change[c])) ? score : FW_REAL(0.0);
-}
-
-/* Estimates that depend on the assumptions which the score tests contradict most. */
-static void fw_doubt_assumptions(const fw_inflated *estimate, fw_doubts doubts)
-{
-    fw_real largest = FW_REAL(0.0);
-    fw_real implied;
-    for (int c = 0; c < FW_CONSIDERED; c++) {
-        const fw_real score = fw_score(estimate, c, &implied);
-        largest = (score > largest) ? score : largest;
-    }
-    for (int c = 0; c < FW_CONSIDERED; c++) {
-        const fw_real score = fw_score(estimate, c, &implied);
-        for (int i = 0; (score > FW_REAL(0.0)) && (score >= (FW_AS_LIKELY * largest)) && (i < FW_Z_COUNT); i++) {
-            fw_mark_moved(estimate, i, fw_dependence(estimate, i, c) * implied, doubts);
+        const fw_real variance = FW_REAL(1.0) + (FW_REAL(1.0) / information);
+        const fw_real wider = variance + fw_gross_variance[c];
+        test.implied = -gradient / information;
+        test.statistic = test.implied * test.implied / variance;
+        if (FW_ABS(test.implied) <= fw_possible_change[c]) {
+            test.odds = fw_gross_odds[c] + ((test.statistic * (FW_REAL(1.0) - (variance / wider))) * FW_REAL(0.5)) -
+                        (FW_LOG(wider / variance) * FW_REAL(0.5));
         }
     }
-    if (largest > FW_STRONG_SCORE) { /* the model does not describe the measurements */
+    return test;
+}
+
+/* Estimates that depend on the assumptions which the measurements contradict most. */
+static void fw_doubt_assumptions(const fw_inflated *estimate, fw_doubts doubts)
+{
+    fw_test best = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(0.0)};
+    for (int c = 0; c < FW_CONSIDERED; c++) {
+        const fw_test test = fw_test_prior(estimate, c);
+        best = (test.odds > best.odds) ? test : best;
+    }
+    for (int c = 0; c < FW_CONSIDERED; c++) {
+        const fw_test test = fw_test_prior(estimate, c);
+        const int likely = (test.odds > FW_REAL(0.0)) && (test.odds > (best.odds - FW_ABOUT_AS_LIKELY));
+        for (int i = 0; (likely != 0) && (i < FW_Z_COUNT); i++) {
+            fw_mark_moved(estimate, i, fw_dependence(estimate, i, c) * test.implied, doubts);
+        }
+    }
+    if (best.statistic > (FW_STRONG_SCORE * FW_STRONG_SCORE)) { /* the model does not describe the measurements */
         fw_mark_all(doubts);
     }
 }
