@@ -68,7 +68,8 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
         return vehicle, settings
     if not settings.uniform_payload:
         vehicle = vehicle.lumped()  # a statement is on the laden body
-    listed = list(_without_wheelbases(vehicle, [statement(*item) for item in settings.given.items()]))
+    written = [statement(*item) for item in settings.given.items()]
+    listed = list(_without_wheelbases(vehicle, written))
     without_value = vehicle.locations().keys() - vehicle.parameters().keys()
     vehicle = vehicle.replace({s.name: 0.0 for s in listed if s.value != "" and s.name in without_value})
     law, own = with_tyre_law(vehicle, settings.one_stage or OneStage(tyres="linear"))[0], vehicle.parameters()
@@ -83,7 +84,7 @@ def applied(vehicle: Vehicle, settings: S) -> tuple[Vehicle, S]:
     known = {s.name: s.value for s in found if s.name in sigmas and s.source and s.source.name not in GROUPS}
     changed = with_consistent_masses(vehicle, known | values)
     sigmas = {path: sigma for path, sigma in sigmas.items() if changed.stated.get(path) != sigma}
-    kept = combined(_kept(listed, own, others))
+    kept = combined(_kept(written, own, others))
     return changed.with_stated(sigmas) if sigmas else changed, replace(settings, given=kept)
 
 
@@ -121,7 +122,8 @@ def _require_possible(found: Stated) -> None:
 def _kept(listed: Sequence[Statement], own: Mapping[str, float], others: Sequence[str]) -> Iterator[Statement]:
     """The statements without the values that the vehicle has now."""
     for each in listed:
-        if not any(applies(each, path) for path in own) or any(applies(each, name) for name in others):
+        of_vehicle = ends_with(each.name, "wheelbase") or any(applies(each, path) for path in own)
+        if not of_vehicle or any(applies(each, name) for name in others):
             yield each
         elif each.kind != "value":
             yield replace(each, value="")
@@ -150,6 +152,8 @@ def _without_wheelbases(vehicle: Vehicle, listed: Sequence[Statement]) -> Iterat
         shift = length - found.value
         for path in moved[each.name]:
             yield replace(of_axles, name=path, value=f"{known[path] + shift!r} m" if found.has_value else "")
+        if all(math.isclose(vehicle.stated.get(path, math.inf), sigma or 0.0) for path in moved[each.name]):
+            continue  # it is applied already
         # a weighbridge gives the CoG as a fraction of the wheelbase, so that it is uncertain by the same fraction
         if vehicle.stated.get(cog) != 0 and not any(applies(other, cog) for other in listed):
             (of_file,) = [change.slopes[cog] for change in changes(vehicle) if change.name == cog]

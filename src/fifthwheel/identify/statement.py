@@ -188,6 +188,12 @@ def stated(given: Mapping[str, str | float], name: str, si: str, value: float, *
     )
 
 
+def states_sigma(given: Mapping[str, str | float], name: str) -> bool:
+    """Whether it is stated how uncertain a number is, other than that it is exact."""
+    found = (statement(*item) for item in given.items())
+    return any(s.kind in ("sigma", "free") and applies(s, name) for s in found)
+
+
 def applies(found: Statement, name: str, *, reported: bool = False) -> bool:
     """Whether a statement names a number."""
     of_sensor, of_road = is_sensor_error(name) or name.startswith(TIME_BASE), name in OF_ROAD

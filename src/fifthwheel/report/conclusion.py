@@ -196,7 +196,7 @@ def _likely_cause(identification: Identification) -> str:
 
 def _changed_wheelbases(identification: Identification) -> Iterator[str]:
     """Wheelbases that differ significantly from the vehicle file, which the stiffness of the tyres depends on."""
-    for e in identification.derived:
+    for e in (*identification.derived, *identification.uncertain):
         change = e.value - e.initial
         if e.name.endswith(".wheelbase") and e.sigma and abs(change) > SIGNIFICANT * e.sigma:
             size, _ = value_and_sigma(abs(change), e.sigma)

@@ -97,7 +97,7 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
     """The table of all estimates, and its notes folded below."""
     yield pages.Heading("Parameters", key="parameters")
     files, rows = identification.initial_vehicle.parameters() | identification.initial_vehicle.derived(), []
-    everything = (*identification.parameters, *identification.derived)
+    everything = (*identification.parameters, *identification.stated_numbers, *identification.derived)
     for e in everything:
         value, sigma, unit = shown_parts(e.value, e.sigma, e.unit)
         rows.append(

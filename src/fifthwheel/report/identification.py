@@ -1,5 +1,6 @@
 """The report of an identification, and its document for a terminal."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -177,10 +178,11 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
         "model, of which the result has no value."
     )
     remaining, rows = dict(identification.remaining_uncertainty), list[tuple[pages.Cell, ...]]()
+    listed = {e.name for e in identification.uncertain}
     for e in identification.uncertain:
         cells = _change(e.value, e.sigma, e.initial, e.prior, e.unit)
-        left = remaining.pop(e.name, None)
-        rows.append((pages.Hinted(spoken(e.name), e.name), *cells, "–" if left is None else percent(left)))
+        left = remaining.pop(e.name, min((e.sigma or 0.0) / (e.prior or math.inf), 1.0))
+        rows.append((pages.Hinted(spoken(e.name), e.name), *cells, percent(left)))
     together = {change.name: change.slopes for change in changes(identification.initial_vehicle)}
     before, after = identification.initial_vehicle.parameters(), identification.vehicle.parameters()
     for name, kept in remaining.items():
@@ -190,6 +192,8 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
             value, initial, prior = (sum(table[path] for path in masses) for table in (after, before, slopes))
             cells, hint = _change(value, kept * prior, initial, prior, "kg"), f"{name}: mass of all units"
         elif path := max(slopes, key=lambda path: slopes[path], default=None):
+            if path in listed:
+                continue
             cells = _change(after[path], kept * slopes[path], before[path], slopes[path], unit_of(path))
             hint = name if path == name else f"{name}: {path}"
         else:

@@ -65,7 +65,7 @@ def _row(p: ParameterAssessment) -> tuple[pages.Cell, ...]:
 
 def _spread(p: ParameterAssessment, sigma: float) -> str:
     """A sigma as a fraction of the value, or in the unit of a number that may be 0."""
-    return approximate(sigma, p.unit) if quantity_of(p.name).signed else relative(p.value, sigma)
+    return relative(p.value, sigma) if p.value and not quantity_of(p.name).signed else approximate(sigma, p.unit)
 
 
 def _bar(p: ParameterAssessment) -> pages.Markup:
@@ -92,7 +92,7 @@ def _headline(
 ) -> str:
     logs = outlook.logs[0] if len(outlook.logs) == 1 else f"{len(outlook.logs)} logs"
     if not identifiable:
-        unexcited = all(p.verdict is Verdict.NOT_EXCITED for p in outlook.parameters)
+        unexcited = all(p.verdict in (Verdict.NOT_EXCITED, Verdict.STATED) for p in outlook.parameters)
         text = f"{logs}: no parameter is identifiable" + (", the excitation is too small." if unexcited else ".")
     else:
         wide = [named(p.name) for p in identifiable if p.relative_sigma > WIDE_SIGMA]
@@ -128,6 +128,7 @@ def _sensors(outlook: InformationAssessment) -> Iterator[pages.Block]:
                 *[f"±{_spread(p, s)}" if (s := outlook.sensors[c][p.name]) < p.prior else "–" for c in signals],
             )
             for p in outlook.parameters
+            if all(p.name in outlook.sensors[c] for c in signals)
         ],
         label="Predicted sigma with one more sensor",
     )

@@ -134,7 +134,9 @@ QUANTITIES: dict[str, Quantity] = {
     **GROUP_TYRES,
     # of linear tyres; sigma: `parameters.softening_priors`; gross: a slippery road
     "softening": Quantity(unit="1/rad", absolute=True, gross=8.0, part="tyres"),
-    "cog_height": Quantity(unit="m", words="CoG height"),  # of a laden unit, which follows from others
+    # of a laden unit, and between coupling and mean axle, which follow from others
+    "cog_height": Quantity(unit="m", words="CoG height"),
+    "wheelbase": Quantity(unit="m"),
     # gross: other tyres, or flat ones
     "cornering_stiffness.variation": Quantity(
         0.025, absolute=True, gross=0.3, weight=0.5, source="temperature and pressure of the tyres, from log to log"

@@ -24,6 +24,7 @@ from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import article_gyro_variance
 from fifthwheel.report.information import information_document
 from fifthwheel.simulate import simulate
+from fifthwheel.spoken_names import spoken
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from tests.identify.conftest import without
@@ -344,3 +345,34 @@ def test_a_number_that_may_be_zero_has_its_sigma_in_its_unit(truck: Vehicle) -> 
     settings = OneStage(given={name: "+- 500 kg m^2"}, reported=(name,), tyres="linear")
     outlook = predict_sigmas([log], truck.replace({name: 0.0}), settings)
     assert "±500 kg m²" in str(information_document(outlook))
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "sigma", "unit"),
+    [
+        ("semitrailer.mass", "33.4 t +- 0.5 %", 167.0, "kg"),
+        ("semitrailer.wheelbase", "8 m +- 2 cm", 0.02, "m"),
+        ("semitrailer.sprung.roll_yaw_product", "+- 500 kg m^2", 500.0, "kg m^2"),
+        ("semitrailer.roll_stiffness", "+- 5 %", 0.05 * 2.7e6, "N m/rad"),
+        ("steer.tractor.front.delay", "+- 5 ms", 0.005, "s"),
+        ("time_base", "+- 0.1 %", 0.001, "1"),
+        ("time_base.main.delay", "+- 5 ms", 0.005, "s"),
+        ("road.bank", "+- 1 deg", np.deg2rad(1.0), "rad"),
+        ("brakes.drive_axle", "+- 0.2", 0.2, "1"),
+        ("discrepancy", "+- 0.02", 0.02, "1"),
+    ],
+)
+def test_a_number_that_is_stated_is_listed(
+    truck: Vehicle, record: Record, name: str, text: str, sigma: float, unit: str
+) -> None:
+    outlook = predict_sigmas([record], truck, OneStage(given={name: text}, tyres="linear"), checked=True)
+    found = outlook[name]
+    assert (found.prior, found.unit, found.verdict) == (pytest.approx(sigma), unit, Verdict.STATED)
+    assert 0 < found.sigma <= found.prior * (1 + 1e-9)
+    assert spoken(name) in str(information_document(outlook))
+
+
+def test_a_statement_on_tyres_that_the_prediction_does_not_have_is_noted(truck: Vehicle, record: Record) -> None:
+    settings = OneStage(given={"road.friction": "0.6 +- 5 %"}, tyres="saturating")
+    note = "road.friction=0.6 +- 5 %: not used, because the tyres of the prediction are linear."
+    assert note in predict_sigmas([record], truck, settings, checked=True).notes

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
+from itertools import starmap
 from typing import Any
 
 import numpy as np
@@ -11,15 +12,18 @@ import fifthwheel
 from fifthwheel import dynamics
 from fifthwheel._arguments import expect, expect_each, expect_optional
 from fifthwheel.checks import Finding
+from fifthwheel.dynamics.tyres import saturation_names
 from fifthwheel.errors import SignalError
 from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
+from fifthwheel.identify.estimates import stated_estimates
 from fifthwheel.identify.given import applied, with_sensors
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.statement import Statement, applies, statement, states_sigma
 from fifthwheel.identify.verdict import Verdict, is_stated
 from fifthwheel.names import split_log
 from fifthwheel.record import Record
@@ -55,13 +59,14 @@ class ParameterAssessment:
     """Prior sigma."""
     sigma: float
     """Predicted sigma after the fit."""
-    conditional_sigma: float
-    """Predicted sigma if all other parameters were known; the sensors' errors remain unknown."""
+    conditional_sigma: float | None = None
+    """Predicted sigma if all other parameters were known; the sensors' errors remain unknown. None if it is STATED."""
     verdict: Verdict
-    """CONVERGED if the logs contain enough information, else NOT_EXCITED or NOT_IDENTIFIABLE."""
-    correlated_with: tuple[str, ...]
+    """CONVERGED if the logs contain enough information, else NOT_EXCITED or NOT_IDENTIFIABLE; STATED: of a number that
+    is not estimated for itself, but stated with a standard deviation."""
+    correlated_with: tuple[str, ...] = ()
     """Unknowns that can hardly be separated from this parameter, the worst first."""
-    remedies: tuple[Remedy, ...]
+    remedies: tuple[Remedy, ...] = ()
 
     @property
     def relative_sigma(self) -> float:
@@ -161,6 +166,7 @@ def predict_sigmas(
         dataset = prepare_dataset(records, vehicle, settings, findings=False)
     except SignalError as error:
         raise SignalError("\n".join(dict.fromkeys([*[f.message for _, f in findings], str(error)]))) from error
+    unused = [f"{s}: not used, because the tyres of the prediction are linear." for s in _on_tyres(vehicle, settings)]
     settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
     speeds = np.concatenate([segment.input("speed") for log in dataset.logs for segment in log.segments])
     speed = max(float(np.median(speeds)), assessment.min_speed)
@@ -175,18 +181,27 @@ def predict_sigmas(
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names, setup = tuple(record.name for record in records), predictor.setup
+    z = np.zeros(len(posterior.posterior.names))
+    stated = [
+        ParameterAssessment(
+            name=e.name, value=e.value, unit=e.unit, prior=e.prior or 0.0, sigma=e.sigma or 0.0, verdict=Verdict.STATED
+        )
+        for e in stated_estimates(setup, posterior.posterior, z, names, dataset.sensors)
+        if states_sigma(settings.given, split_log(e.name)[0])
+    ]
     return InformationAssessment(
         vehicle=vehicle.name,
         logs=names,
         speed=speed,
         findings=tuple(findings),
-        parameters=tuple(
-            _assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in setup.estimated
+        parameters=(
+            *[_assess_parameter(predictor, name, posterior, remedies, assessment, names) for name in setup.estimated],
+            *stated,
         ),
         sensors=_sensors(predictor, posterior, remedies, assessment),
         noise={log.name: {name: log.noise[name] for name in setup.outputs if name in log.noise} for log in logs},
         cautions=(_unstable_caution(predictor),) if predictor.start else (),
-        notes=dataset.notes,
+        notes=(*dataset.notes, *unused),
         version=fifthwheel.__version__,
     )
 
@@ -225,6 +240,13 @@ def _assess_parameter(
         correlated_with=tuple(_with_log_name(other, logs) for other in posterior.correlated_with(name)),
         remedies=best,
     )
+
+
+def _on_tyres(vehicle: Vehicle, settings: OneStage) -> list[Statement]:
+    """The statements on tyres that saturate and on the friction of the road."""
+    names, own = saturation_names(vehicle.group_paths()), vehicle.parameters()
+    found = [s for s in starmap(statement, settings.given.items()) if s.kind != "exact"]
+    return [s for s in found if any(applies(s, n) for n in names) and not any(applies(s, path) for path in own)]
 
 
 def _sensors(

@@ -74,6 +74,9 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         else:
             verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
+    log_names, known = [log.name for log in logs], {e.name for e in uncertain}
+    stated = estimates.stated_estimates(problem.setup, posterior, minimum.z, log_names, dataset.sensors)
+    uncertain += [e for e in stated if e.name not in known]
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
     joint = _doubtful_covariance(solution, causes.likely, step, explained=left is None)
@@ -81,6 +84,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     vehicle = _with_posterior_sigmas(vehicle, covariance)
     summaries = tuple(_summary(solution, posterior, i) for i in range(len(logs)))
     remaining = {name: min(sigma[name], 1.0) for name in _shared_uncertain(problem)}
+    lengths = estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if left is None else []
     return Identification(
         method="one-stage",
         vehicle=vehicle,
@@ -89,7 +93,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         parameters=tuple(estimated),
         derived=(
             *estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance),
-            *(estimates.wheelbases(dataset.initial_vehicle, vehicle, covariance, remaining) if left is None else ()),
+            *[e for e in lengths if e.name not in {other.name for other in uncertain}],
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
         uncertain=tuple(uncertain),

@@ -238,14 +238,14 @@ class Identification(IdentificationData):
         return str(self._document())
 
     def to_pandas(self) -> "pd.DataFrame":
-        """Parameters and derived quantities by name: value, sigma, initial value and prior in SI, unit, verdict.
+        """Parameters, stated numbers and derived quantities by name: value, sigma, initial and prior in SI, verdict.
 
         Raises:
             FifthwheelError: pandas is not installed.
         """
         pandas = require("pandas", "pandas")
         columns = ("value", "sigma", "unit", "initial", "prior", "verdict")
-        estimates = (*self.parameters, *self.derived)
+        estimates = (*self.parameters, *self.stated_numbers, *self.derived)
         rows = [[*(getattr(e, name) for name in columns[:-1]), str(e.verdict)] for e in estimates]
         index = pandas.Index([e.name for e in estimates], name="parameter")
         frame: pd.DataFrame = pandas.DataFrame(rows, index=index, columns=list(columns))

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from itertools import starmap
 from typing import Annotated
 
 import numpy as np
@@ -14,7 +13,7 @@ from fifthwheel.checks import Finding
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
-from fifthwheel.identify.statement import applies, statement
+from fifthwheel.identify.statement import states_sigma
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import split_log
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -181,5 +180,4 @@ class IdentificationData(ComparedByContents):
     @property
     def stated_numbers(self) -> list[Estimate]:
         """The uncertain numbers whose standard deviation the settings state, as estimated."""
-        spread = [found for found in starmap(statement, self.settings.given.items()) if found.kind == "sigma"]
-        return [e for e in self.uncertain if any(applies(found, split_log(e.name)[0]) for found in spread)]
+        return [e for e in self.uncertain if states_sigma(self.settings.given, split_log(e.name)[0])]

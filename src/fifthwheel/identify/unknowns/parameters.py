@@ -171,9 +171,8 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     mean, sigma = float(kind.kind == "gain"), kind.prior
     if kind.kind in PLACE_KINDS:
         signal = SignalName.of(error.signal)
-        unit = vehicle.unit(signal.unit)
-        sigma = vehicle.stated.get(f"{unit.accelerometer_path(signal.part)}.{kind.kind}", sigma)
-        mean = getattr(unit.place_of_accelerometer(signal.part), kind.kind)
+        sigma = vehicle.stated.get(path_of_place(vehicle, error), sigma)
+        mean = getattr(vehicle.unit(signal.unit).place_of_accelerometer(signal.part), kind.kind)
     found = stated(settings.given, name, error.unit or "1", mean)
     if found.free:
         usual = f"+- {kind.prior:.3g} {error.unit}".removesuffix(" 1")
@@ -182,6 +181,12 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
         raise refused(found, f"expected 0 or more, got {found.value:g} {error.unit}; correct it")
     chosen = found.or_sigma(sigma)
     return found.value, EXACT * (sigma or 1.0) if not chosen and found.value != mean else chosen
+
+
+def path_of_place(vehicle: Vehicle, error: SensorErrorName) -> str:
+    """The path in the vehicle file of a sensor error that is a coordinate of its place."""
+    signal = SignalName.of(error.signal)
+    return f"{vehicle.unit(signal.unit).accelerometer_path(signal.part)}.{error.kind}"
 
 
 def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: CommonSettings) -> list[Unknown]:
