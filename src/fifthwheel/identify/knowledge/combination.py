@@ -237,7 +237,7 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
         return Kind(name=name, subject=subject, members=np.array(members, dtype=np.int64), trips=at)
 
     kinds = [
-        kind("tyres", f"{u.name.removesuffix('.cornering_stiffness')}{_of_trailer(u.trailer)}", [i])
+        kind("tyres", f"{ParameterPath.of(u.name).owner}{_of_trailer(u.trailer)}", [i])
         for u, i in parameters.items()
         if _is_stiffness(u.name)
     ]
