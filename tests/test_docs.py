@@ -198,7 +198,7 @@ def test_every_sensor_error_and_every_error_of_the_model_is_explained() -> None:
         for error in channel.errors:
             assert any(f".{error.kind}`" in line for line in lines), (channel, error.kind)
     model = section(page("one-stage.md"), "What the model lacks")
-    for name in (*statement.OF_ROAD[1:], DISCREPANCY, TIME_BASE, parameters.VARIATION):
+    for name in (*statement.OF_ROAD[1:], DISCREPANCY, TIME_BASE, f".{parameters.VARIATION}"):
         assert f"{name}` |" in model, name
 
 

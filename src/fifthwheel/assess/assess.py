@@ -28,6 +28,7 @@ from fifthwheel.assess.uncertainty import assumed, complete, of_identification, 
 from fifthwheel.errors import FifthwheelError, VehicleError
 from fifthwheel.formatting import enumerated
 from fifthwheel.identify import Estimate, Identification, Verdict
+from fifthwheel.names import split_kind
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.driveline import Driveline
 
@@ -151,7 +152,7 @@ def assess(
         vehicle=subject.vehicle,
         body=size,
         speed=subject.speed,
-        measures=tuple(sorted(results, key=lambda r: order.index(r.name.partition(".")[0]))),
+        measures=tuple(sorted(results, key=lambda r: order.index(split_kind(r.name)[0]))),
         uncertain={name: float(value) for name, value in sigma.items()},
         origin=origin,
         unstable=unstable,
@@ -172,7 +173,7 @@ def rollover_threshold(identification: Identification) -> Estimate:
     truck = Truck(vehicle=identification.vehicle, body=body, speed=SPEED)
     uncertainty = complete(of_identification(identification), body, stated={})
     found = _result(ROLLOVER, samples(Neighbourhood(truck, uncertainty), rollover.measure, sampled=False))
-    heights = [e.verdict for e in identification.derived if e.name.endswith(".cog_height")]
+    heights = [e.verdict for e in identification.derived if e.path.quantity == "cog_height"]
     return Estimate(
         name=ROLLOVER,
         value=found.value,

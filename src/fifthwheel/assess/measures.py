@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from fifthwheel.names import split_kind
 from fifthwheel.spoken_names import named_axle, named_unit
 
 Sense = Literal["at least", "at most"]
@@ -148,11 +149,11 @@ MEASURES: Mapping[str, Measure] = {
 
 def definition(name: str) -> Measure:
     """The definition of a measure by its full name."""
-    return MEASURES[name.partition(".")[0]]
+    return MEASURES[split_kind(name)[0]]
 
 
 def title(name: str) -> str:
     """The title of a measure by its full name: "wheel lift, drive axle"."""
-    kind, _, part = name.partition(".")
+    kind, part = split_kind(name)
     words = named_axle(part) if kind == "wheel_lift" else " + ".join(map(named_unit, part.split("+")))
     return f"{definition(name).title}, {words}" if part else definition(name).title

@@ -11,14 +11,14 @@ import numpy as np
 
 from fifthwheel.assess.truck import HALF_TRACK, Body
 from fifthwheel.identify import Identification
-from fifthwheel.names import ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ends_with
 from fifthwheel.observe import Uncertainty
 from fifthwheel.vehicle import Vehicle, changes
 from fifthwheel.vehicle.quantities import quantity_of
 
 ASSUMED: Mapping[str, float] = {
     "cornering_stiffness": quantity_of("cornering_stiffness").guess,
-    "payload.height": 0.1,
+    PAYLOAD_HEIGHT: 0.1,
     "payload.floor_height": 0.05,
 }
 """Sigma of parameters on which a vehicle file states nothing, as a fraction of the value, by the end of their path: as

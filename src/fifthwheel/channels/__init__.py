@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits, SignalName, StateNoise
+from fifthwheel.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits, SignalName, StateNoise
 from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
@@ -35,6 +35,7 @@ from fifthwheel.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
 from fifthwheel.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
 from fifthwheel.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
 from fifthwheel.errors import SignalError
+from fifthwheel.names import split_log
 from fifthwheel.units import is_unit
 
 _ALL = (
@@ -131,8 +132,8 @@ def register_state(name: str, unit: str, initial_sigma: float) -> None:
     Raises:
         SignalError: the name is not quantity.unit, or that of a quantity of fifthwheel or with another unit.
     """
-    quantity = SignalName.of(name).quantity
-    if not _NAME.fullmatch(name) or not SignalName.of(name).unit:
+    quantity, unit_name, _ = SignalName.of(name)
+    if not _NAME.fullmatch(name) or not unit_name:
         raise SignalError(f"{name}: expected quantity.unit, such as 'actuator.semitrailer'; correct it")
     known = CHANNELS.get(quantity)
     if any(quantity == channel.quantity for channel in _ALL):
@@ -227,7 +228,13 @@ def checked_name(name: str) -> str:
 
 def header(name: str) -> str:
     """Column header of a signal with its SI unit: "reference.roll.tractor" -> "reference.roll.tractor [rad]"."""
-    return f"{name} [{si_unit(checked_name(name.removeprefix(REFERENCE)))}]"
+    return f"{name} [{si_unit(checked_name(split_reference(name)[0]))}]"
+
+
+def split_reference(name: str) -> tuple[str, bool]:
+    """The name of a signal without the prefix of a reference signal, and whether it has this prefix."""
+    signal = name.removeprefix(REFERENCE)
+    return signal, signal != name
 
 
 def split_header(text: str) -> tuple[str, str | None]:
@@ -277,11 +284,21 @@ class SensorErrorName(NamedTuple):
     @lru_cache(maxsize=4096)
     def of(cls, name: str) -> Self | None:
         """Parse a name without its log; None where it does not name a sensor error."""
+        error = cls.split(name)
+        known = error.row is not None if error.kind in PLACE_KINDS else error.kind in _ERROR_KINDS
+        return error if known else None
+
+    @classmethod
+    def split(cls, name: str) -> Self:
+        """The parts of any text, whether or not a sensor can have such an error."""
         signal, _, kind = name.rpartition(".")
-        if kind in PLACE_KINDS:
-            channel = channel_of(signal)
-            return cls(signal, kind) if channel and channel.error(kind) else None
-        return cls(signal, kind) if kind in _ERROR_KINDS else None
+        return cls(signal, kind)
+
+    @property
+    def row(self) -> ErrorKind | None:
+        """What its channel has on it; None where the channel has no such error."""
+        channel = channel_of(self.signal)
+        return channel.error(self.kind) if channel else None
 
     @property
     def unit(self) -> str | None:
@@ -296,7 +313,7 @@ def is_sensor_error(name: str, kind: str | None = None) -> bool:
     >>> is_sensor_error("steer.tractor.front.offset@bend"), is_sensor_error("steer.tractor.front.gain", "delay")
     (True, False)
     """
-    error = SensorErrorName.of(name.partition("@")[0])
+    error = SensorErrorName.of(split_log(name)[0])
     return error is not None and kind in (None, error.kind)
 
 
@@ -371,4 +388,5 @@ __all__ = [
     "register",
     "si_unit",
     "split_header",
+    "split_reference",
 ]

@@ -41,7 +41,7 @@ from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.parameters import known_of
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.identify.verdict import Verdict, estimate_verdict, still_moving
-from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.native import compile_in_background
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -189,7 +189,7 @@ class _TwoStages:
         state = self._stage(state, "stage 1", self.yaw, self.yaw.names, progress)
         if self.full is self.yaw:
             return state
-        roll = [n for n in self.full.names if ends_with(n, "payload.height") or is_of(n, ROLL_RATE)]
+        roll = [n for n in self.full.names if ends_with(n, PAYLOAD_HEIGHT) or is_of(n, ROLL_RATE)]
         yaw = [n for n in self.full.names if n not in roll]
         state = self._stage(state, "stage 2", self.full, roll, progress)
         while state.rounds < self.settings.rounds:
@@ -254,7 +254,7 @@ class _TwoStages:
 
 def _require_names(vehicle: Vehicle, model: ChainModel, settings: TwoStage) -> None:
     """Refuse an entry of a covariance that fits no parameter or no state; a truck without payload has no height."""
-    names = (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle), "yaw_inertia", "payload.height")
+    names = (*parameters.stage_1_names(vehicle), *parameters.stage_2_names(vehicle), "yaw_inertia", PAYLOAD_HEIGHT)
     for title, known in (("Q_x", model.states), ("Q_p", names), ("P_p", names)):
         for pattern in getattr(settings, title):
             if not any(applies(Statement(name=pattern), name) for name in known):

@@ -20,7 +20,7 @@ from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.statement import Stated, Statement, applies
 from fifthwheel.identify.unknowns.parameters import known_of, sensor_error_unknowns
 from fifthwheel.identify.unknowns.unknown import Unknown, linear_unknown, logarithmic_unknown, scaling
-from fifthwheel.names import ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ends_with
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -44,7 +44,7 @@ def sensor_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage
 
 def _unknown(known: Stated, settings: TwoStage) -> Unknown:
     name, value, sigma = known.name, known.value, known.sigma
-    if ends_with(name, "payload.height"):
+    if ends_with(name, PAYLOAD_HEIGHT):
         return linear_unknown(name, *((value, sigma) if sigma else HEIGHT_PRIOR))
     prior = sigma / value if sigma else PRIOR
     unknown = logarithmic_unknown(name, value, prior)

@@ -13,6 +13,7 @@ from fifthwheel.filters.variances import Variances
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.statement import stated, statement
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.names import PAYLOAD_HEIGHT
 from fifthwheel.settings import Count, Cure, FiniteNonNegative, Limits
 from fifthwheel.vehicle.quantities import unit_of
 
@@ -103,7 +104,7 @@ class TwoStage(CommonSettings):
         return error is not None and error.kind in kinds
 
 
-_Q_P = {"cornering_stiffness": "+- 0.1 %", "yaw_inertia": "+- 0.1 %", "payload.height": "+- 5 mm"}
+_Q_P = {"cornering_stiffness": "+- 0.1 %", "yaw_inertia": "+- 0.1 %", PAYLOAD_HEIGHT: "+- 5 mm"}
 """Equations (11) and (13), for any truck."""
 
 

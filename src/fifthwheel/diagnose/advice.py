@@ -14,7 +14,7 @@ from fifthwheel.diagnose.thresholds import STRAIGHT
 from fifthwheel.formatting import enumerated, percent, relative
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
-from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.spoken_names import named, named_unit
 from fifthwheel.vehicle.quantities import FRICTION, quantity_of
 
@@ -132,7 +132,7 @@ def _roll_rates(identification: Identification) -> Iterator[Advice]:
     missing: dict[str, list[str]] = {}
     for e in identification.parameters:
         if _has_no_information(e) and not has_roll_rate(identification, e.name):
-            missing.setdefault(ParameterPath.of(e.name).unit, []).append(e.name)
+            missing.setdefault(e.path.unit, []).append(e.name)
     for unit, names in missing.items():
         yield Advice(
             f"Log the roll rate of the {named_unit(unit)} and identify again. Without it, the logs do not determine "
@@ -192,14 +192,15 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
     stated = {e.name for e in identification.uncertain}
     for name, terms in dominant_terms(identification).items():
         subject = f"of the variance of {named(name)}"
-        for term in (term for term in terms if term.source.endswith(".softening")):
+        softening = [term for term in terms if ParameterPath.of(term.source).quantity == "softening"]
+        for term in softening:
             yield Advice(
                 f"Drive with less lateral acceleration: {percent(term.fraction)} {subject} comes from "
                 f"{named(term.source)} with the slip angle.",
                 "--tyres saturating",
                 parameters=(name,),
             )
-        sources = [term.source for term in terms if not term.source.endswith(".softening")]
+        sources = [term.source for term in terms if term not in softening]
         if not sources:
             continue
         fraction = percent(sum(term.fraction for term in terms if term.source in sources))
@@ -208,7 +209,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         options = [
             f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
         ]
-        if ends_with(name, "payload.height") and any(map(_is_of_suspension, sources)):
+        if ends_with(name, PAYLOAD_HEIGHT) and any(map(_is_of_suspension, sources)):
             message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
             options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
         yield Advice(message, "\n".join(options), parameters=(name,))

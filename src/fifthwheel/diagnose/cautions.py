@@ -30,7 +30,7 @@ from fifthwheel.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
-from fifthwheel.names import ends_with, split_log
+from fifthwheel.names import PAYLOAD_HEIGHT, ends_with, split_log
 from fifthwheel.observe import States
 from fifthwheel.vehicle.masses import unusual_masses
 from fifthwheel.vehicle.quantities import FRICTION, quantity_of
@@ -112,7 +112,7 @@ def is_unusual(identification: Identification, error: SensorError) -> bool:
 def estimate_cautions(identification: Identification) -> Iterator[Caution]:
     """Stiffnesses and inertias much further from the vehicle file than their prior sigma."""
     for e in identification.parameters:
-        if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ends_with(e.name, "payload.height"):
+        if e.verdict not in (Verdict.CONVERGED, Verdict.DOUBTFUL) or ends_with(e.name, PAYLOAD_HEIGHT):
             continue
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.ESTIMATE and _concerns(d, e.name)]
         if identification.covariance is not None and not doubts:

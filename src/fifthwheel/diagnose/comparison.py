@@ -218,7 +218,7 @@ def compare(runs: Mapping[str, Identification]) -> Comparison:
 
 def _derived(run: Identification) -> list[Estimate]:
     """CoG heights and wheelbases, and the rollover threshold where the truck has one."""
-    lengths = [e for e in run.derived if e.name.endswith((".cog_height", ".wheelbase"))]
+    lengths = [e for e in run.derived if e.path.quantity in ("cog_height", "wheelbase")]
     try:
         return [*lengths, rollover_threshold(run)]
     except FifthwheelError:

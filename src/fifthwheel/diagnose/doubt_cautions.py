@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fifthwheel.channels import STEER, SensorErrorName, is_of, is_sensor_error
+from fifthwheel.channels import STEER, SensorErrorName, is_of
 from fifthwheel.diagnose.caution import Caution, CautionKind
 from fifthwheel.dynamics import TIME_SCALE, critical_speed
 from fifthwheel.formatting import digits, enumerated, percent, with_sigma
@@ -94,7 +94,7 @@ def assumption_cautions(identification: Identification) -> Iterator[Caution]:
             cure,
             doubt.statistic,
             parameters=doubt.parameters,
-            signals=tuple(cause.name.rpartition(".")[0] for cause in doubt.causes if is_sensor_error(cause.name)),
+            signals=tuple(error.signal for c in doubt.causes if (error := SensorErrorName.of(split_log(c.name)[0]))),
         )
 
 
@@ -160,7 +160,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     times = f"{abs(cause.prior_sigmas):.1f} times the assumed uncertainty"
     own = {path: change for path, change in cause.changes.items() if path in values}  # loads of tyres follow from them
     (path, change), *others = (own or cause.changes).items()
-    error = SensorErrorName.of(path)
+    error, parsed = SensorErrorName.of(path), ParameterPath.of(path)
     if path == TIME_SCALE:
         return f"the time base runs {percent(abs(change))} too {'slow' if change > 0 else 'fast'} (timestamps)"
     if cause.name == MASS_SCALE:
@@ -168,20 +168,17 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
     if error:
         where = "" if log is None else f" in {logs[int(log)]}"
         return f"{_describe_sensor_error(error, change, cause.prior_mean)}{where} ({times})"
-    if path.endswith(".softening"):
-        group = path.removesuffix(".softening")
-        return f"the tyres of {group} soften more with the slip angle: use --tyres saturating ({times})"
-    if path.endswith(".self_steering") and not values.get(path):
-        axle = path.removesuffix(".self_steering")
+    if parsed.quantity == "softening":
+        return f"the tyres of {parsed.owner} soften more with the slip angle: use --tyres saturating ({times})"
+    if parsed.quantity == "self_steering" and not values.get(path):
         size = f"self_steering = {min(change, 1.0):.1f}"
-        return f"{axle} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
-    if cause.name.endswith(".axle_positions"):
+        return f"{parsed.owner} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
+    if ParameterPath.of(cause.name).quantity == "axle_positions":
         largest = max(map(abs, own.values()))
         side = "closer to" if change > 0 else "further from"
-        unit = ParameterPath.of(path).unit
-        origin = "front axle" if unit in FIRST_UNITS else "front coupling"
+        origin = "front axle" if parsed.unit in FIRST_UNITS else "front coupling"
         size = f"up to {digits(largest, 2)} m {side} its {origin}"
-        return f"the axles of the {named_unit(unit)} are {size} ({times})"
+        return f"the axles of the {named_unit(parsed.unit)} are {size} ({times})"
     value = values.get(path) if cause.prior_mean is None else cause.prior_mean
     if value is None:
         return f"{cause.name} is different ({times})"

@@ -7,6 +7,7 @@ from scipy.optimize import linear_sum_assignment
 
 from fifthwheel import pages
 from fifthwheel._arguments import expect
+from fifthwheel.channels import ROLL_RATE, SignalName, is_of
 from fifthwheel.dynamics.analysis import Mode, critical_speed, matrices, modes
 from fifthwheel.dynamics.state_space import rearward_amplification, understeer_gradient
 from fifthwheel.formatting import fixed
@@ -103,7 +104,7 @@ def _motions(vehicle: Vehicle, speed: float, oscillations: list[Mode]) -> tuple[
     values, yaw = np.linalg.eigvals(system.A), np.linalg.eigvals(matrices(vehicle, speed, roll=False).A)
     near, _ = linear_sum_assignment(np.abs(np.subtract.outer(values, yaw)))
     rest = np.delete(values, near)
-    rates = {i: name.partition(".")[2] for i, name in enumerate(system.states) if name.startswith("roll_rate.")}
+    rates = {i: SignalName.of(name).place for i, name in enumerate(system.states) if is_of(name, ROLL_RATE)}
     units = [rates[max(rates, key=lambda i: abs(mode.shape[i]))] for mode in oscillations]
     return tuple(
         f"roll, {unit}" if np.isclose(rest, mode.eigenvalue).any() else "yaw"

@@ -13,13 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS
+from fifthwheel.channels import CHANNELS, STEER, is_of
 from fifthwheel.evaluate.diagrams import AXES, TITLES
 from fifthwheel.evaluate.evaluation import Evaluation
 from fifthwheel.evaluate.motion import gain_unit
 from fifthwheel.evaluate.repetitions import ACTIVE, ENTRY
 from fifthwheel.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of
 from fifthwheel.formatting import shown
+from fifthwheel.names import split_kind
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.spoken_names import spoken
 
@@ -63,7 +64,7 @@ class ComparedCurve:
     @property
     def title(self) -> str:
         """The name in words."""
-        kind, _, signal = self.name.partition(".")
+        kind, signal = split_kind(self.name)
         return TITLES.get(self.name) or (
             f"{spoken(signal)}, {kind}" if kind in ("gain", "phase") else spoken(self.name)
         )
@@ -111,18 +112,18 @@ def compared_curves(results: Evaluation, log: Evaluation, stated: Mapping[str, s
     axis, same_input = next(iter(log.arrays)), True
     for name in [name for name in curve_names(log) if name in results.arrays]:
         curve = _compared(results, log, name, axis, stated)
-        is_input = axis == "time" and name.startswith("steer.")
+        is_input = axis == "time" and is_of(name, STEER)
         yield curve if is_input else replace(curve, same_input=same_input)
         same_input &= not (is_input and curve.verdict == "outside")
 
 
 def curve_names(evaluation: Evaluation) -> list[str]:
     """The columns that are compared."""
-    return [name for name in list(evaluation.arrays)[1:] if name.partition(".")[0] in DEFAULTS]
+    return [name for name in list(evaluation.arrays)[1:] if split_kind(name)[0] in DEFAULTS]
 
 
 def _compared(results: Evaluation, log: Evaluation, name: str, axis: str, stated: Mapping[str, str]) -> ComparedCurve:
-    kind, _, signal = name.partition(".")
+    kind, signal = split_kind(name)
     unit = _unit(kind, signal)
     x, own, own_sigma = _columns(log, axis, name)
     other_x, *columns = _columns(results, axis, name)

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS
+from fifthwheel.channels import CHANNELS, SignalName
 from fifthwheel.evaluate.motion import gain_unit
 from fifthwheel.formatting import shown
+from fifthwheel.names import split_kind
 from fifthwheel.plots import Axis, Band, Item, Line, Panel, Plot, Points
 from fifthwheel.spoken_names import spoken
 
@@ -41,7 +42,7 @@ def _characteristics(arrays: Mapping[str, Array]) -> dict[str, Plot]:
 
 def _responses(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     f, axis, plots = arrays["frequency"], AXES["frequency"], dict[str, Plot]()
-    for name in [key.removeprefix("gain.") for key in arrays if key.startswith("gain.")]:
+    for name in [name for kind, name in map(split_kind, arrays) if kind == "gain"]:
         gain, sigma = arrays[f"gain.{name}"], arrays[f"gain_sigma.{name}"]
         gains: list[Item] = [Band(f, gain - sigma, gain + sigma), Line(f, gain)]
         plots[spoken(name)] = Plot(
@@ -59,7 +60,7 @@ def _histories(arrays: Mapping[str, Array]) -> dict[str, Plot]:
     quantities: dict[str, list[Item]] = {}
     for name, values in arrays.items():
         if name != "time":
-            quantity = name.partition(".")[0]
+            quantity = SignalName.of(name).quantity
             unit = shown(CHANNELS[quantity].unit)
             quantities.setdefault(quantity, []).append(Line(arrays["time"], unit.factor * values, name=spoken(name)))
     return {

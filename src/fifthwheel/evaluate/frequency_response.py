@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE
+from fifthwheel.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE, SignalName
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.evaluate.lane_change import amplified, compared
@@ -230,7 +230,7 @@ def _amplification(responses: Responses, first: str, last: str) -> EvaluatedMeas
             distance = responses.frequency[1] - responses.frequency[0]
             together = max(1.0, INDEPENDENT * responses.band / distance)  # neighbours have common errors
             error = float(np.sqrt(together * row @ covariance @ row))
-    quantity = first.partition(".")[0]
+    quantity = SignalName.of(first).quantity
     title = f"rearward amplification, {quantity.replace('_', ' ')}, at {at:.2f} Hz"
     edge = "largest at the end of the evaluated frequencies" if top in (0, ratio.size - 1) else ""
     return EvaluatedMeasure(f"rearward_amplification_{quantity}", title, "1", value, error, (first, last), edge)

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import MethodResult
 from fifthwheel.evaluate.motion import MeasuredMotion
@@ -78,5 +79,5 @@ def measures(response: Response) -> Mapping[str, float]:
     """The amplifications in one lane change."""
     peaks = {name: float(np.abs(values).max()) for name, values in response.outputs.items()}
     first, last = response.units[0], response.units[-1]
-    quantities = dict.fromkeys(name.partition(".")[0] for name in peaks)
+    quantities = dict.fromkeys(SignalName.of(name).quantity for name in peaks)
     return {f"rearward_amplification_{q}": peaks[f"{q}.{last}"] / peaks[f"{q}.{first}"] for q in quantities}

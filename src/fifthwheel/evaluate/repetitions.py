@@ -13,10 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fifthwheel._types import Array
+from fifthwheel.channels import SignalName
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.formatting import approximate, enumerated, with_sigma
+from fifthwheel.names import split_kind
 from fifthwheel.spoken_names import named
 
 ACTIVE = 0.1
@@ -201,7 +203,7 @@ def _sides(
 
 
 def _title(name: str, words: Mapping[str, Words]) -> str:
-    kind, _, signal = name.partition(".")
+    kind, signal = split_kind(name)
     return f"{words[kind].title}, {named(signal).removeprefix('the ')}" if signal else words[kind].title
 
 
@@ -209,13 +211,13 @@ def _measure(
     name: str, values: Array, biases: Array, draws: Array, *, words: Mapping[str, Words], outputs: Sequence[str]
 ) -> EvaluatedMeasure:
     """Mean over the repetitions (n,) without their bias (n,), and sigma; draws (n, DRAWS) with simulated noise."""
-    kind, _, signal = name.partition(".")
+    kind, signal = split_kind(name)
     unit = words[kind].unit or gain_unit(signal)
     n, bias = len(values), float(biases.mean())
     by_noise = np.sqrt(np.mean(np.nanvar(draws, axis=1)) / n)
     scatter = np.std(values, ddof=1) / np.sqrt(n) if n > 1 else 0.0
     sigma = float(np.hypot(max(by_noise, scatter), bias))
-    used = [signal] if signal else [o for o in outputs if kind.endswith(o.partition(".")[0])] or outputs
+    used = [signal] if signal else [o for o in outputs if kind.endswith(SignalName.of(o).quantity)] or outputs
     return EvaluatedMeasure(name, _title(name, words), unit, float(values.mean()) - bias, sigma, tuple(used))
 
 

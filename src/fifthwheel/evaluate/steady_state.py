@@ -22,7 +22,7 @@ from fifthwheel._types import Array
 from fifthwheel.assess.propagation import Neighbourhood, samples
 from fifthwheel.assess.truck import Truck
 from fifthwheel.assess.uncertainty import of_vehicle
-from fifthwheel.channels import ROLL, SIDESLIP
+from fifthwheel.channels import ROLL, SIDESLIP, SignalName
 from fifthwheel.dynamics import steady_steer
 from fifthwheel.errors import SignalError
 from fifthwheel.evaluate.directions import GRADIENT, directions, gradient_measure, gradients, offset_notes
@@ -101,10 +101,10 @@ def evaluate(motion: MeasuredMotion) -> MethodResult:
 
 
 def _gradient(blocks: Blocks, name: str, values: Array) -> EvaluatedMeasure:
-    quantity, _, unit = name.partition(".")
+    signal = SignalName.of(name)
     value, sigma = _slope(blocks, values)
-    title = f"{quantity} gradient, {named_unit(unit)}"
-    return gradient_measure(f"{quantity}_gradient.{unit}", title, value, sigma, name)
+    title = f"{signal.quantity} gradient, {named_unit(signal.place)}"
+    return gradient_measure(f"{signal.quantity}_gradient.{signal.place}", title, value, sigma, name)
 
 
 def _notes(blocks: Blocks, kind: str) -> Iterator[str]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel.errors import SignalError, UnitError, suggestion
+from fifthwheel.names import begins_with, split_kind
 from fifthwheel.units import quantity, uncertain_quantity
 
 DEFAULTS: Mapping[str, str] = {
@@ -74,16 +75,16 @@ class Tolerance:
 
 def tolerance_of(name: str, unit: str, stated: Mapping[str, str]) -> Tolerance:
     """The stated tolerance whose key is the longest beginning of a name, whole words between dots; else the default."""
-    words = name.split(".")
-    keys = [".".join(words[:count]) for count in range(len(words), 0, -1)]
-    key = next((key for key in keys if key in stated), None)
-    return Tolerance.parse(name, DEFAULTS[words[0]], unit) if key is None else Tolerance.parse(key, stated[key], unit)
+    key = max((key for key in stated if begins_with(name, key)), key=len, default=None)
+    if key is None:
+        return Tolerance.parse(name, DEFAULTS[split_kind(name)[0]], unit)
+    return Tolerance.parse(key, stated[key], unit)
 
 
 def require_used(stated: Mapping[str, str], names: list[str]) -> None:
     """Raise a SignalError for a tolerance that belongs to nothing that is compared."""
     for key in stated:
-        if not any(f"{name}.".startswith(f"{key}.") for name in names):
+        if not any(begins_with(name, key) for name in names):
             raise SignalError(f"tolerance {key}: nothing with this name is compared; {suggestion(str(key), names)}")
 
 

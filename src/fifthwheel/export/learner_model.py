@@ -20,7 +20,6 @@ from fifthwheel.identify.online.steering import Excitation
 from fifthwheel.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.names import ParameterPath
 from fifthwheel.native import c_code
 from fifthwheel.observe.monitor import CHANCE, START
 from fifthwheel.vehicle.quantities import unit_of
@@ -202,5 +201,5 @@ def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
     """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
     if unknown.is_sensor_error or unknown.kind is UnknownKind.UNCERTAIN or not lacks_roll_rate(unknown.name, ()):
         return NO_CHANNEL
-    name = f"roll_rate.{ParameterPath.of(unknown.name).unit}"
+    name = f"roll_rate.{unknown.path.unit}"
     return channels.index(name) if name in channels else ABSENT_CHANNEL

@@ -10,7 +10,7 @@ from typing import Any
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.formatting import fixed, percent, with_sigma
 from fifthwheel.identify.knowledge.information import OUTLIER
-from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.options import FleetSettings
 from fifthwheel.spoken_names import named, named_axle, spoken
 
@@ -93,7 +93,7 @@ def _wear(rows: Sequence[Row], limit: float) -> Iterator[Attention]:
 
 def _heights(rows: Sequence[Row], limit: float | None) -> Iterator[Attention]:
     for row in rows:
-        if limit is None or not ends_with(row["parameter"], "payload.height") or row["value"] <= limit:
+        if limit is None or not ends_with(row["parameter"], PAYLOAD_HEIGHT) or row["value"] <= limit:
             continue
         of_load = f" of load {row['load']!r}" if row["load"] else ""
         text = (

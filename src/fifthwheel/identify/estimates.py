@@ -22,7 +22,7 @@ from fifthwheel.identify.statement import prior_of, states_sigma
 from fifthwheel.identify.unknowns.parameters import path_of_place
 from fifthwheel.identify.unknowns.unknown import Unknown, linear_unknown
 from fifthwheel.identify.verdict import Verdict, uncertain_verdict
-from fifthwheel.names import ParameterPath, ends_with, split_log
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with, split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, changes, unit_of
@@ -63,10 +63,10 @@ def derived_from_payload_height(vehicle: Vehicle, estimates: Sequence[Estimate])
     Each sigma is that of the payload height times the derivative, by forward differences.
     """
     derived, step = [], 1e-4
-    for height in (e for e in estimates if ends_with(e.name, "payload.height")):
+    for height in (e for e in estimates if ends_with(e.name, PAYLOAD_HEIGHT)):
         initial, higher = (vehicle.replace({height.name: v}) for v in (height.initial, height.value + step))
         for quantity in DERIVED_UNITS:
-            name = f"{ParameterPath.of(height.name).unit}.{quantity}"
+            name = f"{height.path.unit}.{quantity}"
             slope = (higher.derived()[name] - vehicle.derived()[name]) / step
             sigma = None if height.sigma is None else abs(slope) * height.sigma
             estimate = _derived(name, initial, vehicle, sigma, height.verdict)
@@ -82,7 +82,7 @@ def _derived(
         name=name,
         value=vehicle.derived()[name],
         sigma=sigma,
-        unit=DERIVED_UNITS.get(name.rpartition(".")[2], "m"),
+        unit=DERIVED_UNITS.get(ParameterPath.of(name).quantity, "m"),
         initial=initial_vehicle.derived()[name],
         verdict=verdict,
         stage=stage,
@@ -189,7 +189,7 @@ def wheelbases(
 def _is_body_parameter(name: str, unit: str) -> bool:
     path = ParameterPath.of(name)
     return path.unit == unit and (
-        ends_with(name, "payload.height") or (path.component == "sprung" and path.quantity in DERIVED_UNITS)
+        ends_with(name, PAYLOAD_HEIGHT) or (path.component == "sprung" and path.quantity in DERIVED_UNITS)
     )
 
 

@@ -8,16 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from fifthwheel.channels import (
-    CHANNELS,
-    SPEED,
-    STEER,
-    SensorErrorName,
-    SignalName,
-    channel_of,
-    channels_with_errors,
-    error_kinds,
-)
+from fifthwheel.channels import SPEED, STEER, SensorErrorName, SignalName, channel_of, channels_with_errors, error_kinds
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.dynamics.tyres import saturation_names
 from fifthwheel.errors import SignalError, VehicleError, suggestion
@@ -32,7 +23,7 @@ from fifthwheel.identify.unknowns.parameters import (
     reported_parameters,
     softening_priors,
 )
-from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, begins_with, ends_with
 from fifthwheel.options import FRICTION_RANGE
 from fifthwheel.record import Record
 from fifthwheel.record.wheel_speeds import all_pairs
@@ -93,7 +84,7 @@ def _sigmas(
 ) -> Iterator[tuple[str, float]]:
     """The standard deviations that are stated of numbers of the vehicle; a VehicleError where one has no use."""
     for each in found:
-        is_height = ends_with(each.name, "payload.height")
+        is_height = ends_with(each.name, PAYLOAD_HEIGHT)
         if settings.one_stage is None:
             if each.free or (each.sigma and each.name not in reported):
                 raise refused(each, "needs one stage; remove it, or choose that method")
@@ -133,21 +124,21 @@ def _without_wheelbases(vehicle: Vehicle, listed: Sequence[Statement]) -> Iterat
     """The statements; one on a wheelbase as statements on the axles of the unit, and on its CoG."""
     known, moved = vehicle.parameters(), vehicle.moved_by_wheelbase()
     for each in listed:
-        unit_name, _, quantity = each.name.rpartition(".")
-        if quantity != "wheelbase":
+        named = ParameterPath.of(each.name)
+        if named.last_word != "wheelbase":
             yield each
             continue
         if each.name not in moved:
-            positions = [path for path in known if ParameterPath.of(path).quantity == "position"]
-            of_unit = [path for path in positions if ParameterPath.of(path).unit == unit_name] or positions
+            positions = {path: parsed for path in known if (parsed := ParameterPath.of(path)).quantity == "position"}
+            of_unit = [path for path, parsed in positions.items() if parsed.unit == named.owner] or list(positions)
             raise VehicleError(
                 f"{each}: expected the wheelbase of a unit with a front coupling and one axle group, one of "
                 f"{', '.join(moved) or 'none'}; or state the positions "
                 f"{', '.join(path for path in of_unit if 'accelerometer' not in path)}"
             )
-        length, cog = vehicle.derived()[each.name], f"{unit_name}.cog"
+        length, cog = vehicle.derived()[each.name], f"{named.unit}.cog"
         found = stated({each.name: each.given}, each.name, "m", length)
-        sigma = quantity_of(f"{unit_name}.cog").guess if found.free else found.sigma
+        sigma = quantity_of(cog).guess if found.free else found.sigma
         of_axles = replace(each, kind="sigma", sigma=f"{sigma!r} m") if sigma else each
         shift = length - found.value
         for path in moved[each.name]:
@@ -157,7 +148,7 @@ def _without_wheelbases(vehicle: Vehicle, listed: Sequence[Statement]) -> Iterat
         # a weighbridge gives the CoG as a fraction of the wheelbase, so that it is uncertain by the same fraction
         if vehicle.stated.get(cog) != 0 and not any(applies(other, cog) for other in listed):
             (of_file,) = [change.slopes[cog] for change in changes(vehicle) if change.name == cog]
-            front = length + vehicle.unit(unit_name).axle_groups[0].position
+            front = length + vehicle.unit(named.unit).axle_groups[0].position
             of_length = (sigma or 0.0) * (front - known[cog]) / length
             yield Statement(name=cog, kind="sigma", sigma=f"{math.hypot(of_file, of_length)!r} m")
 
@@ -175,7 +166,7 @@ def _beyond_vehicle(vehicle: Vehicle, settings: OneStage) -> tuple[str, ...]:
     quantities = [channel.quantity for channel in channels_with_errors() if channel not in (SPEED, STEER)]
     signals = ["speed", *vehicle.steer_signals(), *[f"{q}.{unit.name}" for q in quantities for unit in vehicle.units]]
     errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
-    variations = [f"{path}.cornering_stiffness{VARIATION}" for path in groups]
+    variations = [f"{path}.cornering_stiffness.{VARIATION}" for path in groups]
     own = vehicle.parameters()
     axles = [path for path in fixed_last_axles(vehicle, locked=True) if path not in own]
     single = (DRIVE_AXLE_BRAKING, ROAD_BANK, BANK_VARIATION, DISCREPANCY, TIME_BASE, f"{TIME_BASE}.main.delay")
@@ -192,7 +183,7 @@ def _require_use(
     if single and _is_sensor_error(each.name):
         _require_sensor(vehicle, each)
     fitting = [name for name in (*own, *others) if applies(each, name)]
-    if single and each.name not in fitting and (_is_sensor_error(each.name) or each.name.startswith(f"{TIME_BASE}.")):
+    if single and each.name not in fitting and (_is_sensor_error(each.name) or begins_with(each.name, TIME_BASE)):
         fitting.append(each.name)  # of a sensor or a time base that the vehicle does not name
     if not fitting:
         _refuse(vehicle, settings, chosen, each, (*own, *others))
@@ -218,7 +209,7 @@ def _require_number(vehicle: Vehicle, settings: OneStage, each: Statement, name:
     if prior_of_sensor_error(vehicle, name, replace(settings, given=given)) or name in vehicle.parameters():
         return
     found = stated(given, name, quantity_of(name).unit, _usual_value(vehicle, settings, name))
-    if found.has_value and found.value and (name in WITHOUT_MEAN or name.endswith(VARIATION)):
+    if found.has_value and found.value and (name in WITHOUT_MEAN or ParameterPath.of(name).quantity == VARIATION):
         raise refused(found, "has the mean 0; state only its standard deviation, or exact")
     if found.free and name != FRICTION:
         raise refused(found, "is no number of a vehicle file; give its standard deviation, such as '+- 20 %'")
@@ -229,9 +220,9 @@ def _require_number(vehicle: Vehicle, settings: OneStage, each: Statement, name:
 
 def _usual_value(vehicle: Vehicle, settings: OneStage, name: str) -> float:
     """The default of a number that a vehicle file does not have, SI."""
-    group, _, last = name.rpartition(".")
-    if last == "softening":
-        return softening_priors(vehicle)[group][0]
+    path = ParameterPath.of(name)
+    if path.quantity == "softening":
+        return softening_priors(vehicle)[path.owner][0]
     return quantity_of(name).mean or given_parameters(vehicle, replace(settings, given={})).get(name, 0.0)
 
 
@@ -260,28 +251,28 @@ def _refuse(
         raise VehicleError(
             f"{each}: {valueless[0]} has no value in the vehicle file; state one, such as '{number} +- ...'"
         )
-    words = names if "." in each.name else sorted({name.rpartition(".")[2] for name in names})
+    words = names if "." in each.name else sorted({ParameterPath.of(name).last_word for name in names})
     raise VehicleError(f"{each.name}: no such parameter in {vehicle.name}; {suggestion(each.name, words)}")
 
 
 def _is_sensor_error(name: str) -> bool:
     """Whether a name has the form of a sensor error, of a sensor that may not exist."""
-    signal, _, kind = name.rpartition(".")
-    return ("." in signal or signal == SPEED.quantity) and SignalName.of(signal).quantity in CHANNELS and bool(kind)
+    signal, kind = SensorErrorName.split(name)
+    return ("." in signal or signal == SPEED.quantity) and channel_of(signal) is not None and bool(kind)
 
 
 def _require_sensor(vehicle: Vehicle, each: Statement) -> None:
     """Refuse an error that no sensor of the vehicle can have."""
-    signal, _, kind = each.name.rpartition(".")
+    signal, kind = SensorErrorName.split(each.name)
     channel, steers = channel_of(signal), vehicle.steer_signals()
     if channel is STEER and signal not in steers:
         raise SignalError(f"{each}: {signal} is no steer angle of {vehicle.name}; {suggestion(signal, steers)}")
     if channel not in channels_with_errors():
         names = ", ".join(c.quantity for c in channels_with_errors() if c is not SPEED)
         raise SignalError(f"{each}: expected a signal that is compared with the model, one of {names}")
-    unit, units = SignalName.of(signal).unit, [unit.name for unit in vehicle.units]
-    if not SignalName.of(signal).fits(units):
-        raise SignalError(f"{each}: {unit}: no such unit in {vehicle.name}; {suggestion(unit, units)}")
+    place, units = SignalName.of(signal), [unit.name for unit in vehicle.units]
+    if not place.fits(units):
+        raise SignalError(f"{each}: {place.unit}: no such unit in {vehicle.name}; {suggestion(place.unit, units)}")
     if kind not in error_kinds(signal):
         raise SignalError(f"{each}: {signal} has no error {kind!r}; {suggestion(kind, error_kinds(signal))}")
 

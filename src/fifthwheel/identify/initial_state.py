@@ -10,6 +10,7 @@ import numpy as np
 
 from fifthwheel import dynamics
 from fifthwheel._types import Array
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.dynamics import ChainModel
 from fifthwheel.filters.initial_state import bank_effect, equilibrium, steady_initial_state, steer_angles
 from fifthwheel.identify.unknowns.unknown import Unknown
@@ -87,7 +88,7 @@ def _delayed(inputs: Mapping[str, float], change: Mapping[str, float]) -> dict[s
     """First inputs after a change of parameters: a delay changes the first steer angle by its derivative."""
     changed = dict(inputs)
     for name, difference in change.items():
-        signal, _, kind = name.rpartition(".")
-        if kind == "delay":
-            changed[signal] += difference * inputs.get(dynamics.rate_input(signal), 0.0)
+        error = SensorErrorName.of(name)
+        if error and error.kind == "delay":
+            changed[error.signal] += difference * inputs.get(dynamics.rate_input(error.signal), 0.0)
     return changed

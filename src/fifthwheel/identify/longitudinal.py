@@ -21,6 +21,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import BRAKING, missing_for_mass, names_of
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
+from fifthwheel.names import ends_with
 from fifthwheel.record import Record
 from fifthwheel.units import STANDARD_GRAVITY
 from fifthwheel.vehicle.driveline import drag, driveline_numbers, rotating_mass
@@ -207,7 +208,7 @@ def drive_axle_braking(record: Record) -> tuple[float, float] | None:
 
     It is 1 where the service brakes are off, and `BESIDE_SERVICE_BRAKES` where they act.
     """
-    names = [name for name in names_of(BRAKING, record.signals) if not name.endswith(".retarder")]
+    names = [name for name in names_of(BRAKING, record.signals) if not ends_with(name, "retarder")]
     speed = _filled(step_means(record, "speed"), round(LONGEST_HOLD / STEP)) if names else np.zeros(0)
     slower = np.nan_to_num(np.maximum(-np.gradient(speed, STEP), 0.0)) if speed.size > 1 else np.zeros(0)
     if not (total := float(slower.sum())):

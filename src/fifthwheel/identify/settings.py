@@ -11,6 +11,7 @@ from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import FifthwheelError, SignalError
 from fifthwheel.filters.variances import Variances
 from fifthwheel.identify.statement import Given
+from fifthwheel.names import PAYLOAD_HEIGHT
 from fifthwheel.options import Names
 from fifthwheel.settings import Count, Positive, Settings
 from fifthwheel.vehicle.steering import STEERING
@@ -18,7 +19,7 @@ from fifthwheel.vehicle.steering import STEERING
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
 
-ROLL_PARAMETERS = ("payload.height", "sprung.cog_height", "sprung.roll_inertia")
+ROLL_PARAMETERS = (PAYLOAD_HEIGHT, "sprung.cog_height", "sprung.roll_inertia")
 """Parameters of a unit that are identifiable only from its own roll rate."""
 
 

@@ -6,7 +6,7 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AbstractTable
 
-from fifthwheel.channels import REFERENCE, SensorErrorName, split_header
+from fifthwheel.channels import SensorErrorName, split_header, split_reference
 from fifthwheel.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.units import split_statement
 
@@ -44,7 +44,7 @@ def without_channel(text: str, signal: str) -> str:
     entry = holder.pop(key, None)
     column = entry.get("column") if isinstance(entry, Mapping) else entry
     ignored = document.get("ignore", [])
-    if column is not None and split_header(str(column))[0].removeprefix(REFERENCE) == signal:
+    if column is not None and split_reference(split_header(str(column))[0])[0] == signal:
         document["ignore"] = [*ignored, signal]
         if list(document)[-1] == "ignore":  # a key after a table would belong to it
             moved = tomlkit.document()

@@ -10,7 +10,7 @@ import pyarrow.parquet as pq
 
 from fifthwheel._arguments import expect, expect_optional
 from fifthwheel._atomic import atomic_write
-from fifthwheel.channels import REFERENCE, header, split_header
+from fifthwheel.channels import REFERENCE, header, split_header, split_reference
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.logs.assemble import Window, assemble
 from fifthwheel.logs.readers import open_log
@@ -103,7 +103,7 @@ def write_record(record: Record, path: str | Path) -> None:
     fields = []
     for name, text in zip(columns, headers, strict=True):
         metadata = {"unit": split_header(text)[1] or ""}
-        if base := record.time_bases.get(name.removeprefix(REFERENCE)):
+        if base := record.time_bases.get(split_reference(name)[0]):
             metadata["time_base"] = base
         if sensor := record.sensors.get(name):
             metadata["sensor"] = sensor.dumps()

@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from fifthwheel._types import Array
-from fifthwheel.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header
+from fifthwheel.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header, split_reference
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.input_files import flat_tables, parse_toml, read_toml, require_inside
@@ -321,9 +321,9 @@ class SignalMap(BaseModel):
         channels: tuple[dict[str, SignalSource], dict[str, SignalSource]] = ({}, {})
         for column in columns:
             name = split_source(column)[0]
-            signal = name.removeprefix(REFERENCE)
+            signal, is_reference = split_reference(name)
             if si_unit(signal) is not None and signal != "time":
-                channels[name != signal][signal] = SignalSource(column=name)
+                channels[is_reference][signal] = SignalSource(column=name)
         return channels
 
     def completed(self, columns: Iterable[str]) -> "SignalMap":

@@ -15,14 +15,7 @@ from fifthwheel import dynamics
 from fifthwheel._arguments import expect, expect_names, expect_optional, expect_sample
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array
-from fifthwheel.channels import (
-    CHANNELS,
-    MEASURED,
-    WHEEL_SPEED_DIFFERENCE,
-    SignalName,
-    measured_signals,
-    names_of,
-)
+from fifthwheel.channels import CHANNELS, MEASURED, WHEEL_SPEED_DIFFERENCE, SignalName, measured_signals, names_of
 from fifthwheel.dynamics.tyres import saturation_names
 from fifthwheel.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.errors import SignalError, suggestion

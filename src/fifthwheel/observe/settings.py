@@ -20,6 +20,7 @@ from fifthwheel.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.initial_state import initial_sigma
 from fifthwheel.filters.variances import Variances
+from fifthwheel.names import ParameterPath
 from fifthwheel.options import ObserverOptions
 from fifthwheel.settings import Cure, Finite, Limits, NonNegative, Positive
 from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, TYRES
@@ -113,7 +114,7 @@ class ObserverSettings(ObserverOptions):
         if self.estimate_bank and not self.bank:
             raise SignalError("estimate_bank: expected a sigma of the bank above 0, got 0; give it as bank")
         for name, value in self.surroundings.items():
-            positive = name in TYRES or name.endswith((".static_load", ".relative_friction"))
+            positive = name in TYRES or ParameterPath.of(name).quantity in ("static_load", "relative_friction")
             least, largest = (0.0 if positive else -math.inf), 1.0 if name == DRIVE_AXLE_BRAKING else math.inf
             if not least <= value <= largest:
                 raise SignalError(f"surroundings, {name}: expected {least:g} to {largest:g}, got {value:g}; correct it")

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from fifthwheel._atomic import atomic_write
 from fifthwheel._extras import require
 from fifthwheel._types import Array, ComparedByContents
-from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, si_unit
+from fifthwheel.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, names_of, si_unit
 from fifthwheel.channels.others import HORIZON
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import percent, shown
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-PREDICTED = f"{PREDICTED_LOAD_TRANSFER.quantity}."
 LIFT_LIMIT = 0.9
 """Load transfer ratio of an axle group half a second before its first axle lifts; it is 0.85 to 0.97."""
 LARGEST_SIGMA = 0.2
@@ -65,11 +64,11 @@ def time_to_lift(values: Mapping[str, Any]) -> Any:
         >>> round(float(fw.time_to_lift({**ratios, "predicted_load_transfer.semitrailer.sigma": 0.06})), 3)
         0.474
     """
-    predicted = [name for name in values if name.startswith(PREDICTED) and not name.endswith(".sigma")]
+    predicted = [name for name in names_of(PREDICTED_LOAD_TRANSFER, values) if not name.endswith(".sigma")]
     first: Any = np.float64(np.inf)
     unknown: Any = np.bool_(not predicted)
     for name in predicted:
-        present, sigma = f"{LOAD_TRANSFER.quantity}.{name.removeprefix(PREDICTED)}", f"{name}.sigma"
+        present, sigma = f"{LOAD_TRANSFER.quantity}.{SignalName.of(name).place}", f"{name}.sigma"
         for needed in (present, sigma):
             if needed not in values:
                 raise SignalError(f"{needed}: needed beside {name}; give all states with their sigmas")
@@ -109,7 +108,7 @@ class States(ComparedByContents):
     @property
     def time_to_lift(self) -> Array:
         """(N,) s; see the function `time_to_lift`."""
-        sigmas = {f"{name}.sigma": self.sigma[name] for name in self.values if name.startswith(PREDICTED)}
+        sigmas = {f"{name}.sigma": self.sigma[name] for name in self.values if is_of(name, PREDICTED_LOAD_TRANSFER)}
         return np.broadcast_to(time_to_lift({**self.values, **sigmas}), self.time.shape)
 
     @property

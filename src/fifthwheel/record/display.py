@@ -6,7 +6,7 @@ import numpy as np
 
 from fifthwheel import pages
 from fifthwheel._types import Array
-from fifthwheel.channels import CHANNELS, REFERENCE, SignalName
+from fifthwheel.channels import CHANNELS, SignalName, split_reference
 from fifthwheel.errors import SignalError, suggestion
 from fifthwheel.formatting import digits, percent, shown
 from fifthwheel.pages.html import course, notebook
@@ -23,10 +23,11 @@ def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str
     for name in names:
         if name not in channels:
             raise SignalError(f"{name}: not in {title}; {suggestion(name, channels)}")
+    signals = {name: SignalName.of(split_reference(name)[0]) for name in names or channels}
     by_quantity: dict[str, list[str]] = {}
-    for name in names or channels:
-        by_quantity.setdefault(SignalName.of(name.removeprefix(REFERENCE)).quantity, []).append(name)
-    places = dict.fromkeys(SignalName.of(name.removeprefix(REFERENCE)).place for name in names or channels)
+    for name, signal in signals.items():
+        by_quantity.setdefault(signal.quantity, []).append(name)
+    places = dict.fromkeys(signal.place for signal in signals.values())
     colours = {place: CYCLE[k % len(CYCLE)] for k, place in enumerate(places)}
     panels = []
     for quantity, members in by_quantity.items():
@@ -38,8 +39,8 @@ def channel_plot(time: Array, channels: Mapping[str, Array], names: Sequence[str
 
 
 def _line(time: Array, values: Array, name: str, colours: Mapping[str, str]) -> Line:
-    reference = name.startswith(REFERENCE)
-    place = SignalName.of(name.removeprefix(REFERENCE)).place
+    signal, reference = split_reference(name)
+    place = SignalName.of(signal).place
     label = ", ".join(filter(None, (place, "reference" if reference else "")))
     return Line(time, values, name=label, colour=colours[place], dash="dash" if reference else "solid", gaps=True)
 
@@ -58,7 +59,7 @@ def channel_table(time: Array, channels: Mapping[str, Array]) -> pages.Table:
 
 def _row(time: Array, name: str, values: Array) -> tuple[pages.Cell, ...]:
     present = np.isfinite(values)
-    unit = shown(CHANNELS[SignalName.of(name.removeprefix(REFERENCE)).quantity].unit)
+    unit = shown(CHANNELS[SignalName.of(split_reference(name)[0]).quantity].unit)
     step = typical_step(time[present])
     rate = f"{1 / step:.3g} Hz" if step > 0 else "–"
     ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]

@@ -15,7 +15,7 @@ from fifthwheel._arguments import expect
 from fifthwheel._extras import require
 from fifthwheel._lazy import lazy
 from fifthwheel._types import Array, ComparedByContents
-from fifthwheel.channels import REFERENCE, checked_name, si_unit
+from fifthwheel.channels import REFERENCE, checked_name, si_unit, split_reference
 from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, UnitError, printable, suggestion
 from fifthwheel.record.timestamps import require_increasing, typical_step
@@ -153,9 +153,10 @@ class Record(ComparedByContents):
             raise SignalError(f"{unknown[0]}: has a unit, but is not a signal; {suggestion(unknown[0], signals)}")
         parts: dict[bool, dict[str, Array]] = {False: {}, True: {}}
         for given, values in signals.items():
-            name = checked_name(str(given).removeprefix(REFERENCE))
+            signal, is_reference = split_reference(str(given))
+            name = checked_name(signal)
             scale = _factor(given, units[given]) if units and given in units else 1.0
-            parts[str(given).startswith(REFERENCE)][name] = _frozen(given, values) * scale
+            parts[is_reference][name] = _frozen(given, values) * scale
         return cls(time=np.asarray(time), signals=parts[False], reference=parts[True], **fields)
 
     @classmethod
@@ -392,7 +393,7 @@ def segments_above(record: Record, min_speed: float, inputs: Sequence[str] = ("s
 def _factor(name: str, unit: str) -> float:
     """SI units of a signal in one unit."""
     try:
-        return factor(unit, si_unit(name.removeprefix(REFERENCE)) or "1")
+        return factor(unit, si_unit(split_reference(name)[0]) or "1")
     except UnitError as error:
         raise SignalError(f"{name}: {error}") from None
 

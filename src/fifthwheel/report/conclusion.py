@@ -19,7 +19,6 @@ from fifthwheel.formatting import approximate, digits, enumerated, percent, rela
 from fifthwheel.identify import Estimate, Identification, Verdict
 from fifthwheel.identify.design.assess import InformationAssessment
 from fifthwheel.identify.doubts import DoubtKind
-from fifthwheel.names import ParameterPath
 from fifthwheel.observe import States, Status
 from fifthwheel.record import Record
 from fifthwheel.report.words import STATUSES, counted, sentence, spoken_verdict
@@ -198,7 +197,7 @@ def _changed_wheelbases(identification: Identification) -> Iterator[str]:
     """Wheelbases that differ significantly from the vehicle file, which the stiffness of the tyres depends on."""
     for e in (*identification.derived, *identification.uncertain):
         change = e.value - e.initial
-        if e.name.endswith(".wheelbase") and e.sigma and abs(change) > SIGNIFICANT * e.sigma:
+        if e.path.quantity == "wheelbase" and e.sigma and abs(change) > SIGNIFICANT * e.sigma:
             size, _ = value_and_sigma(abs(change), e.sigma)
             times = digits(abs(change) / e.sigma, 2)
             side = "longer" if change > 0 else "shorter"
@@ -278,7 +277,7 @@ def _not_identified(identification: Identification) -> list[str]:
 
 def _reason(identification: Identification, e: Estimate) -> str:
     """Why there is no estimate of a parameter, and what its value is."""
-    value, unit = with_sigma(e.value, None, e.unit), ParameterPath.of(e.name).unit
+    value, unit = with_sigma(e.value, None, e.unit), e.path.unit
     estimate = with_sigma(e.value, e.sigma, e.unit)
     reasons = {
         Verdict.FIXED: f"{value}, as requested",

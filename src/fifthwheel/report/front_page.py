@@ -39,7 +39,7 @@ LEAST_SPEED_RANGE = 5.0
 
 def main_numbers(identification: Identification, performance: Assessment | None) -> pages.Markup:
     """CoG heights and rollover threshold, which most readers look for."""
-    heights = [e for e in identification.derived if e.name.endswith(".cog_height")]
+    heights = [e for e in identification.derived if e.path.quantity == "cog_height"]
     numbers = [(spoken(e.name), with_sigma(e.value, e.sigma, e.unit) + _mark(e)) for e in heights]
     uncertain = [e for e in heights if e.verdict is not Verdict.STATED]
     mark = next(filter(None, map(_mark, uncertain)), "")  # it follows from the heights

@@ -188,7 +188,7 @@ def _uncertain_numbers(identification: Identification) -> Iterator[pages.Folded]
     for name, kept in remaining.items():
         slopes = {path: abs(slope) for path, slope in together.get(name, {}).items() if path in before}
         if name == MASS_SCALE and slopes:
-            masses = [path for path in slopes if ParameterPath.of(path).component == "" and path.endswith(".mass")]
+            masses = [path for path in slopes if ParameterPath.of(path)[1:] == ("", "mass")]
             value, initial, prior = (sum(table[path] for path in masses) for table in (after, before, slopes))
             cells, hint = _change(value, kept * prior, initial, prior, "kg"), f"{name}: mass of all units"
         elif path := max(slopes, key=lambda path: slopes[path], default=None):
@@ -208,9 +208,9 @@ def _prior_alone(identification: Identification, name: str) -> tuple[float, floa
     vehicle, given = identification.initial_vehicle, identification.settings.given
     if SensorErrorName.of(name):
         return *identification.prior_of_sensor_error(name), sensor_error_unit(name)
-    group, _, last = name.rpartition(".")
-    if last == "softening":
-        mean, sigma = softening_priors(vehicle)[group]
+    path = ParameterPath.of(name)
+    if path.quantity == "softening":
+        mean, sigma = softening_priors(vehicle)[path.owner]
         found = stated(given, name, "1/rad", mean)
         return found.value, found.or_sigma(sigma), "1/rad"
     mean, sigma = prior_of(given, name)

@@ -54,11 +54,11 @@ def truck_drawing(vehicle: Vehicle, estimates: Iterable[Estimate]) -> pages.Mark
                 number, _, name = _number(e).rpartition(" ")
                 tyres = spoken(e.name).partition(",")[0]
                 below.append(_Words(across(origin + group.position), _lines(e, (tyres, number, name))))
-        of_unit = [e for e in by_name.values() if e.name.startswith(f"{unit.name}.") and _quantity(e) in SHOWN]
+        of_unit = [e for e in by_name.values() if e.path.unit == unit.name and e.path.quantity in SHOWN]
         if of_unit:
             lines = [(named_unit(unit.name).capitalize(), "head", unit.name)]
             for e in of_unit:
-                lines += _lines(e, [f"{SHOWN[_quantity(e)]} {_number(e)}"])
+                lines += _lines(e, [f"{SHOWN[e.path.quantity]} {_number(e)}"])
             above.append(_Words(across(origin + unit.cog), lines))
     if road := by_name.get(FRICTION):
         below.append(_Words(WIDTH / 2, _lines(road, [f"Friction of the road {_number(road)}"])))

@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
+from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle.unit import Unit
 
 
@@ -59,13 +60,13 @@ def unit_cog_height(p: Mapping[str, Any], unit: Unit) -> Any:
 
 def lumped_sigmas(stated: Mapping[str, float], unit: str, paths: Iterable[str]) -> dict[str, float]:
     """Stated standard deviations once the payload of a unit is lumped into its sprung body; see `Vehicle.lumped`."""
-    body, payload = f"{unit}.sprung.", f"{unit}.payload."
-    inputs = [path for path in paths if path.startswith((body, payload)) or path == f"{unit}.roll_axis_height"]
-    replaced = {f"{body}{key}" for key in ("mass", "cog_height", "roll_inertia")}
-    lumped = {path: s for path, s in stated.items() if path not in replaced and not path.startswith(payload)}
-    masses = [stated[path] for path in (f"{body}mass", f"{payload}mass") if path in stated]
+    body, payload = f"{unit}.sprung", f"{unit}.payload"
+    inputs = [p for p in paths if ParameterPath.of(p).owner in (body, payload) or p == f"{unit}.roll_axis_height"]
+    replaced = {f"{body}.{key}" for key in ("mass", "cog_height", "roll_inertia")}
+    lumped = {path: s for path, s in stated.items() if path not in replaced and ParameterPath.of(path).owner != payload}
+    masses = [stated[path] for path in (f"{body}.mass", f"{payload}.mass") if path in stated]
     if len(masses) == 2:
-        lumped[f"{body}mass"] = math.hypot(*masses)
+        lumped[f"{body}.mass"] = math.hypot(*masses)
     if all(stated.get(path) == 0 for path in inputs):
         lumped |= dict.fromkeys(replaced, 0.0)
     return lumped

@@ -198,7 +198,9 @@ QUANTITIES: dict[str, Quantity] = {
     ),
 }
 """By the end of the name. Each component of a vehicle adds the rows of its fields."""
-UNITS: dict[str, str] = {name.rpartition(".")[2]: QUANTITIES[name].unit for name in (*TYRES, *GROUP_TYRES, "softening")}
+UNITS: dict[str, str] = {
+    ParameterPath.of(name).last_word: QUANTITIES[name].unit for name in (*TYRES, *GROUP_TYRES, "softening")
+}
 """SI unit of each number by the last word of its name, which has one unit wherever it occurs."""
 _OWN_UNITS: dict[str, str] = {}
 """Of the own parameters of a steering, by the last word of their paths."""
@@ -207,7 +209,7 @@ _OWN_UNITS: dict[str, str] = {}
 def register(key: str, row: Quantity) -> None:
     """Add the row of a number of the vehicle file, by the end of its path; a TypeError if its last word has another
     unit elsewhere."""
-    last = key.rpartition(".")[2]
+    last = ParameterPath.of(key).last_word
     if UNITS.setdefault(last, row.unit) != row.unit:
         raise TypeError(f"{key}: expected {UNITS[last]}, as {last} elsewhere, got {row.unit}")
     QUANTITIES[key] = row
@@ -233,7 +235,7 @@ def quantity_of(name: str) -> Quantity:
     if dot and first.endswith(COUPLINGS):
         name = f"coupling.{rest}"
     elif dot and first == TIME_BASE:
-        name = f"{TIME_BASE}.{rest.rpartition('.')[2]}"
+        name = f"{TIME_BASE}.{ParameterPath.of(name).quantity}"
     key = max((key for key in QUANTITIES if ends_with(name, key)), key=len, default="")
     return QUANTITIES.get(key, Quantity())
 

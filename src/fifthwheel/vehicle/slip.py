@@ -78,16 +78,16 @@ def fraction(value: object) -> float:
         raise VehicleError(f"accuracy: expected a fraction such as '1 %', got {value!r}; correct it") from None
 
 
-def _loads(value: Any, path: str) -> Iterator[tuple[str, float]]:
+def _loads(value: Any, condition: str, *keys: str) -> Iterator[tuple[str, float]]:
     """Loads in nested tables by their paths, without the name of the condition."""
     if isinstance(value, dict):
         for key, inner in value.items():
-            yield from _loads(inner, f"{path}.{key}")
+            yield from _loads(inner, condition, *keys, key)
         return
     try:
-        yield path.partition(".")[2], quantity(value, "kg")
+        yield ".".join(keys), quantity(value, "kg")
     except FifthwheelError as error:
-        raise VehicleError(f"{path}: {error}; give the load as a mass") from None
+        raise VehicleError(f"{'.'.join((condition, *keys))}: {error}; give the load as a mass") from None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -28,6 +28,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 from pydantic import AfterValidator, Field, PlainSerializer, model_validator
 
 from fifthwheel.errors import SignalError, UnitError, VehicleError, suggestion
+from fifthwheel.names import begins_with
 from fifthwheel.units import own_quantity
 from fifthwheel.vehicle.component import Component, HashableDict, Number, Texts
 from fifthwheel.vehicle.quantities import register_unit
@@ -135,13 +136,15 @@ class Steering(Component):
     @property
     def uses_roll(self) -> bool:
         """Whether the equations depend on the roll of a unit."""
-        return any(name.partition(".")[0] in ROLL for name in self.trace.used["motion"])
+        return any(begins_with(name, key) for key in ROLL for name in self.trace.used["motion"])
 
     def require_fits(self, units: Sequence[Unit], steers: Sequence[str]) -> None:
         """A VehicleError for equations that do not fit a vehicle with these units and steer angles."""
         self._refuse(self._misfits(units, steers), f"{STEERING}.")
 
     def _misfits(self, units: Sequence[Unit], steers: Sequence[str]) -> Iterator[tuple[str, str, str]]:
+        from fifthwheel.channels import SignalName
+
         used, names = self.trace.used, [unit.name for unit in units]
         axles = {f"steer.{unit.name}.{axle.name}": axle for unit in units for axle in unit.axles}
         for name in used["steer"]:
@@ -156,7 +159,7 @@ class Steering(Component):
             elif axles[name].self_steering or axles[name].command_steering:
                 yield "wheels without self_steering and command_steering", name, "remove these there"
         for name in self.states:
-            if name.split(".")[1:2] not in [[unit] for unit in names]:
+            if SignalName.of(name).unit not in names:
                 yield f"states quantity.unit of {', '.join(names)}", name, "correct the name"
 
 

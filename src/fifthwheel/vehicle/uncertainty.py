@@ -11,7 +11,7 @@ stated: they share one change. All other numbers have the standard deviations of
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, begins_with
 from fifthwheel.vehicle.quantities import MASS_SCALE, quantity_of
 from fifthwheel.vehicle.unit import ACCELEROMETERS, Unit
 from fifthwheel.vehicle.vehicle import Vehicle
@@ -54,13 +54,12 @@ def changes(vehicle: Vehicle) -> tuple[Change, ...]:
                 if getattr(axle, key):
                     slopes[path] = {path: stated.get(path, quantity_of(row).sigma)}
     altered = {path for by_path in slopes.values() for path in by_path}
-    components = {path: ParameterPath.of(path).component.partition(".")[0] for path in stated if path not in altered}
-    others = [
-        path
-        for path, component in components.items()
-        if component not in ACCELEROMETERS and not path.startswith("driveline.")
-    ]
-    slopes |= {path: {path: stated[path]} for path in others}
+    parsed = {path: ParameterPath.of(path) for path in stated if path not in altered}
+    slopes |= {
+        path: {path: stated[path]}
+        for path, (unit_name, component, _) in parsed.items()
+        if unit_name != "driveline" and not any(begins_with(component, key) for key in ACCELEROMETERS)
+    }
     nonzero = {name: {path: s for path, s in by_path.items() if s} for name, by_path in slopes.items()}
     return tuple(Change(name=name, slopes=by_path) for name, by_path in nonzero.items() if by_path)
 

@@ -20,7 +20,7 @@ from fifthwheel.vehicle.component import Component, NonNegatives, Texts
 from fifthwheel.vehicle.driveline import Driveline
 from fifthwheel.vehicle.payload import laden, lumped_sigmas, unit_cog_height
 from fifthwheel.vehicle.quantities import unit_of
-from fifthwheel.vehicle.steering import STEERING, Steering, own_parameters, stated_steering
+from fifthwheel.vehicle.steering import STEERING, Steering, stated_steering
 from fifthwheel.vehicle.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
 
 if TYPE_CHECKING:
@@ -256,8 +256,8 @@ class Vehicle(Component):
             add(coupling.name, Coupling, ("couplings", i))
         if self.driveline is not None:
             add("driveline", Driveline, ("driveline",))
-        for path in own_parameters(self.steering):
-            numbers[path] = (Steering, (STEERING, "parameters"), path.partition(".")[2])
+        for key in self.steering.parameters if self.steering else ():
+            numbers[f"{STEERING}.{key}"] = (Steering, (STEERING, "parameters"), key)
         return numbers
 
     def replace(self, values: Mapping[str, float]) -> Self:

@@ -136,10 +136,10 @@ def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicl
         body = trailer.sprung.mass + values[f"{trailer.name}.mass"][0] - payload[0] - tare
         values[f"{trailer.name}.sprung.mass"] = (body, None)
     for path, (value, _) in values.items():
-        if path.endswith("mass") and value <= 0:
+        if quantity_of(path).unit == "kg" and value <= 0:
             raise VehicleError(f"{path}: expected above 0 kg, got {value:.0f} kg from {name}; check it, and {path}")
     weighed = vehicle.replace(
-        {path: round(value, 0 if path.endswith("mass") else 3) for path, (value, _) in values.items()}
+        {path: round(value, 0 if quantity_of(path).unit == "kg" else 3) for path, (value, _) in values.items()}
     )
     weighed = weighed.with_stated({path: float(f"{sigma:.2g}") for path, (_, sigma) in values.items() if sigma})
     before, after = vehicle.parameters(), weighed.parameters()
@@ -258,7 +258,7 @@ def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> Weig
     of_units = {unit.name for unit in vehicle.units} - set(groups)  # a trailer with one axle group has its name
     loads = {group: load for group, load in static_loads(record).items() if group not in of_units}
     weights = [name for name in record.signals if is_of(name, *WEIGHTS)]
-    unused = tuple(name for name in weights if name.removeprefix(PREFIX) not in loads)
+    unused = tuple(name for name in weights if name not in [f"{PREFIX}{group}" for group in loads])
     for group in loads:
         if group not in groups:
             raise SignalError(
@@ -278,7 +278,8 @@ def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
     """
     rows = {path: (quantity_of(path), value) for path, value in vehicle.parameters().items()}
     sigmas = {path: row.sigma_of(value) for path, (row, value) in rows.items() if row.is_uncertain and value}
-    masses = {path: abs(s) for change in changes(vehicle) for path, s in change.slopes.items() if path.endswith("mass")}
+    slopes = {path: slope for change in changes(vehicle) for path, slope in change.slopes.items()}
+    masses = {path: abs(slope) for path, slope in slopes.items() if quantity_of(path).unit == "kg"}
     tested = with_roll_test(vehicle, test, {**sigmas, **masses, **vehicle.stated})
     return _rounded(_with_source(tested, f"roll test of the {test.unit}"), vehicle)
 

@@ -12,14 +12,7 @@ from fifthwheel.vehicle.classes.table import TYRES
 from fifthwheel.vehicle.classes.template import commented_toml
 from fifthwheel.vehicle.masses import COUPLING_RANGE, MAX_SOLO
 from fifthwheel.vehicle.quantities import quantity_of
-from fifthwheel.vehicle.slip import (
-    CONTRADICTION,
-    Lengths,
-    Number,
-    Slip,
-    weigh,
-    weigh_solo,
-)
+from fifthwheel.vehicle.slip import CONTRADICTION, Lengths, Number, Slip, weigh, weigh_solo
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"

@@ -113,8 +113,8 @@ def test_changed_tyres_are_the_most_likely_cause_of_a_doubt(monkeypatch) -> None
     """Of the variation of a stiffness from log to log, not of another unknown."""
     front, rear = (f"tractor.{group}.cornering_stiffness" for group in ("front", "drive"))
     doubts = [
-        doubt_of(DoubtKind.ASSUMPTION, f"{rear}{VARIATION}@0", f"{front}{VARIATION}@0"),
-        doubt_of(DoubtKind.ASSUMPTION, "mass", f"{front}{VARIATION}@0"),
+        doubt_of(DoubtKind.ASSUMPTION, f"{rear}.{VARIATION}@0", f"{front}.{VARIATION}@0"),
+        doubt_of(DoubtKind.ASSUMPTION, "mass", f"{front}.{VARIATION}@0"),
         doubt_of(DoubtKind.RANGE),
     ]
     monkeypatch.setattr(method, "quick_doubts", lambda _: doubts)

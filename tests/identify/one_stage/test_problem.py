@@ -366,7 +366,7 @@ def test_what_varies_from_log_to_log_is_left_out(truck: Vehicle, records: list[R
     p = problem(truck, records, OneStage())
     z = np.ones(len(p.names))
     changed = {p.names[i] for i in np.flatnonzero(p.without_variation(z) == 0)}
-    variations = {name for name in p.names if name.endswith(f"{VARIATION}@0")}
+    variations = {name for name in p.names if name.endswith(f".{VARIATION}@0")}
     assert changed == variations | {"brakes.drive_axle@0"}
     assert variations
     assert z.all()

@@ -25,7 +25,7 @@ from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage
 from fifthwheel.identify.statement import Statement, applies, statement, states_sigma
 from fifthwheel.identify.verdict import Verdict, is_stated
-from fifthwheel.names import split_log
+from fifthwheel.names import NumberedName, ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.time_bases import check_signals
@@ -269,8 +269,8 @@ def _sensors(
 
 def _with_log_name(name: str, logs: Sequence[str]) -> str:
     """An unknown's name with the name of its log instead of the log's number."""
-    base, number = split_log(name)
-    return base if number is None else f"{base}@{logs[int(number.partition('.')[0])]}"
+    base, log, _ = NumberedName.of(name)
+    return base if log is None else f"{base}@{logs[log]}"
 
 
 def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str, float]:
@@ -294,7 +294,7 @@ def _noise_variances(predictor: InformationPredictor, log: LogData) -> dict[str,
 
 def _unstable_caution(predictor: InformationPredictor) -> str:
     vehicle, first = predictor.setup.vehicle, next(iter(predictor.start))
-    axles = " and ".join(name.removesuffix(".cornering_stiffness") for name in predictor.start)
+    axles = " and ".join(ParameterPath.of(name).owner for name in predictor.start)
     factor = predictor.start_vehicle.parameters()[first] / vehicle.parameters()[first]
     critical_speed = dynamics.critical_speed(vehicle) or float("nan")
     return (

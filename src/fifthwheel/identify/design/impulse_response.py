@@ -27,19 +27,21 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
+from fifthwheel.names import ParameterPath
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.
 
 The response is linear in it; small, because the initial state's prior depends on the rms of the steer angle.
 """
-NOT_LINEAR = (".softening", ".play")
-"""Ends of the names of unknowns whose derivatives are not linear in the steer angle."""
+NOT_LINEAR = ("softening", "play")
+"""Quantities of the unknowns whose derivatives are not linear in the steer angle."""
 
 
 def along_run(name: str) -> bool:
     """Whether the derivatives with respect to an unknown are computed along the complete run."""
-    return name.endswith(NOT_LINEAR) or (is_of(name, STEER, LATERAL_ACCELERATION) and name.endswith(".delay"))
+    last = ParameterPath.of(name).quantity
+    return last in NOT_LINEAR or (is_of(name, STEER, LATERAL_ACCELERATION) and last == "delay")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -153,7 +153,7 @@ def plan_manoeuvres(
     limits = {n: c for n, c, mine, rest in zip(names, largest, own, others, strict=True) if rest.sum() > mine}
     P = np.linalg.inv(information)
     for name, i, s in zip(names, rows, sigma, strict=True):
-        k = places.get(f"{name}{VARIATION}")
+        k = places.get(f"{name}.{VARIATION}")
         if name not in limits and k is not None and P[i, k] ** 2 / P[k, k] > s**2 / 2:
             limits[name] = unknowns[k].name
     uninformed = tuple(n for n in targets if n not in places or not sigma[names.index(n)] < limit.excited)

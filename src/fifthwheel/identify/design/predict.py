@@ -36,7 +36,7 @@ from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.manoeuvres.linear import steer_record
-from fifthwheel.names import ends_with, split_log
+from fifthwheel.names import PAYLOAD_HEIGHT, NumberedName, ends_with, split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -153,8 +153,8 @@ class InformationPredictor:
         settings = replace(settings, form="output_error", tyres="linear")
         setup = Setup.of(vehicle, possible_channels(vehicle, logged, roll=settings.roll), settings)
         # responses superpose where tyres do not soften, and payload heights are those of the vehicle file
-        centre = {u.name: 0.0 for u in setup.unknowns if u.name.endswith(".softening")}
-        centre |= {n: value for n, value in setup.given.items() if ends_with(n, "payload.height")}
+        centre = {u.name: 0.0 for u in setup.unknowns if u.path.quantity == "softening"}
+        centre |= {n: value for n, value in setup.given.items() if ends_with(n, PAYLOAD_HEIGHT)}
         setup = replace(setup, unknowns=tuple(replace(u, centre=centre.get(u.name, u.centre)) for u in setup.unknowns))
         if not setup.estimated:
             raise VehicleError(
@@ -280,7 +280,7 @@ def combine_information(
     Unknowns that belong to one run alone get the number of the run.
     """
     places: dict[str, int] = {}
-    names_of_runs = [[_of_run(name, i) for name in run.names] for i, run in enumerate(runs)]
+    names_of_runs = [[NumberedName.of(name).of_log(i) for name in run.names] for i, run in enumerate(runs)]
     for name in (name for names in names_of_runs for name in names):
         if split_log(name)[0] not in known:
             places.setdefault(name, len(places))
@@ -290,12 +290,6 @@ def combine_information(
         target = [places[names[k]] for k in kept]
         total[np.ix_(target, target)] += run.information(added)[np.ix_(kept, kept)]
     return tuple(places), total
-
-
-def _of_run(name: str, number: int) -> str:
-    """The name of an unknown in the run with this number: "offset@0.2" becomes "offset@1.2"."""
-    base, log = split_log(name)
-    return name if log is None else f"{base}@{number}{log.removeprefix('0')}"
 
 
 def with_every_sample(record: Record, channels: Sequence[str]) -> Record:

@@ -109,7 +109,7 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
     observations = _without_zeros([_observation(log, layout) for log in logs], layout)
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns))
-    walks = [tyre_walk if _is_stiffness(u.name) else 0.0 for u in layout.unknowns]
+    walks = [tyre_walk if ParameterPath.of(u.name).quantity == "cornering_stiffness" else 0.0 for u in layout.unknowns]
     known = {k: [layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for k, log in enumerate(logs)}
     resets = {k: np.array(members, dtype=np.int64) for k, members in known.items() if members and k}
     walk = Walk(rate=(np.array(walks) / layout.scaling.scale) ** 2, resets=resets)
@@ -223,10 +223,6 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
     return widening
 
 
-def _is_stiffness(name: str) -> bool:
-    return ParameterPath.of(name).quantity == "cornering_stiffness"
-
-
 def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
     """What may change: the tyres of an axle group, the load of a trailer, a sensor; or one trip is an outlier."""
     parameters = {u: i for u, i in layout.unknowns.items() if of_vehicle(u.name)}
@@ -237,9 +233,9 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
         return Kind(name=name, subject=subject, members=np.array(members, dtype=np.int64), trips=at)
 
     kinds = [
-        kind("tyres", f"{u.name.removesuffix('.cornering_stiffness')}{_of_trailer(u.trailer)}", [i])
+        kind("tyres", f"{path.owner}{_of_trailer(u.trailer)}", [i])
         for u, i in parameters.items()
-        if _is_stiffness(u.name)
+        if (path := ParameterPath.of(u.name)).quantity == "cornering_stiffness"
     ]
     for trailer, load in dict.fromkeys((u.trailer, u.load) for u in parameters if u.load is not None):
         own = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, load)]

@@ -187,7 +187,8 @@ def changes_in_words(log: LogKnowledge) -> Iterator[str]:
     if of_load:
         yield CHANGED["load"].format(log.trailer or "trailer")
     for name, owned in unit.items():
+        path = ParameterPath.of(name)
         if error := SensorErrorName.of(name):
             yield CHANGED["sensor"].format(error.signal)
-        elif ParameterPath.of(name).quantity == "cornering_stiffness" and not (of_load and owned.trailer is not None):
-            yield CHANGED["tyres"].format(name.removesuffix(".cornering_stiffness"))
+        elif path.quantity == "cornering_stiffness" and not (of_load and owned.trailer is not None):
+            yield CHANGED["tyres"].format(path.owner)

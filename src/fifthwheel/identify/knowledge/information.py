@@ -124,7 +124,7 @@ class LogKnowledge(ComparedByContents):
 def masses_of_load(vehicle: Vehicle) -> dict[str, float]:
     """Masses that depend on the load, kg, by path."""
     tractor = vehicle.units[0].name
-    values = {path: value for path, value in vehicle.parameters().items() if path.endswith("mass")}
+    values = {path: value for path, value in vehicle.parameters().items() if quantity_of(path).unit == "kg"}
     return {path: value for path, value in values.items() if owner(path, tractor, "", "load").load}
 
 

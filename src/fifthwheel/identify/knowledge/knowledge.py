@@ -25,6 +25,7 @@ from fifthwheel.identify.knowledge.information import (
 from fifthwheel.identify.knowledge.load import load_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.setup import Setup
+from fifthwheel.names import ParameterPath
 from fifthwheel.options import FleetSettings
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
@@ -280,8 +281,8 @@ _CHANGES = {
 
 def tyre_change(stiffness: str, log: str) -> LogChange:
     """The change of a cornering stiffness by its path."""
-    subject = stiffness.removesuffix(".cornering_stiffness")
-    return LogChange(kind="tyres", unknowns=(stiffness,), text=f"{_CHANGES['tyres'].format(subject=subject, log=log)}.")
+    text = _CHANGES["tyres"].format(subject=ParameterPath.of(stiffness).owner, log=log)
+    return LogChange(kind="tyres", unknowns=(stiffness,), text=f"{text}.")
 
 
 def _change(combined: "Combined", change: "TripChange") -> LogChange:

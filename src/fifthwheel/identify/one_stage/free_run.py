@@ -18,6 +18,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result.parts import Fit
 from fifthwheel.identify.unknowns.unknown import UnknownKind
+from fifthwheel.names import NumberedName
 from fifthwheel.vehicle import Vehicle
 
 
@@ -38,10 +39,9 @@ def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
     i = [own.name for own in solution.problem.logs].index(log.name)
     start = {}
     for name, z in zip(solution.problem.names, solution.minimum.z.tolist(), strict=True):
-        base, _, number = name.rpartition("@")
-        of_log, point, segment = number.partition(".")
-        if base and of_log == str(i):
-            start[f"{base}@0{point}{segment}"] = z
+        parsed = NumberedName.of(name)
+        if parsed.log == i:
+            start[parsed.of_log(0)] = z
     return start
 
 

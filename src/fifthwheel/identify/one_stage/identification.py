@@ -35,7 +35,7 @@ from fifthwheel.identify.verdict import (
     uncertain_verdict,
     uninformed_parameters,
 )
-from fifthwheel.names import split_log
+from fifthwheel.names import NumberedName
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
@@ -166,8 +166,8 @@ def _correlated(solution: Solution, posterior: ScaledPosterior, name: str, verdi
 def _without_number(name: str, single_log: bool) -> str:
     """The name of an unknown without the number of its log if there is only one; of an initial state without that of
     its segment."""
-    base, number = split_log(name)
-    return base if single_log or (number is not None and "." in number) else name
+    parsed = NumberedName.of(name)
+    return parsed.base if single_log or parsed.segment is not None else name
 
 
 def _with_whitened(solution: Solution, fits: Sequence[Fit]) -> list[Fit]:

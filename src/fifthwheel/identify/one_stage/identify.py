@@ -20,7 +20,7 @@ from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.setup import Setup, with_tyre_law
 from fifthwheel.identify.unknowns.parameters import VARIATION
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import split_log
+from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -148,7 +148,6 @@ def _changed_tyres(solution: Solution) -> Iterator[LogChange]:
     """The tyres of which a log contradicts the variation that is usual from log to log."""
     for doubt in quick_doubts(solution):
         for cause in doubt.causes[:1]:
-            name, _ = split_log(cause.name)
-            stiffness = name.removesuffix(VARIATION)
-            if stiffness != name:
-                yield tyre_change(stiffness, solution.dataset.records[0].name)
+            path = ParameterPath.of(split_log(cause.name)[0])
+            if path.quantity == VARIATION:
+                yield tyre_change(path.owner, solution.dataset.records[0].name)

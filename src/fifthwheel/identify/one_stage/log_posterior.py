@@ -19,7 +19,7 @@ from fifthwheel.identify.one_stage.profile import Profile
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.settings import OneStage, Progress
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import split_log
+from fifthwheel.names import NumberedName
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, unit_of
 
@@ -204,11 +204,8 @@ class LogPosterior:
 
     def _public(self, name: str) -> str:
         """The name of an unknown with that of its log in place of its number."""
-        base, number = split_log(name)
-        if number is None:
-            return name
-        log, point, segment = number.partition(".")
-        return f"{base}@{self.problem.logs[int(log)].name}{point}{segment}"
+        parsed = NumberedName.of(name)
+        return name if parsed.log is None else parsed.of_log(self.problem.logs[parsed.log].name)
 
     def _checked(self, names: Sequence[str]) -> Sequence[str]:
         """The names, if each is that of an unknown with a value in SI."""

@@ -69,7 +69,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
     vehicle, settings = applied(vehicle, settings)
     settings = with_tyre_law(vehicle, settings)[0]
     if settings.tyre_law == "linear":
-        names = [f"{path}.cornering_stiffness{VARIATION}" for path in vehicle.group_paths()]
+        names = [f"{path}.cornering_stiffness.{VARIATION}" for path in vehicle.group_paths()]
         more = [name for name in names if stated(settings.given, name, "1", 0.0).sigma is None]
         settings = replace(settings, given={**settings.given, **dict.fromkeys(more, f"+- {LINEAR_TYRES!r}")})
     if not settings.roll:
@@ -95,7 +95,7 @@ def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage)
 def _considered(setup: Setup) -> set[str]:
     """Unknowns that a learner considers, to save time: uncertain ones. What varies from log to log is estimated, so
     that no estimate becomes less certain than it was at the start."""
-    varying = {u.name for u in setup.unknowns if u.name.endswith(VARIATION)}
+    varying = {u.name for u in setup.unknowns if u.path.quantity == VARIATION}
     return {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN} - varying
 
 

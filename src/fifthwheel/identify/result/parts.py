@@ -15,7 +15,7 @@ from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.statement import states_sigma
 from fifthwheel.identify.verdict import Verdict
-from fifthwheel.names import split_log
+from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import size_of
@@ -44,6 +44,11 @@ class Estimate:
     settling_time: Real | None = None  # s of data until it stayed within the tolerance; None if it did not
     prior: Real | None = None  # prior standard deviation, SI
     correlated_with: tuple[str, ...] = ()  # unknowns from which it is hardly separable, the strongest first
+
+    @property
+    def path(self) -> ParameterPath:
+        """Its parsed name."""
+        return ParameterPath.of(self.name)
 
     @property
     def relative_sigma(self) -> float:

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from fifthwheel.channels import SensorErrorName, channel_of
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle.quantities import quantity_of
 
@@ -28,8 +28,7 @@ class GrossError(NamedTuple):
 def gross_error(unknown: Unknown) -> GrossError | None:
     """The gross error of an unknown; None if it is not larger than the prior."""
     error = SensorErrorName.of(unknown.name)
-    channel = channel_of(error.signal) if error else None
-    row = (channel.error(error.kind) if error and channel else None) or quantity_of(unknown.name)
+    row = (error.row if error else None) or quantity_of(unknown.name)
     size = row.gross / _unit(unknown)
     return GrossError(size, row.weight) if size > 1 else None
 
@@ -53,5 +52,5 @@ def _unit(unknown: Unknown) -> float:
     lengths = [abs(slope) for path, slope in unknown.moves.items() if quantity_of(path).is_position]
     if lengths:
         return max(lengths) * unknown.scale
-    relative = [abs(unknown.moves[path] / value) for path, value in unknown.given.items() if path.endswith("mass")]
+    relative = [abs(unknown.moves[p] / value) for p, value in unknown.given.items() if quantity_of(p).unit == "kg"]
     return max(relative, default=1.0) * unknown.scale

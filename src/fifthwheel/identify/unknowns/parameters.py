@@ -18,14 +18,14 @@ from fifthwheel.identify.unknowns.unknown import (
     linear_unknown,
     logarithmic_unknown,
 )
-from fifthwheel.names import ParameterPath, ends_with
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, FRICTION, MASS_SCALE, TIME_BASE, quantity_of, unit_of
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import changes
 
-VARIATION = ".variation"
-"""End of the name of a cornering stiffness's variation from log to log."""
+VARIATION = "variation"
+"""Last word of the name of a cornering stiffness's variation from log to log."""
 ROAD_FRICTION = 0.8
 """Of a dry road, in Fiala's law."""
 SOFTENING = 3.0
@@ -48,7 +48,7 @@ def stage_1_names(vehicle: Vehicle) -> tuple[str, ...]:
 
 def stage_2_names(vehicle: Vehicle) -> tuple[str, ...]:
     """Payload height of every unit with a payload."""
-    return tuple(f"{unit.name}.payload.height" for unit in vehicle.units if unit.payload is not None)
+    return tuple(f"{unit.name}.{PAYLOAD_HEIGHT}" for unit in vehicle.units if unit.payload is not None)
 
 
 def given_parameters(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
@@ -164,8 +164,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     deviation of its channel.
     """
     error = SensorErrorName.of(name)
-    channel = channel_of(error.signal) if error else None
-    kind = channel.error(error.kind) if error and channel else None
+    kind = error.row if error else None
     if error is None or kind is None:
         return None
     mean, sigma = float(kind.kind == "gain"), kind.prior
@@ -270,11 +269,11 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
         if sigma := found.or_sigma(default):
             unknowns.append(linear_unknown(found.name, found.value, sigma, UnknownKind.UNCERTAIN))
     for name in (f"{path}.cornering_stiffness" for path in vehicle.group_paths()):
-        _, sigma = prior_of(settings.given, f"{name}{VARIATION}")
+        variation = f"{name}.{VARIATION}"
+        _, sigma = prior_of(settings.given, variation)
         if sigma and not known_of(name, values[name], settings, reported=True).exact:
             moves = {name: values[name]}
-            unknown = linear_unknown(f"{name}{VARIATION}", 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves, per_log=True)
-            unknowns.append(unknown)
+            unknowns.append(linear_unknown(variation, 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves, per_log=True))
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
         unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma, per_log=True))
@@ -344,7 +343,7 @@ def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings:
 
     The roll inertia of the sprung body below a payload whose height is estimated is none: it acts like this height.
     """
-    loaded = {ParameterPath.of(name).unit for name in estimated if ends_with(name, "payload.height")}
+    loaded = {ParameterPath.of(name).unit for name in estimated if ends_with(name, PAYLOAD_HEIGHT)}
     own, unknowns = vehicle.parameters(), list[Unknown]()
     for name, value in given_parameters(vehicle, settings).items():
         row, path = quantity_of(name), ParameterPath.of(name)

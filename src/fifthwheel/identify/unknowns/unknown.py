@@ -11,6 +11,7 @@ from fifthwheel.channels import is_sensor_error
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.formatting import percent
+from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle.quantities import quantity_of
 
 GUESS_TAIL = 3.0
@@ -55,6 +56,11 @@ class Unknown:
     def is_estimated(self) -> bool:
         """Whether the logs change it; otherwise it keeps its prior mean."""
         return self.kind is not UnknownKind.CONSIDERED
+
+    @property
+    def path(self) -> ParameterPath:
+        """Its parsed name."""
+        return ParameterPath.of(self.name)
 
     @property
     def is_sensor_error(self) -> bool:
