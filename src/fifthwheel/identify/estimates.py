@@ -1,37 +1,25 @@
 """Builders of the parts of a result: estimates of parameters and derived quantities, sensor errors, log summaries."""
 
-import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from fifthwheel._types import Array
-from fifthwheel.channels import PLACE_KINDS, SensorErrorName, is_sensor_error
-from fifthwheel.channels.sensors import SensorPrior
-from fifthwheel.dynamics.kinematics import BANK
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.dataset import LogData, measured_columns
-from fifthwheel.identify.given import with_sensors
-from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.result.parts import Estimate, LogSummary, SensorError
-from fifthwheel.identify.settings import OneStage
-from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.statement import prior_of, states_sigma
-from fifthwheel.identify.unknowns.parameters import path_of_place
-from fifthwheel.identify.unknowns.unknown import Unknown, linear_unknown
-from fifthwheel.identify.verdict import Verdict, uncertain_verdict
-from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with, split_log
+from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.identify.verdict import Verdict
+from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.record import Record
-from fifthwheel.vehicle import Vehicle, changes, unit_of
-from fifthwheel.vehicle.quantities import BANK_VARIATION, DISCREPANCY, ROAD_BANK, TIME_BASE, quantity_of
+from fifthwheel.vehicle import Vehicle, unit_of
 
 DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}
 """SI unit of each derived quantity of a laden body, equations (8) and (9) of the article."""
-_Slopes = list[tuple[Unknown, int, float]]
-"""Of a number: unknowns, their places in z, and the derivatives with respect to their values."""
 DETERMINED = 0.5
 """A length is a result where the logs leave at most this fraction of its prior standard deviation."""
 
@@ -112,54 +100,7 @@ def derived_from_covariance(
     return derived
 
 
-def stated_estimates(
-    setup: Setup, posterior: ScaledPosterior, z: Array, logs: Sequence[str], sensors: Mapping[str, SensorPrior]
-) -> Iterator[Estimate]:
-    """What vehicle file and settings state with a standard deviation, by its name, without the estimated parameters.
-
-    z (k,) are the unknowns of the posterior, in units of the prior. What no unknown changes keeps its prior. What the
-    logs state of their `sensors` is not listed.
-    """
-    vehicle, of_sensors = setup.vehicle, with_sensors(setup.vehicle, OneStage(), sensors).given
-    given = {name: text for name, text in setup.settings.given.items() if of_sensors.get(name) != text}
-    unknowns = {u.name: u for u in setup.unknowns} | {BANK: linear_unknown(ROAD_BANK, 0.0, setup.bank_sigma)}
-    places = [(i, *split_log(name)) for i, name in enumerate(posterior.names)]
-    found = [(i, unknowns[base], log) for i, base, log in places if base in unknowns]
-    values, numbers = vehicle.derived() | vehicle.parameters(), dict[str, tuple[float, float, _Slopes]]()
-    lengths = [name for name in vehicle.moved_by_wheelbase() if states_sigma(given, name)]
-    for name in (*lengths, *[path for path, sigma in vehicle.stated.items() if sigma and path not in vehicle.assumed]):
-        parts = _parts(vehicle, name).items()
-        slopes = [(u, i, sum(c * u.slopes.get(path, 0.0) for path, c in parts)) for i, u, log in found if log is None]
-        prior = vehicle.stated.get(name) or math.hypot(*(slope * u.prior_sigma for u, _, slope in slopes))
-        numbers[name] = values[name], prior, slopes
-    of_changes = {change.name for change in changes(vehicle)}
-    for i, u, log in found:
-        error = SensorErrorName.of(u.name)
-        path = path_of_place(vehicle, error) if error and error.kind in PLACE_KINDS else ""
-        name = f"{u.name}@{logs[int(log.partition('.')[0])]}" if log and len(logs) > 1 else u.name
-        if path in numbers or (name not in {*numbers, *of_changes} and states_sigma(given, u.name)):
-            numbers[path or name] = u.centre, u.prior_sigma, [(u, i, 1.0)]
-    beyond = (ROAD_BANK, BANK_VARIATION, DISCREPANCY, *[name for name in given if name.startswith(f"{TIME_BASE}.")])
-    numbers |= {n: (*prior_of(given, n), []) for n in beyond if n not in numbers and states_sigma(given, n)}
-    for name, (mean, prior, slopes) in numbers.items():
-        base, row = split_log(name)[0], np.zeros(len(z))
-        for u, i, slope in slopes:
-            row[i] = slope * u.slope(u.centre + u.change(z[i]))
-        if base not in setup.estimated and prior:
-            sigma = float(np.sqrt(row @ posterior.covariance @ row)) if row.any() else prior
-            yield Estimate(
-                name=name,
-                value=mean + float(sum(slope * u.change(z[i]) for u, i, slope in slopes)),
-                sigma=sigma,
-                unit=sensor_error_unit(base) if is_sensor_error(base) else quantity_of(base).unit,
-                initial=mean,
-                verdict=uncertain_verdict(sigma / prior, setup.settings.excited),
-                stage=1,
-                prior=prior,
-            )
-
-
-def _parts(vehicle: Vehicle, name: str) -> dict[str, float]:
+def parts_of(vehicle: Vehicle, name: str) -> dict[str, float]:
     """The parameters of the model, with factors, whose sum is a number of the vehicle file or a wheelbase."""
     for unit, coupling in zip(vehicle.units[1:], vehicle.couplings, strict=True):
         if name == f"{unit.name}.wheelbase":
@@ -179,7 +120,7 @@ def wheelbases(
     for unit in vehicle.units[1:]:
         if remaining.get(f"{unit.name}.axle_positions", 1.0) > DETERMINED:
             continue
-        slopes = _parts(vehicle, name := f"{unit.name}.wheelbase")
+        slopes = parts_of(vehicle, name := f"{unit.name}.wheelbase")
         row = np.array([slopes.get(n, 0.0) for n in uncertainty.names])
         sigma = float(np.sqrt(row @ uncertainty.covariance @ row))
         derived.append(_derived(name, initial_vehicle, vehicle, sigma, Verdict.CONVERGED, stage=1))

@@ -18,14 +18,14 @@ from fifthwheel.filters import variances
 from fifthwheel.identify.dataset import LogData, prepare_dataset
 from fifthwheel.identify.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.identify.design.remedies import PredictedRemedies, Remedy, lane_change_information
-from fifthwheel.identify.estimates import stated_estimates
 from fifthwheel.identify.given import applied, with_sensors
 from fifthwheel.identify.mass import mass_findings
 from fifthwheel.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.identify.settings import OneStage
+from fifthwheel.identify.stated_numbers import stated_estimates
 from fifthwheel.identify.statement import Statement, applies, statement, states_sigma
 from fifthwheel.identify.verdict import Verdict, is_stated
-from fifthwheel.names import NumberedName, ParameterPath
+from fifthwheel.names import NumberedName, ParameterPath, split_log
 from fifthwheel.record import Record
 from fifthwheel.record.sensor_noise import estimate_noise_variance
 from fifthwheel.time_bases import check_signals

@@ -22,6 +22,7 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.solution import Solution
 from fifthwheel.identify.result.identification import Identification
 from fifthwheel.identify.result.parts import Estimate, Fit, LogSummary
+from fifthwheel.identify.stated_numbers import stated_estimates
 from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns import parameters
 from fifthwheel.identify.unknowns.gross_errors import is_possible
@@ -75,7 +76,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
             verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
     log_names, known = [log.name for log in logs], {e.name for e in uncertain}
-    stated = estimates.stated_estimates(problem.setup, posterior, minimum.z, log_names, dataset.sensors)
+    stated = stated_estimates(problem.setup, posterior, minimum.z, log_names, dataset.sensors)
     uncertain += [e for e in stated if e.name not in known]
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
