@@ -203,7 +203,7 @@ def _assess_parameter(
     value, prior, verdict = vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
     if verdict is not Verdict.CONVERGED and is_stated(vehicle, name):
         verdict = Verdict.STATED
-    sigma, target = posterior.sigma(name) * prior, assessment.enough * size_of(name, value, prior)
+    sigma, target = posterior.sigma_of(name) * prior, assessment.enough * size_of(name, value, prior)
     if verdict is Verdict.CONVERGED and sigma <= target:
         best: tuple[Remedy, ...] = ()
     else:

@@ -16,7 +16,7 @@ from fifthwheel.errors import FifthwheelError, SignalError, printable
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.identify.result.parts import IdentificationData
-from fifthwheel.identify.settings import imported, method_named, require_own_functions
+from fifthwheel.identify.settings import require_own_functions, settings_of_method
 from fifthwheel.identify.stored import ValidationError, restored
 from fifthwheel.input_files import read_json, require_regular
 from fifthwheel.observe.uncertainty import Uncertainty
@@ -118,7 +118,7 @@ def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[
     places = {title: f"history/{title}" for title in contents["histories"]}
     found["histories"] = {t: contents["histories"][t] | arrays[p] for t, p in places.items() if p in arrays}
     kinds = get_type_hints(IdentificationData, include_extras=True)
-    kinds["settings"] = imported(method_named(contents["method"]).settings)
+    kinds["settings"] = settings_of_method(contents["method"])
     return {name: _restored(name, kinds[name], value) for name, value in found.items()}
 
 
