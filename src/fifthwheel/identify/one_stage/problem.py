@@ -38,7 +38,6 @@ from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
 from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
-from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
@@ -160,11 +159,6 @@ class Problem:
         """Whether the residuals are those of the free-running model."""
         return self.settings.form == "output_error"
 
-    @property
-    def scaling(self) -> Scaling:
-        """The transformation between z and the values of the unknowns of one log."""
-        return self.setup.scaling
-
     @cached_property
     def layout(self) -> ProblemLayout:
         """Where each unknown is in z."""
@@ -195,8 +189,8 @@ class Problem:
         """Lower and upper bounds of z (k,); unknowns that are not estimated keep their prior mean 0."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
         for indices in self.layout.unknowns:
-            lower[indices] = self.scaling.to_z(self.scaling.lower)
-            upper[indices] = self.scaling.to_z(self.scaling.upper)
+            lower[indices] = self.setup.scaling.to_z(self.setup.scaling.lower)
+            upper[indices] = self.setup.scaling.to_z(self.setup.scaling.upper)
             considered = indices[[not u.is_estimated for u in self.unknowns]]
             lower[considered] = upper[considered] = 0.0
         return lower, upper
@@ -294,7 +288,7 @@ class Problem:
         else:
             selected = [a for a, u in enumerate(self.unknowns) if u.is_estimated]
             unknowns = [self.unknowns[a] for a in selected]
-            slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
+            slope = self.setup.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
             for row, (u, dp_dz) in enumerate(zip(unknowns, slope, strict=True)):
                 for name, rate in u.slopes.items():

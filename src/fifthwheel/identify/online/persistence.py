@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, selected
 from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.prior import JointPrior
@@ -36,13 +36,8 @@ class EstimateBlock:
 
     def among(self, places: Sequence[int]) -> "EstimateBlock":
         """The estimates of the unknowns at some places."""
-        return EstimateBlock(
-            names=tuple(self.names[i] for i in places),
-            centre=tuple(self.centre[i] for i in places),
-            scale=tuple(self.scale[i] for i in places),
-            z=self.z[list(places)],
-            Pz=self.Pz[np.ix_(places, places)],
-        )
+        own: EstimateBlock = selected(self, places)
+        return own
 
     def restricted(self, unknowns: Sequence[Unknown]) -> "EstimateBlock":
         """The estimates of those that are among some unknowns with the same prior."""
