@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel._types import Array
 from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError, printable
 from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
@@ -83,12 +82,8 @@ def _require_possible(information: SharedInformation) -> None:
     if not (own.scale > 0).all() or not (own.centre[own.logarithmic] > 0).all():
         raise ValueError("a prior without a positive scale or median")
     for matrix in (own.information, own.score_covariance):
-        _require_semidefinite(matrix, n)
-
-
-def _require_semidefinite(matrix: Array, n: int) -> None:
-    if len(matrix) != n:
-        raise ValueError(f"a matrix of {len(matrix)} rows for {n} unknowns")
-    eigenvalues = np.linalg.eigvalsh(matrix) if n else np.zeros(1)
-    if eigenvalues[0] < -RANK_TOLERANCE * max(eigenvalues[-1], 1.0):
-        raise ValueError("information that is not positive semidefinite")
+        if len(matrix) != n:
+            raise ValueError(f"a matrix of {len(matrix)} rows for {n} unknowns")
+        eigenvalues = np.linalg.eigvalsh(matrix) if n else np.zeros(1)
+        if eigenvalues[0] < -RANK_TOLERANCE * max(eigenvalues[-1], 1.0):
+            raise ValueError("information that is not positive semidefinite")
