@@ -31,7 +31,7 @@ from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.setup import Setup
-from fifthwheel.identify.stored import restored, stored
+from fifthwheel.identify.stored import reason, restored, stored
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
@@ -426,8 +426,8 @@ class Learner:
                 learner._uncoupled[name] = EstimateBlock.restored(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise SignalError(
-                f"{path}: written by another version of fifthwheel ({error}); start with a new Learner, or load it "
-                "with the version that wrote it"
+                f"{path}: written by another version of fifthwheel ({reason(error)}); start with a new Learner, or "
+                "load it with the version that wrote it"
             ) from error
         return learner
 
