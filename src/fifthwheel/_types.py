@@ -1,7 +1,7 @@
-"""Arrays as a type, and the equality of data that have them."""
+"""Arrays as a type, and the equality and parts of data that have them."""
 
-from collections.abc import Mapping
-from dataclasses import fields, is_dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,3 +38,15 @@ def _equal(a: Any, b: Any) -> bool:
     if is_dataclass(a) and type(a) is type(b):
         return _equal_fields(a, b)
     return bool(a == b) or (a != a and b != b)  # NaN
+
+
+def selected(data: Any, places: Sequence[int] | Indices) -> Any:
+    """A dataclass about some of n names: these rows of its tuples and vectors (n,), and columns of matrices (n, n)."""
+    rows = np.asarray(places, dtype=np.int64)
+
+    def part(value: Any) -> Any:
+        if isinstance(value, np.ndarray):
+            return value[np.ix_(*[rows] * value.ndim)]
+        return tuple(value[i] for i in rows) if isinstance(value, tuple) else value
+
+    return replace(data, **{field.name: part(getattr(data, field.name)) for field in fields(data)})

@@ -4,6 +4,8 @@ import datetime
 
 import numpy as np
 
+from fifthwheel.filters.model import pack_array
+
 START = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 PARAMETERS = {
     "tractor.front.cornering_stiffness": 0.3,
@@ -57,13 +59,16 @@ class Synthetic:
             "date": START + datetime.timedelta(days=day),
             "digest": f"{day}",
             "estimates": [{"name": n} for n in PARAMETERS],
-            "unknowns": [
-                {"name": n, "centre": c, "scale": s, "logarithmic": g, "non_negative": False}
-                for n, c, s, g in zip(NAMES, CENTRES.tolist(), SCALES.tolist(), LOGARITHMIC.tolist(), strict=True)
-            ],
-            "vector": (H @ self.z + noise).tolist(),
-            "information": H.ravel().tolist(),
-            "score_covariance": H.ravel().tolist(),
-            "factors": [1.0] * len(H),
-            "origins": [],
+            "information": {
+                "names": list(NAMES),
+                "centre": CENTRES.tolist(),
+                "scale": SCALES.tolist(),
+                "logarithmic": LOGARITHMIC.tolist(),
+                "non_negative": [False] * len(H),
+                "vector": (H @ self.z + noise).tolist(),
+                "information": pack_array(H).tolist(),
+                "score_covariance": pack_array(H).tolist(),
+                "factors": [],
+                "origins": [],
+            },
         }

@@ -6,6 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from fifthwheel.filters.model import pack_array, unpack_array
 from fifthwheel.fleet import FleetSettings, storage
 from fifthwheel.fleet.dataset import TripDataset
 from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
@@ -122,25 +123,19 @@ def test_another_prior_of_a_later_vehicle_file_changes_nothing() -> None:
     _, rows = history(np.random.default_rng(6), trips=3)
     other = []
     for row in rows[1:]:
-        shift, stretch = 0.3, 2.0
+        shift, stretch, own = 0.3, 2.0, row["information"]
         k = len(NAMES)
-        H, v = np.array(row["information"]).reshape(k, k), np.array(row["vector"])
-        unknowns, a, b = [], np.ones(k), np.zeros(k)
-        for i, u in enumerate(row["unknowns"]):
-            if not u["logarithmic"]:
-                unknowns.append(u)
-                continue
-            a[i], b[i] = stretch, shift / u["scale"]  # z = a z' + b
-            unknowns.append(u | {"centre": u["centre"] * np.exp(shift), "scale": u["scale"] * stretch})
-        other.append(
-            row
-            | {
-                "unknowns": unknowns,
-                "information": (H * np.outer(a, a)).ravel().tolist(),
-                "score_covariance": (H * np.outer(a, a)).ravel().tolist(),
-                "vector": (a * (v - H @ b)).tolist(),
-            }
-        )
+        H, v, logarithmic = unpack_array(np.array(own["information"]), k), np.array(own["vector"]), own["logarithmic"]
+        a = np.where(logarithmic, stretch, 1.0)
+        b = np.where(logarithmic, shift / np.array(own["scale"]), 0.0)  # z = a z' + b
+        changed = {
+            "centre": (own["centre"] * np.where(logarithmic, np.exp(shift), 1.0)).tolist(),
+            "scale": (own["scale"] * a).tolist(),
+            "information": pack_array(H * np.outer(a, a)).tolist(),
+            "score_covariance": pack_array(H * np.outer(a, a)).tolist(),
+            "vector": (a * (v - H @ b)).tolist(),
+        }
+        other.append(row | {"information": own | changed})
     expected, found = (estimates(combined(r), 2) for r in (rows, [rows[0], *other]))
     for name, pair in expected.items():
         assert found[name] == pytest.approx(pair, rel=1e-8)
@@ -170,7 +165,7 @@ def test_a_single_different_trip_is_an_outlier() -> None:
     rng = np.random.default_rng(8)
     _, rows = history(rng, trips=12)
     _, wrong = history(np.random.default_rng(9), trips=12)
-    rows[5] = rows[5] | {key: wrong[5][key] for key in ("vector", "information", "score_covariance")}
+    rows[5] = rows[5] | {"information": wrong[5]["information"]}
     (change,) = combined(rows).changes
     assert (change.kind.name, change.trip) == ("outlier", 5)
 

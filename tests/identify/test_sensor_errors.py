@@ -1,5 +1,7 @@
 """Sensor errors of a log that was not used for the identification."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,8 +30,7 @@ def shifted(steer, rate):
 
 def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
     record = shifted(0.004, -0.003)
-    known = identified.uncertainty(record.name)
-    settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, known, identified.friction)
+    settings, uncertainty = estimate_sensor_errors(record, identified.vehicle, identified)
     errors = {name: uncertainty.covariance[i, i] ** 0.5 for i, name in enumerate(uncertainty.names)}
     for name, truth in ((f"{STEER}.offset", 0.004), (f"{RATE}.offset", -0.003)):
         assert abs(settings["sensor_errors"][name] - truth) < 3 * errors[name]
@@ -48,7 +49,8 @@ def test_offsets_of_a_new_log_and_the_sigma_of_its_states(identified):
 
 
 def test_without_the_uncertainty_of_the_vehicle(identified):
-    settings, uncertainty = estimate_sensor_errors(shifted(0.004, 0.0), identified.vehicle, None)
+    unknown = replace(identified, covariance=None)
+    settings, uncertainty = estimate_sensor_errors(shifted(0.004, 0.0), identified.vehicle, unknown)
     assert settings["sensor_errors"][f"{STEER}.offset"] == pytest.approx(0.004, abs=0.002)
     assert uncertainty is None
 
@@ -56,4 +58,4 @@ def test_without_the_uncertainty_of_the_vehicle(identified):
 def test_a_log_that_cannot_be_used(identified):
     record = simulate(TRUCK, count=1, seed=3)
     with pytest.raises(SignalError):
-        estimate_sensor_errors(record.with_signals({"speed": 0 * record.time + 1.0}), identified.vehicle, None)
+        estimate_sensor_errors(record.with_signals({"speed": 0 * record.time + 1.0}), identified.vehicle, identified)

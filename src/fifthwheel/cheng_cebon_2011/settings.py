@@ -58,6 +58,7 @@ class TwoStage(CommonSettings):
     """
 
     method = "two-stage"
+    implementation = "fifthwheel.cheng_cebon_2011.estimator:identify_two_stage"
 
     preset: str = "default"
     """Name of these settings in the result."""

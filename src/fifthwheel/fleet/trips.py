@@ -29,6 +29,7 @@ from fifthwheel.fleet.manifest import Trip
 from fifthwheel.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.identify.given import missing_sensors
 from fifthwheel.identify.knowledge.information import LogKnowledge, SharedInformation
+from fifthwheel.identify.stored import restored, stored
 from fifthwheel.input_files import MAX_TOML_SIZE
 from fifthwheel.logs import SignalMap, read_log
 from fifthwheel.logs.readers.limits import DEFAULTS
@@ -53,10 +54,15 @@ def numbers(*names: str) -> Fields:
 
 
 _ESTIMATE = pa.struct([*texts("name"), *numbers("value", "sigma"), *texts("unit", "verdict")])
-_UNKNOWN = pa.struct(
-    [*texts("name"), *numbers("centre", "scale"), ("logarithmic", pa.bool_()), ("non_negative", pa.bool_())]
+_INFORMATION = pa.struct(
+    [
+        *((name, pa.list_(pa.string())) for name in ("names", "origins")),
+        *((name, pa.list_(pa.bool_())) for name in ("logarithmic", "non_negative")),
+        *((name, pa.list_(pa.float64())) for name in ("centre", "scale", "vector", "information", "score_covariance")),
+        ("factors", pa.map_(pa.string(), pa.float64())),
+    ]
 )
-_INFORMATION = ("vector", "information", "score_covariance")
+"""The fields of `SharedInformation`."""
 SCHEMA = pa.schema(
     [
         *texts("log", "truck", "trailer", "load"),
@@ -72,15 +78,13 @@ SCHEMA = pa.schema(
         ("covariance", pa.list_(pa.float64())),
         ("sensors", pa.list_(_ESTIMATE)),
         ("doubts", pa.list_(pa.string())),
-        ("unknowns", pa.list_(_UNKNOWN)),
-        *((name, pa.list_(pa.float64())) for name in _INFORMATION),
-        ("factors", pa.list_(pa.float64())),
-        ("origins", pa.list_(pa.string())),
+        ("information", _INFORMATION),
     ]
 )
-"""Columns of the table of trips, SI. Matrices are row by row. `seconds` is the CPU time of the worker, `duration` the
-length of the log; `error` and `notes` are about this log, without its name. `digest` is that of all that determines the
-row, `settings` that of the settings and statements of the run."""
+"""Columns of the table of trips, SI. `covariance` is row by row; of the matrices in `information`, one half is kept.
+`seconds` is the CPU time of the worker, `duration` the length of the log; `error` and `notes` are about this log,
+without its name. `digest` is that of all that determines the row, `settings` that of the settings and statements of the
+run."""
 
 
 @dataclass(frozen=True)
@@ -237,8 +241,6 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
     joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
-    arrays = (getattr(information, name).tolist() for name in _UNKNOWN.names[1:])
-    unknowns = zip(information.names, *arrays, strict=True)
     return {
         "duration": record.span[1] - record.span[0],
         "tractor": identification.vehicle.units[0].name,
@@ -250,37 +252,18 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
             f"{doubt.kind.value}: {', '.join(cause.name for cause in doubt.causes)}".removesuffix(": ")
             for doubt in identification.doubts
         ],
-        "unknowns": [dict(zip(_UNKNOWN.names, u, strict=True)) for u in unknowns],
-        **{name: getattr(information, name).ravel().tolist() for name in _INFORMATION},
-        "factors": [information.factors.get(name, 1.0) for name in information.names],
-        "origins": list(information.origins),
+        "information": stored(SharedInformation, information) | {"factors": [*information.factors.items()]},
     }
 
 
 def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
     """The information of a trip on the truck, from its row."""
-    unknowns, n, names = row["unknowns"], len(row["unknowns"]), [u["name"] for u in row["unknowns"]]
-    centre, scale, logarithmic, non_negative = (np.array([u[name] for u in unknowns]) for name in _UNKNOWN.names[1:])
+    information = row["information"]
     return LogKnowledge(
         name=row["log"],
-        date=row["date"],
-        tractor=row["tractor"],
-        trailer=row["trailer"],
-        load=row["load"],
-        digest=row["digest"],
+        **{name: row[name] for name in ("date", "tractor", "trailer", "load", "digest")},
         estimated=tuple(estimate["name"] for estimate in row["estimates"]),
-        information=SharedInformation(
-            names=tuple(names),
-            centre=centre,
-            scale=scale,
-            logarithmic=logarithmic,
-            non_negative=non_negative,
-            vector=np.array(row["vector"]),
-            information=np.array(row["information"]).reshape(n, n),
-            score_covariance=np.array(row["score_covariance"]).reshape(n, n),
-            factors=dict(zip(names, row["factors"], strict=True)),
-            origins=tuple(row["origins"]),
-        ),
+        information=restored(SharedInformation, {**information, "factors": dict(information["factors"])}),
     )
 
 

@@ -10,7 +10,7 @@ from fifthwheel.errors import SignalError
 from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.result.identification import Identification
-from fifthwheel.identify.settings import CommonSettings, OneStage, Progress, imported, method_named
+from fifthwheel.identify.settings import CommonSettings, OneStage, Progress, imported
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle
 
@@ -66,7 +66,7 @@ def identify(
     of_truck = {name: value for name, value in of_truck.items() if value is not None}
     if of_truck and settings.one_stage is None:
         raise SignalError(f"{next(iter(of_truck))}: only one stage begins with what is known; give OneStage(), or none")
-    method = imported(method_named(settings.method).identify)
+    method = imported(settings.implementation)
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
         identified: Identification = method(
             records, vehicle, settings, validate=validate, progress=progress, **of_truck

@@ -1,6 +1,5 @@
 """Sensor errors of a log of an identified vehicle."""
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, NamedTuple
 
@@ -8,7 +7,6 @@ import numpy as np
 
 from fifthwheel.channels import GYROS, is_sensor_error
 from fifthwheel.dynamics.kinematics import BANK
-from fifthwheel.dynamics.tyre_law import Tyres
 from fifthwheel.errors import SignalError
 from fifthwheel.filters.model import block_diagonal
 from fifthwheel.identify.one_stage.identify import identify_one_stage
@@ -20,7 +18,7 @@ from fifthwheel.names import split_log
 from fifthwheel.observe import Uncertainty
 from fifthwheel.record import Record
 from fifthwheel.vehicle import Vehicle, toml_format
-from fifthwheel.vehicle.quantities import BANK_VARIATION, FRICTION, TIME_BASE, quantity_of, unit_of
+from fifthwheel.vehicle.quantities import BANK_VARIATION, FRICTION, TIME_BASE, unit_of
 
 OTHER_ROAD = 0.7
 """Standard deviation of ln friction from one road to another: half or twice as large."""
@@ -31,49 +29,49 @@ OF_ROAD = (BANK, FRICTION)
 
 
 def estimate_sensor_errors(
-    record: Record,
-    vehicle: Vehicle,
-    known: Uncertainty | None,
-    friction: float | None = None,
-    *,
-    exact_friction: bool = False,
-    tyres: Tyres = "saturating",
-    bank_variation: float = quantity_of(BANK_VARIATION).sigma,
-    surroundings: Mapping[str, float] | None = None,
+    record: Record, vehicle: Vehicle, identification: Identification, friction: float | None = None
 ) -> tuple[dict[str, Any], Uncertainty | None]:
     """Sensor errors and noise of a new log, and the joint uncertainty of vehicle and sensors.
 
     One stage with every parameter of the vehicle fixed estimates the offset, gain and delay of the steering, the biases
     and gains of the gyros, and the bank of the road from this log alone.
 
-    `known` is the joint uncertainty from the identification, None if not known. Its sensor errors and banks are
-    dropped; those of the new log are taken as independent of the parameters of the vehicle. `friction` is the prior
-    median of the peak friction of the road, at which tyres with the law `tyres` saturate; None: linear tyres. It is
-    estimated too, because another log may be of another road, unless it is exact. `bank_variation` is the standard
-    deviation of the bank within the log about its mean, rad; `surroundings` are those of the identification.
+    Of the uncertainty of the identification, sensor errors and banks are dropped; those of the new log are taken as
+    independent of the parameters of the vehicle. `friction` is as in `log_sensors`: that of the identification is a
+    prior median and estimated too, because another log may be of another road.
 
     Returns:
-        Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if `known` is None.
+        Keyword arguments for `ObserverSettings`, and the joint uncertainty; None if that of the vehicle is not known.
 
     Raises:
         SignalError: the log cannot be used: it is too short or too slow, or a signal is missing.
     """
-    given: dict[str, str | float] = {"truck": "exact", BANK_VARIATION: f"+- {bank_variation!r} rad"}
+    law, known = identification.settings.tyre_law, _uncertainty(identification, friction)
+    variation = prior_of(identification.settings.given, BANK_VARIATION)[1]
+    given: dict[str, str | float] = {"truck": "exact", BANK_VARIATION: f"+- {variation!r} rad"}
     given |= dict.fromkeys((TIME_BASE, *[f"{gyro.quantity}.*.delay" for gyro in GYROS]), "exact")  # small, to save time
-    given |= surroundings or {}
+    given |= identification.surroundings
     settings = OneStage(given=given, tyres="linear", check=False)
-    if friction is not None:
-        given[FRICTION] = f"{friction!r} exact" if exact_friction else f"{friction!r} +- {OTHER_ROAD:.0%}"
-        settings = replace(settings, tyres=tyres, given=given)
+    if (peak := identification.friction if friction is None else friction) is not None:
+        given[FRICTION] = f"{peak!r} +- {OTHER_ROAD:.0%}" if friction is None else f"{peak!r} exact"
+        settings = replace(settings, tyres="saturating" if isinstance(law, str) else law, given=given)
         settings = replace(settings, given=given | (_known_within(vehicle, known, settings) if known else {}))
-    identification = identify_one_stage([record], vehicle, settings)
-    estimated, sensors = identification.sensor_settings(record.name), identification.uncertainty(record.name)
+    new = identify_one_stage([record], vehicle, settings)
+    estimated, sensors = new.sensor_settings(record.name), new.uncertainty(record.name)
     if known is None or sensors is None:
         return estimated, None
     parameters = known.among([n for n in known.names if not is_sensor_error(n) and split_log(n)[0] not in OF_ROAD])
     sensors = sensors.among([n for n in sensors.names if n not in parameters.names])
     covariance = block_diagonal(parameters.covariance, sensors.covariance)
     return estimated, Uncertainty(names=(*parameters.names, *sensors.names), covariance=covariance)
+
+
+def _uncertainty(identification: Identification, friction: float | None) -> Uncertainty | None:
+    """That of an identification, without that of a friction that is known."""
+    known = identification.covariance
+    if known is None or friction is None:
+        return known
+    return known.among([name for name in known.names if name != FRICTION])
 
 
 def _known_within(vehicle: Vehicle, known: Uncertainty, settings: OneStage) -> dict[str, str]:
@@ -105,27 +103,14 @@ def log_sensors(
     `vehicle` is the identified one. `friction` is the known peak friction of the road; None: as identified, and if
     tyres saturate, that of another log is estimated too.
     """
-    law = identification.settings.tyre_law
-    tyres: Tyres = "saturating" if isinstance(law, str) else law
-    note, uncertainty, exact = "", identification.covariance, friction is not None
-    if exact and uncertainty is not None:
-        uncertainty = uncertainty.among([name for name in uncertainty.names if name != FRICTION])
-    friction = friction if exact else identification.friction
-    variation = prior_of(identification.settings.given, BANK_VARIATION)[1]
+    note = ""
     if record.name not in {log.name for log in identification.logs}:
         note = f"{record.name}: not a log of the identification; its sensor errors are "
         try:
-            estimated = estimate_sensor_errors(
-                record,
-                vehicle,
-                uncertainty,
-                friction,
-                exact_friction=exact,
-                tyres=tyres,
-                bank_variation=variation,
-                surroundings=identification.surroundings,
-            )
+            estimated = estimate_sensor_errors(record, vehicle, identification, friction)
             return LogSensors(*estimated, f"{note}estimated from the log itself")
         except SignalError as error:
             note += f"unknown, and sigma includes their prior ({error})"
-    return LogSensors(identification.sensor_settings(record.name) | {"friction": friction}, uncertainty, note)
+    peak = identification.friction if friction is None else friction
+    settings = identification.sensor_settings(record.name) | {"friction": peak}
+    return LogSensors(settings, _uncertainty(identification, friction), note)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Any, ClassVar, Literal, NamedTuple
+from typing import Any, ClassVar, Literal
 
 from fifthwheel.channels import ROLL_RATE, names_of
 from fifthwheel.dynamics import tyre_law
@@ -56,6 +56,8 @@ class CommonSettings(Settings):
     contain more information on it than the prior."""
     method: ClassVar[str]
     """Name of the method in a result."""
+    implementation: ClassVar[str]
+    """Module and name of the function that identifies with these settings."""
 
     brakes: ClassVar[bool] = False
     """Whether the model has longitudinal forces."""
@@ -84,29 +86,19 @@ class CommonSettings(Settings):
         return {}
 
 
-class Implementation(NamedTuple):
-    """Where a method is: its settings and the function that identifies with them, each as module and name."""
-
-    settings: str
-    identify: str
-
-
-METHODS: Mapping[str, Implementation] = {
-    "one-stage": Implementation(
-        "fifthwheel.identify.settings:OneStage", "fifthwheel.identify.one_stage.identify:identify_one_stage"
-    ),
-    "two-stage": Implementation(
-        "fifthwheel.cheng_cebon_2011.settings:TwoStage", "fifthwheel.cheng_cebon_2011.estimator:identify_two_stage"
-    ),
+METHODS = {
+    "one-stage": "fifthwheel.identify.settings:OneStage",
+    "two-stage": "fifthwheel.cheng_cebon_2011.settings:TwoStage",
 }
-"""By the name in a result; imported when they are used."""
+"""Module and name of the settings of a method, by the name in a result; imported when they are used."""
 
 
-def method_named(name: str) -> Implementation:
-    """The method of a name; a SignalError if there is none."""
+def settings_of_method(name: str) -> type[CommonSettings]:
+    """The settings of a method by its name; a SignalError if there is none."""
     if name not in METHODS:
         raise SignalError(f"method: expected {' or '.join(METHODS)}, got {name!r}; identify again")
-    return METHODS[name]
+    kind: type[CommonSettings] = imported(METHODS[name])
+    return kind
 
 
 def imported(place: str) -> Any:
@@ -144,6 +136,7 @@ class OneStage(CommonSettings):
     """
 
     method = "one-stage"
+    implementation = "fifthwheel.identify.one_stage.identify:identify_one_stage"
 
     excited = 3**-0.5
     """More than twice the information of the prior: with less, the prior decides, and the error of a positive parameter

@@ -20,7 +20,6 @@ from fifthwheel.identify.design.predict import (
 )
 from fifthwheel.identify.design.remedies import LANE_CHANGE, REPEAT, PredictedRemedies, lane_change_information
 from fifthwheel.identify.design.search import ProposedRun
-from fifthwheel.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.identify.verdict import Verdict
@@ -163,7 +162,9 @@ def test_correlated_unknowns() -> None:
 
     def of(covariance: np.ndarray, verdict: Verdict | None, **others: frozenset) -> list[str]:
         made = PredictedPosterior(
-            posterior=ScaledPosterior(names=names, information=np.eye(3), covariance=covariance),
+            names=names,
+            information=np.eye(3),
+            covariance=covariance,
             not_identified={"a": verdict} if verdict else {},
             no_channel=others.get("no_channel", frozenset()),
         )

@@ -60,7 +60,9 @@ def sigmas_along(predictor: InformationPredictor, run: ProposedRun) -> dict[str,
     log = LogData(name="run", segments=[record], noise=dict(GYROS))
     result = predictor.posterior([predictor.run_information(log, list(GYROS))])
     values = predictor.setup.vehicle.parameters()
-    return {name: result.sigma(name) * predictor.prior_sigma(name) / values[name] for name in predictor.setup.estimated}
+    return {
+        name: result.sigma_of(name) * predictor.prior_sigma(name) / values[name] for name in predictor.setup.estimated
+    }
 
 
 COLOURED = WHITE | {
@@ -87,8 +89,8 @@ def test_the_impulse_response_of_coloured_noise(steered):
     white = ImpulseResponse.of(predictor, speed, rate=rate, noise=WHITE)
     other = predictor.posterior_of(white.names, white.information(manoeuvre, steer, 2).at(1.0)[-1], GYROS)
     for name in predictor.setup.estimated:
-        assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-3)
-    assert other.sigma(HEIGHT) < 0.95 * result.sigma(HEIGHT)
+        assert result.sigma_of(name) == pytest.approx(expected.sigma_of(name), rel=5e-3)
+    assert other.sigma_of(HEIGHT) < 0.95 * result.sigma_of(HEIGHT)
 
 
 @pytest.mark.parametrize("number", range(4))
@@ -115,8 +117,8 @@ def test_the_impulse_response_gives_the_information_of_a_run(steered, number):
         scaled[initial], scaled[:, initial] = information[initial], information[:, initial]
         same_start = predictor.posterior_of(response.names, scaled, GYROS)
         for name in predictor.setup.estimated:
-            assert result.sigma(name) == pytest.approx(expected.sigma(name), rel=5e-4)
-            assert same_start.sigma(name) == pytest.approx(expected.sigma(name), rel=1e-6)
+            assert result.sigma_of(name) == pytest.approx(expected.sigma_of(name), rel=5e-4)
+            assert same_start.sigma_of(name) == pytest.approx(expected.sigma_of(name), rel=1e-6)
         informed = np.maximum(np.diag(scaled), np.diag(information)) > 1e-6  # that of the prior is 1
         steered_block = np.ix_(*2 * [response.steered & informed])
         root = np.sqrt(np.diag(information[steered_block]))

@@ -87,7 +87,7 @@ def sigma_ratios(truth: Mapping[str, np.ndarray], time: np.ndarray, truck: Vehic
     log = LogData(name="log", segments=[records[0]], noise=dict(GYROS), noise_models=models)
     posterior = predictor.posterior([predictor.run_information(log, list(GYROS))])
     return {
-        name: posterior.sigma(name) * predictor.prior_sigma(name) / float(np.mean([r[name].sigma for r in results]))
+        name: posterior.sigma_of(name) * predictor.prior_sigma(name) / float(np.mean([r[name].sigma for r in results]))
         for name in predictor.setup.estimated
     }
 

@@ -47,43 +47,44 @@ def set_log(key, value):
 
 
 def set_unknown(key, value):
-    return lambda content: content["logs"][0]["unknowns"][0].update({key: value})
+    return lambda content: content["logs"][0]["information"][key].__setitem__(0, value)
 
 
-def indefinite(content):
-    content["logs"][0]["information"][0] = -1e6
+def set_information(key, value):
+    return lambda content: content["logs"][0]["information"].update({key: value})
 
 
 def duplicate(content):
-    unknowns = content["logs"][0]["unknowns"]
-    unknowns[1]["name"] = unknowns[0]["name"]
+    names = content["logs"][0]["information"]["names"]
+    names[1] = names[0]
 
 
 def huge(content):
-    log = content["logs"][0]
-    log["unknowns"] = log["unknowns"] * 100
+    content["logs"][0]["information"]["names"] *= 100
 
 
 @pytest.mark.parametrize(
     ("change", "reason"),
     [
-        (lambda content: content.pop("logs"), "'logs' is missing"),
-        (lambda content: content["logs"][0].pop("doubts"), "'doubts' is missing"),
-        (lambda content: content.update(logs={}), "expected a list, got dict"),
+        (lambda content: content.pop("logs"), "a valid tuple"),
+        (lambda content: content["logs"][0].pop("estimated"), "0.estimated: Field required"),
+        (lambda content: content.update(logs={}), "a valid tuple"),
         (lambda content: content.update(logs=["x"]), "not what"),
-        (set_log("name", 3), "expected a text, got int"),
-        (set_log("estimated", "abc"), "expected a list, got str"),
+        (set_log("name", 3), "0.name: Input should be a valid string"),
+        (set_log("estimated", "abc"), "0.estimated: Input should be a valid tuple"),
         (set_log("date", "2026-01-01"), "time zone"),
         (set_log("date", "9999-12-31T23:59:59-14:00"), "time zone"),
         (set_log("date", 5), "expected a text"),
-        (set_log("masses", {"semitrailer.mass": "heavy"}), "expected a number, got str"),
-        (set_log("information", [1.0]), "a matrix of 1 numbers"),
-        (set_log("information", {}), "expected a list"),
+        (set_log("masses", {"semitrailer.mass": "heavy"}), "semitrailer.mass: Input should be a valid number"),
+        (set_information("information", [1.0]), "a matrix of 1 rows"),
+        (set_information("information", [1.0, 1.0]), "a symmetric matrix of 2 numbers"),
+        (set_information("information", {}), "valid list"),
+        (set_information("vector", [1.0]), "columns of other lengths"),
         (set_unknown("scale", 0), "positive scale"),
         (set_unknown("centre", -1.0), "positive scale or median"),
-        (set_unknown("centre", 1e200), "at most 1e"),
-        (set_unknown("vector", True), "expected a number, got bool"),
-        (indefinite, "not positive semidefinite"),
+        (set_unknown("centre", 1e200), "less than or equal to 10{40}"),
+        (set_unknown("vector", True), "information.vector.0: Input should be a valid number"),
+        (set_unknown("information", -1e6), "not positive semidefinite"),
         (duplicate, "two unknowns of one name"),
         (huge, "at most 500"),
     ],

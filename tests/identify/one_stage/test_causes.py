@@ -227,7 +227,8 @@ def test_a_log_with_a_truck_that_is_hardly_known_has_sensors(truck, record, foun
     identification, _ = found
     covariance = identification.covariance
     wide = replace(covariance, covariance=4.0 * np.diag(np.diag(covariance.covariance)) + 1e12 * _of(covariance, WIDE))
-    _, joint = estimate_sensor_errors(record, truck, known=wide, friction=0.8)
+    known = replace(identification, covariance=wide, surroundings={})
+    _, joint = estimate_sensor_errors(record, truck, known, 0.8)
     assert np.isfinite(joint.covariance).all()
 
 

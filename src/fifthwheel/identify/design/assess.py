@@ -181,12 +181,12 @@ def predict_sigmas(
     posterior = predictor.posterior(runs)
     remedies = PredictedRemedies.of(predictor, runs, lane_change)
     names, setup = tuple(record.name for record in records), predictor.setup
-    z = np.zeros(len(posterior.posterior.names))
+    z = np.zeros(len(posterior.names))
     stated = [
         ParameterAssessment(
             name=e.name, value=e.value, unit=e.unit, prior=e.prior or 0.0, sigma=e.sigma or 0.0, verdict=Verdict.STATED
         )
-        for e in stated_estimates(setup, posterior.posterior, z, names, dataset.sensors)
+        for e in stated_estimates(setup, posterior, z, names, dataset.sensors)
         if states_sigma(settings.given, split_log(e.name)[0])
     ]
     return InformationAssessment(
@@ -218,7 +218,7 @@ def _assess_parameter(
     value, prior, verdict = vehicle.parameters()[name], predictor.prior_sigma(name), posterior.verdict(name)
     if verdict is not Verdict.CONVERGED and is_stated(vehicle, name):
         verdict = Verdict.STATED
-    sigma, target = posterior.sigma(name) * prior, assessment.enough * size_of(name, value, prior)
+    sigma, target = posterior.sigma_of(name) * prior, assessment.enough * size_of(name, value, prior)
     if verdict is Verdict.CONVERGED and sigma <= target:
         best: tuple[Remedy, ...] = ()
     else:

@@ -7,7 +7,7 @@ small matrices. All weights of Huber's loss are 1. The model is assumed to be ex
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -58,29 +58,20 @@ class RunInformation:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class PredictedPosterior:
-    """The posterior that a fit would give."""
+class PredictedPosterior(ScaledPosterior):
+    """The posterior that a fit would give; sigmas are relative to those of the priors."""
 
-    posterior: ScaledPosterior
-    not_identified: Mapping[str, Verdict]
+    not_identified: Mapping[str, Verdict] = field(default_factory=dict)
     """Verdict of each parameter without enough information: NOT_EXCITED or NOT_IDENTIFIABLE."""
-    no_channel: frozenset[str]  # parameters of roll without a roll rate of their unit
+    no_channel: frozenset[str] = frozenset()  # parameters of roll without a roll rate of their unit
 
     def verdict(self, name: str) -> Verdict:
         """CONVERGED, NOT_EXCITED or NOT_IDENTIFIABLE."""
         return self.not_identified.get(name, Verdict.CONVERGED)
 
-    def sigma(self, name: str) -> float:
-        """Standard deviation of an unknown after the fit, relative to that of its prior."""
-        return self.posterior.sigma_of(name)
-
     def reliable_sigma(self, name: str) -> float:
-        """The same; that of the prior, 1, for a parameter without enough information, whose estimate is not used."""
-        return 1.0 if name in self.not_identified else self.sigma(name)
-
-    def conditional_sigma(self, name: str) -> float:
-        """The same if all other parameters were known; the sensors' errors remain unknown."""
-        return self.posterior.conditional_sigma(name)
+        """`sigma_of`; that of the prior, 1, for a parameter without enough information, whose estimate is not used."""
+        return 1.0 if name in self.not_identified else self.sigma_of(name)
 
     def correlated_with(self, name: str) -> list[str]:
         """Unknowns that can hardly be separated from this one, the worst first.
@@ -89,11 +80,11 @@ class PredictedPosterior:
         """
         if name in self.no_channel:
             return []
-        i = self.posterior.names.index(name)
-        places = self.posterior.correlated(i)
+        i = self.names.index(name)
+        places = self.correlated(i)
         if self.verdict(name) is Verdict.NOT_IDENTIFIABLE and not places:
-            places = [self.posterior.most_limiting(i)]
-        return [self.posterior.names[j] for j in places]
+            places = [self.most_limiting(i)]
+        return [self.names[j] for j in places]
 
 
 def possible_channels(vehicle: Vehicle, logged: Iterable[str] = (), *, roll: bool = True) -> tuple[str, ...]:
@@ -264,12 +255,12 @@ class InformationPredictor:
     def posterior_of(self, names: Sequence[str], information: Array, channels: Collection[str]) -> PredictedPosterior:
         """The posterior for the information (k, k) of given channels on unknowns with given names (k,)."""
         nuisances = [i for i, name in enumerate(names) if name not in self.setup.estimated]
-        posterior = ScaledPosterior.from_information(names, information, nuisances=nuisances)
+        posterior = PredictedPosterior.from_information(names, information, nuisances=nuisances)
         estimated = [name for name in self.setup.estimated if name in names]
         no_channel = frozenset(name for name in estimated if parameters.lacks_roll_rate(name, channels))
         remaining = {name: posterior.sigma_of(name) for name in estimated}
         not_identified = uninformed_parameters(posterior, remaining, no_channel, self.setup.settings.excited)
-        return PredictedPosterior(posterior=posterior, not_identified=not_identified, no_channel=no_channel)
+        return replace(posterior, not_identified=not_identified, no_channel=no_channel)
 
 
 def combine_information(

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel._types import Array, Indices
+from fifthwheel._types import Array, selected
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
@@ -197,20 +197,7 @@ def _without_zeros(trips: Sequence[Observation], layout: UnknownLayout) -> list[
         zeros = np.intersect1d(bounded, total.places[z < 0])
         if not len(zeros):
             return list(trips)
-        trips = [_reduced(trip, zeros) for trip in trips]
-
-
-def _reduced(trip: Observation, zeros: Indices) -> Observation:
-    """The trip if some unknowns are 0."""
-    kept = np.flatnonzero(~np.isin(trip.places, zeros))
-    part = np.ix_(kept, kept)
-    return replace(
-        trip,
-        places=trip.places[kept],
-        vector=trip.vector[kept],
-        information=trip.information[part],
-        score_covariance=trip.score_covariance[part],
-    )
+        trips = [selected(trip, np.flatnonzero(~np.isin(trip.places, zeros))) for trip in trips]
 
 
 def _widening(trips: Sequence[Observation], n: int) -> Array:

@@ -4,13 +4,15 @@ import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Annotated, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from pydantic import BeforeValidator
 
 from fifthwheel._arguments import expect_optional
-from fifthwheel._types import Array, ComparedByContents
+from fifthwheel._types import ComparedByContents
 from fifthwheel.channels import SensorErrorName
+from fifthwheel.identify.stored import Flags, Positive, Symmetric, Vector
 from fifthwheel.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.names import ParameterPath
@@ -75,18 +77,28 @@ class SharedInformation(ComparedByContents):
     """What one log contributes to the cost of n shared unknowns, z ~ N(0, I)."""
 
     names: tuple[str, ...]
-    centre: Array  # prior mean (n,), SI; median of a logarithmic unknown
-    scale: Array  # prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown
-    logarithmic: NDArray[np.bool_]  # (n,): value = centre exp(scale z); the others: value = centre + scale z
-    non_negative: NDArray[np.bool_]
+    centre: Vector  # prior mean (n,), SI; median of a logarithmic unknown
+    scale: Vector  # prior standard deviation (n,), SI; of the logarithm of a logarithmic unknown
+    logarithmic: Flags  # (n,): value = centre exp(scale z); the others: value = centre + scale z
+    non_negative: Flags
     """(n,): z is not below 0, such as that of a play. A combination below 0 means that the unknown is 0."""
-    vector: Array  # v (n,)
-    information: Array  # H_s (n, n) of the shared unknowns
-    score_covariance: Array
+    vector: Vector  # v (n,)
+    information: Symmetric  # H_s (n, n) of the shared unknowns
+    score_covariance: Symmetric
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
     origins: tuple[str, ...] = ()  # `Owned.origin` of each unknown; empty if all are those of one vehicle file
-    factors: Mapping[str, float] = field(default_factory=dict)
+    factors: Mapping[str, Positive] = field(default_factory=dict)
     """Value in this log over the shared value, by name; 1 for others. See `load.load_factors`."""
+
+
+def _date(value: Any) -> datetime.datetime:
+    """The date of a log in a file."""
+    if not isinstance(value, str):
+        raise TypeError(f"expected a text, got {type(value).__name__}")
+    date = datetime.datetime.fromisoformat(value)
+    if date.tzinfo is None or not 1900 <= date.year <= 2200:
+        raise ValueError(f"date {value}: expected one with its time zone, such as 2026-01-01T08:00:00+00:00")
+    return date.astimezone(datetime.UTC)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -94,7 +106,7 @@ class LogKnowledge(ComparedByContents):
     """The information of one log, and where it belongs."""
 
     name: str
-    date: datetime.datetime  # UTC
+    date: Annotated[datetime.datetime, BeforeValidator(_date)]  # UTC
     tractor: str  # name of the first unit
     trailer: str
     load: str
@@ -102,7 +114,7 @@ class LogKnowledge(ComparedByContents):
     information: SharedInformation
     estimated: tuple[str, ...]  # names of the estimated parameters; the others are uncertain, or errors of sensors
     digest: str = ""  # of the log, by `record_digest`
-    masses: Mapping[str, float] = field(default_factory=dict)  # given masses that depend on the load, kg, by path
+    masses: Mapping[str, Positive] = field(default_factory=dict)  # given masses that depend on the load, kg, by path
     changed: tuple[str, ...] = ()
     """Names of unknowns that differ from those of the logs before it, such as the stiffness of new tyres."""
     set_aside: str = ""  # why it is not used; empty if it is

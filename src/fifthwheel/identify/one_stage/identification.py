@@ -233,7 +233,7 @@ def _covariance(vehicle: Vehicle, problem: Problem, minimum: Minimum[Problem], c
     rows: dict[str, Array] = {}
     for i, log in enumerate(problem.logs):
         values = problem.values(minimum.z, i)
-        slopes = problem.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
+        slopes = problem.setup.scaling.slope(np.array([values[u.name] for u in problem.unknowns]))
         for u, index, slope in zip(problem.unknowns, problem.layout.unknowns[i], slopes, strict=True):
             if i == 0 or u.per_log:
                 for name, factor in u.slopes.items():

@@ -11,7 +11,7 @@ from types import MappingProxyType
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, selected
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.setup import Setup
 
@@ -27,13 +27,8 @@ class JointPrior:
 
     def among(self, names: Container[str]) -> "JointPrior":
         """That of some of the unknowns."""
-        kept = [i for i, name in enumerate(self.names) if name in names]
-        return JointPrior(
-            names=tuple(self.names[i] for i in kept),
-            mean=self.mean[kept],
-            covariance=self.covariance[np.ix_(kept, kept)],
-            widening=self.widening[kept],
-        )
+        own: JointPrior = selected(self, [i for i, name in enumerate(self.names) if name in names])
+        return own
 
 
 Earlier = Callable[[Setup], JointPrior | None]

@@ -26,7 +26,7 @@ information H of the logs (Gauss-Newton).
 import copy
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import astuple, replace
 from functools import cached_property
 from typing import NamedTuple, Self
 
@@ -36,9 +36,8 @@ from fifthwheel._types import Array, Indices
 from fifthwheel.channels import ARTICULATION, SPEED, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
 from fifthwheel.checks.samples import present_samples
 from fifthwheel.errors import VehicleError
-from fifthwheel.filters import Noise, variances
+from fifthwheel.filters import Noise, tangent, variances
 from fifthwheel.filters.initial_state import initial_factor, initial_state
-from fifthwheel.filters.scaling import Scaling
 from fifthwheel.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.identify.dataset import LogData, speed_range
 from fifthwheel.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
@@ -47,10 +46,11 @@ from fifthwheel.identify.one_stage import likelihood
 from fifthwheel.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.identify.one_stage.prior import JointPrior, Prior
-from fifthwheel.identify.one_stage.segment_run import SegmentRun
+from fifthwheel.identify.one_stage.segment_run import segment_blocks
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.statement import prior_of
 from fifthwheel.identify.unknowns.unknown import Unknown
+from fifthwheel.native import AdjointScan, DirectionScan
 from fifthwheel.record import Record
 from fifthwheel.vehicle.quantities import DISCREPANCY, DRIVE_AXLE_BRAKING
 
@@ -159,11 +159,6 @@ class Problem:
         """Whether the residuals are those of the free-running model."""
         return self.settings.form == "output_error"
 
-    @property
-    def scaling(self) -> Scaling:
-        """The transformation between z and the values of the unknowns of one log."""
-        return self.setup.scaling
-
     @cached_property
     def layout(self) -> ProblemLayout:
         """Where each unknown is in z."""
@@ -194,8 +189,8 @@ class Problem:
         """Lower and upper bounds of z (k,); unknowns that are not estimated keep their prior mean 0."""
         lower, upper = np.full(len(self.names), -8.0), np.full(len(self.names), 8.0)
         for indices in self.layout.unknowns:
-            lower[indices] = self.scaling.to_z(self.scaling.lower)
-            upper[indices] = self.scaling.to_z(self.scaling.upper)
+            lower[indices] = self.setup.scaling.to_z(self.setup.scaling.lower)
+            upper[indices] = self.setup.scaling.to_z(self.setup.scaling.upper)
             considered = indices[[not u.is_estimated for u in self.unknowns]]
             lower[considered] = upper[considered] = 0.0
         return lower, upper
@@ -293,7 +288,7 @@ class Problem:
         else:
             selected = [a for a, u in enumerate(self.unknowns) if u.is_estimated]
             unknowns = [self.unknowns[a] for a in selected]
-            slope = self.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
+            slope = self.setup.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
             for row, (u, dp_dz) in enumerate(zip(unknowns, slope, strict=True)):
                 for name, rate in u.slopes.items():
@@ -301,25 +296,22 @@ class Problem:
             steady = steady_state_slopes(self.model, self.vehicle, rows.first, values, unknowns, bank)
             x0_directions = np.vstack([steady * slope[:, None], factor.T[: len(initial)]])
             indices = np.concatenate([self.layout.unknowns[i][selected], initial])
-        run = SegmentRun(
-            rows=rows,
-            p=p,
-            p_directions=p_directions,
-            x0=x0,
-            x0_directions=x0_directions,
-            P0=factor @ factor.T,
-            indices=indices,
-        )
-        if not self.output_error:
+        scan: AdjointScan | DirectionScan
+        if self.output_error:
+            models = [self.logs[i].noise_model(name) for name in self.model.outputs]
+            if not whitened:
+                models = [replace(m, white=r, discrepancy=0.0) for m, r in zip(models, self.variance(i), strict=True)]
+            r, q, tau = (np.array(values) for values in zip(*map(astuple, models), strict=True))
+            start, constant = tangent.simulation_start(x0, q, x0_directions), [p, r, q, tau]
+            linear = self.model.tyres == "linear"
+            scan = tangent.simulation_directions(self.model) if linear else tangent.simulation_adjoint(self.model)
+        else:
             multiple = max(self.settings.process_noise, 1e-9)
             process = variances.process_covariance(self.model.states, variances.PROCESS_VARIANCE, multiple)
-            return run.innovations(
-                self.model, Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
-            )
-        models = [self.logs[i].noise_model(name) for name in self.model.outputs]
-        if not whitened:
-            models = [replace(m, white=r, discrepancy=0.0) for m, r in zip(models, self.variance(i), strict=True)]
-        return run.output_errors(self.model, models)
+            noise = Noise(process=process, measurement=self.variance(i), gate=self.settings.gate)
+            start, constant = tangent.innovations_start(x0, factor @ factor.T, x0_directions), [p, noise.vector()]
+            scan = tangent.innovations_tangent(self.model)
+        return segment_blocks(scan, rows, start, np.concatenate(constant), p_directions, indices)
 
     def residuals(self, z: Array, log: int, *, whitened: bool = True) -> tuple[Array, Array, Array]:
         """Time (N,), residuals (N, m) and their variances (N, m) of all segments of a log, `whitened` or not."""

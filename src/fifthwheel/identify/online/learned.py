@@ -20,11 +20,12 @@ from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, describe_doubt, most_likely
 from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, masses_of_load
-from fifthwheel.identify.knowledge.storage import log_contents, log_of
+from fifthwheel.identify.knowledge.storage import restored_logs
 from fifthwheel.identify.one_stage.shared_information import marginal_information
 from fifthwheel.identify.one_stage.solution import LogLinearisation
 from fifthwheel.identify.online.live_filter import LiveFilter
 from fifthwheel.identify.online.persistence import EstimateBlock
+from fifthwheel.identify.stored import restored, stored
 from fifthwheel.identify.unknowns.gross_errors import is_possible
 
 GAINED = 1e-3
@@ -63,25 +64,17 @@ class LearnedLog:
     def as_dict(self, live: LiveFilter, trailer: str, time: float) -> dict[str, Any]:
         """The content for JSON."""
         began = EstimateBlock.of(live.setup.unknowns, *live.joint(live.began))
-        return {
-            "began": began.as_dict(),
-            "occasions": {name: [of.trailer, of.load] for name, of in self.occasions.items()},
-            "logs": [log_contents(log) for log in self.logs],
-            "digest": self.digest,
-            "date": self._date(self.occasions[trailer], time).isoformat(),
-        }
+        occasions = {name: Occasion(trailer=of.trailer, load=of.load) for name, of in self.occasions.items()}
+        learned = replace(self, occasions=occasions, date=self._date(self.occasions[trailer], time))
+        return {"began": stored(EstimateBlock, began), **stored(LearnedLog, learned)}
 
     @classmethod
     def restored(cls, content: Mapping[str, Any], live: LiveFilter) -> "LearnedLog":
         """That of `as_dict`, whose start the filter gets."""
-        began = EstimateBlock.from_dict(content["began"])
+        began, logs = EstimateBlock.restored(content["began"]), restored_logs(content["logs"])
         live.began = live.joint_estimate(began.z, began.Pz)
-        return cls(
-            occasions={name: Occasion(trailer=of[0], load=of[1]) for name, of in content["occasions"].items()},
-            logs=tuple(log_of(log) for log in content["logs"]),
-            digest=content["digest"],
-            date=datetime.datetime.fromisoformat(content["date"]),
-        )
+        learned: LearnedLog = restored(cls, {**content, "logs": logs})
+        return learned
 
     def _date(self, occasion: Occasion, time: float) -> datetime.datetime:
         """Of the last sample: by its time, or of the learner that was loaded, if no sample came since."""

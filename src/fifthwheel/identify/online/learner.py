@@ -14,7 +14,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from pydantic import TypeAdapter
 
 from fifthwheel._arguments import expect, expect_known, expect_names, expect_optional, expect_sample
 from fifthwheel.channels import CHANNELS
@@ -32,6 +31,7 @@ from fifthwheel.identify.online.settings import LearnerSettings
 from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.setup import Setup
+from fifthwheel.identify.stored import reason, restored, stored
 from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
@@ -378,14 +378,14 @@ class Learner:
             "settings": setup.settings.as_dict(),
             "learner": self._live.learner.as_dict(),
             "trailer": self._trailer,
-            "estimates": self._joint_block().as_dict(),
+            "estimates": stored(EstimateBlock, self._joint_block()),
             "knowledge": self._log.as_dict(self._live, self._trailer, self._time),
             "evidence": {
                 "gradient": estimate.gradient.tolist(),
                 "information": estimate.information.tolist(),
                 "innovations": innovations.as_dict(),
             },
-            "uncoupled": {name: block.as_dict() for name, block in self._uncoupled.items()},
+            "uncoupled": stored(dict[str, EstimateBlock], self._uncoupled),
         }
 
     @classmethod
@@ -407,14 +407,14 @@ class Learner:
             learner = cls(
                 Vehicle(**content["vehicle"]),
                 content["signals"],
-                TypeAdapter(OneStage).validate_python(content["settings"]),
-                learner=TypeAdapter(LearnerSettings).validate_python(content["learner"]),
+                restored(OneStage, content["settings"]),
+                learner=restored(LearnerSettings, content["learner"]),
                 trailer=content["trailer"],
             )
             if knowledge is not None:
                 knowledge.require_same_truck(learner._vehicle_file)
             learner._knowledge = knowledge
-            blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
+            blocks = [(EstimateBlock.restored(content["estimates"]), path)]
             setup, evidence = learner._live.setup, content["evidence"]
             scores = (np.array(evidence["gradient"]), np.array(evidence["information"]))
             start = combine_blocks(setup.unknowns, blocks)
@@ -423,11 +423,11 @@ class Learner:
             live.innovations.restore(**evidence["innovations"])
             learner._log = LearnedLog.restored(content["knowledge"], live)
             for name, block in content["uncoupled"].items():
-                learner._uncoupled[name] = EstimateBlock.from_dict(block)
+                learner._uncoupled[name] = EstimateBlock.restored(block)
         except (KeyError, TypeError, ValueError, AttributeError) as error:
             raise SignalError(
-                f"{path}: written by another version of fifthwheel ({error}); start with a new Learner, or load it "
-                "with the version that wrote it"
+                f"{path}: written by another version of fifthwheel ({reason(error)}); start with a new Learner, or "
+                "load it with the version that wrote it"
             ) from error
         return learner
 

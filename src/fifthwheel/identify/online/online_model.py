@@ -26,6 +26,9 @@ LINEAR_TYRES = 0.06
 """Default variation of the cornering stiffness of a linear tyre from drive to drive, as a fraction: slip, load and
 longitudinal force change it, and differ in each drive."""
 
+Structure = tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...], tuple[str, ...]]
+"""`own`, `slopes` and `given` of an `OnlineModel`."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnlineModel:
@@ -61,7 +64,7 @@ class OnlineModel:
 
     def values(self, p: ca.SX, c: ca.SX) -> dict[str, ca.SX]:
         """All parameters of the chain by name, from p and c."""
-        return _values(self.chain, self.own, self.given, self.slopes, p, c)
+        return _values(self.chain, (self.own, self.slopes, self.given), p, c)
 
 
 def online_setup(vehicle: Vehicle, signals: Collection[str], settings: OneStage) -> Setup:
@@ -135,7 +138,7 @@ def _online_model(
     m = len(chain.outputs) if discrepancies else 0
     p, dt, d = ca.SX.sym("p", len(unknowns)), ca.SX.sym("dt"), ca.SX.sym("d", n_d)
     c = ca.SX.sym("c", n_known + len(given) + len(slopes) + 1)
-    value = _values(chain, own, given, slopes, p, c)
+    value = _values(chain, (own, slopes, given), p, c)
     chain_p, chain_c = ca.vertcat(*[value[name] for name in chain.free]), c[:n_known]
     x, later = ca.SX.sym("x", n + m), ca.SX.sym("later", n + m)
     decay = ca.exp(-dt / c[-1])
@@ -169,16 +172,9 @@ def _online_model(
     )
 
 
-def _values(
-    chain: ChainModel,
-    own: Sequence[tuple[str, int]],
-    given: Sequence[str],
-    slopes: Sequence[tuple[str, int]],
-    p: ca.SX,
-    c: ca.SX,
-) -> dict[str, ca.SX]:
+def _values(chain: ChainModel, structure: Structure, p: ca.SX, c: ca.SX) -> dict[str, ca.SX]:
     """`OnlineModel.values`."""
-    n_known = len(chain.known)
+    (own, slopes, given), n_known = structure, len(chain.known)
     value = dict(zip(chain.known, ca.vertsplit(c[:n_known]), strict=True))
     value |= {name: p[i] for name, i in own} | {name: c[n_known + k] for k, name in enumerate(given)}
     for k, (name, i) in enumerate(slopes):

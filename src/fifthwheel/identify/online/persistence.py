@@ -1,15 +1,16 @@
 """Estimates that a learner keeps: of trailers that are not coupled, and in a JSON file."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from fifthwheel._types import Array
+from fifthwheel._types import Array, selected
 from fifthwheel.checked_json import FileKind
 from fifthwheel.errors import SignalError
 from fifthwheel.identify.one_stage.prior import JointPrior
+from fifthwheel.identify.stored import Matrix, Vector, restored
 from fifthwheel.identify.unknowns.unknown import Unknown
 
 LEARNER_FILE = FileKind(
@@ -24,8 +25,8 @@ class EstimateBlock:
     names: tuple[str, ...]
     centre: tuple[float, ...]  # with `scale` the meaning of z
     scale: tuple[float, ...]
-    z: Array  # (n,)
-    Pz: Array  # covariance of z (n, n)
+    z: Vector  # (n,)
+    Pz: Matrix  # covariance of z (n, n)
 
     @classmethod
     def of(cls, unknowns: Sequence[Unknown], z: Array, Pz: Array) -> "EstimateBlock":
@@ -35,13 +36,8 @@ class EstimateBlock:
 
     def among(self, places: Sequence[int]) -> "EstimateBlock":
         """The estimates of the unknowns at some places."""
-        return EstimateBlock(
-            names=tuple(self.names[i] for i in places),
-            centre=tuple(self.centre[i] for i in places),
-            scale=tuple(self.scale[i] for i in places),
-            z=self.z[list(places)],
-            Pz=self.Pz[np.ix_(places, places)],
-        )
+        own: EstimateBlock = selected(self, places)
+        return own
 
     def restricted(self, unknowns: Sequence[Unknown]) -> "EstimateBlock":
         """The estimates of those that are among some unknowns with the same prior."""
@@ -51,26 +47,17 @@ class EstimateBlock:
             [i for i, (n, *prior) in enumerate(own) if n in priors and np.allclose(priors[n], prior, rtol=1e-9)]
         )
 
-    def as_dict(self) -> dict[str, Any]:
-        """The content for JSON."""
-        return vars(self) | {"z": self.z.tolist(), "Pz": self.Pz.tolist()}
-
     @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> "EstimateBlock":
-        """The block with the content that `as_dict` gave; KeyError, ValueError or TypeError for any other content."""
-        z, Pz = np.array(content["z"], dtype=np.float64), np.array(content["Pz"], dtype=np.float64)
-        n = len(content["names"])
-        if z.shape != (n,) or Pz.shape != (n, n) or not (np.isfinite(z).all() and np.isfinite(Pz).all()):
-            raise ValueError("the sizes of names, z and Pz differ, or they are not finite")
+    def restored(cls, content: Any) -> "EstimateBlock":
+        """The block that was `stored`; a ValueError for any other content."""
+        block: EstimateBlock = restored(cls, content)
+        n = len(block.names)
+        if {len(column) for column in (block.centre, block.scale, block.z, *block.Pz, block.Pz)} != {n}:
+            raise ValueError("the sizes of names, z and Pz differ")
+        Pz = block.Pz.reshape(n, n)
         if n:
             np.linalg.cholesky(Pz)  # LinAlgError, a ValueError, if it is not positive definite
-        return cls(
-            names=tuple(content["names"]),
-            centre=tuple(content["centre"]),
-            scale=tuple(content["scale"]),
-            z=z,
-            Pz=(Pz + Pz.T) / 2,
-        )
+        return replace(block, Pz=(Pz + Pz.T) / 2)
 
 
 def combine_blocks(

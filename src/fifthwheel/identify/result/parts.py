@@ -1,12 +1,11 @@
 """The parts of a result: estimates and their history, sensor errors, fits, and what was used of each log."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Annotated
 
 import numpy as np
-from pydantic import BeforeValidator, PlainValidator, Strict
+from pydantic import PlainValidator
 
 from fifthwheel._types import Array, ComparedByContents
 from fifthwheel.checks import Finding
@@ -14,20 +13,23 @@ from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.settings import CommonSettings
 from fifthwheel.identify.statement import states_sigma
+from fifthwheel.identify.stored import Number, Real
 from fifthwheel.identify.verdict import Verdict
 from fifthwheel.names import ParameterPath, split_log
 from fifthwheel.observe.uncertainty import Uncertainty
 from fifthwheel.vehicle import Vehicle
 from fifthwheel.vehicle.quantities import size_of
 
-Real = Annotated[float, Strict()]
-"""A number; a text with a number is refused."""
-Number = Annotated[Real, BeforeValidator(lambda value: math.nan if value is None else value)]
-"""A number that may be NaN, which a JSON file states as null."""
 Series = Annotated[Array, PlainValidator(np.asarray)]
-"""An array, which is not in the JSON file."""
+"""An array, which is not in the JSON file; empty without its file."""
+VehicleFile = Annotated[Vehicle, PlainValidator(lambda content: Vehicle(**content))]
+Joint = Annotated[Uncertainty, PlainValidator(Uncertainty.from_dict)]
 LAST_FRACTION = 0.1
 """An estimate that settles only within this last fraction of its history has not settled."""
+
+
+def _empty() -> Array:
+    return np.zeros(0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,11 +77,11 @@ class Fit(ComparedByContents):
     signal: str
     explained: Number  # fraction of variance explained: 1 - variance of the residual / variance of the signal
     rms: Number  # of the residual, SI
-    time: Series  # (N,)
-    measured: Series
-    predicted: Series
+    time: Series = field(default_factory=_empty)  # (N,)
+    measured: Series = field(default_factory=_empty)
+    predicted: Series = field(default_factory=_empty)
     identified_on: bool  # False for a log that was only predicted
-    whitened: Series = field(default_factory=lambda: np.zeros(0))
+    whitened: Series = field(default_factory=_empty)
     """Residual at the maximum of the posterior, whitened, in standard deviations; empty if it was only predicted."""
 
 
@@ -105,9 +107,9 @@ class ParameterHistory(ComparedByContents):
     """Estimates after each of N samples, all passes one after another, of n parameters."""
 
     names: tuple[str, ...]
-    time: Array  # (N,) s, continues over logs and passes
-    values: Array  # (N, n)
-    sigma: Array  # (N, n), of the filter
+    time: Series  # (N,) s, continues over logs and passes
+    values: Series  # (N, n)
+    sigma: Series  # (N, n), of the filter
     starts: tuple[int, ...]  # first row of each pass
 
     @property
@@ -153,28 +155,28 @@ class IdentificationData(ComparedByContents):
     """The data of a result."""
 
     method: str
-    vehicle: Vehicle  # as identified, for the next command
-    initial_vehicle: Vehicle
+    vehicle: VehicleFile  # as identified, for the next command
+    initial_vehicle: VehicleFile
     signals: tuple[str, ...]  # inputs and measured signals that were used
     parameters: tuple[Estimate, ...]
     derived: tuple[Estimate, ...]
     sensors: tuple[SensorError, ...]
     uncertain: tuple[Estimate, ...] = ()  # uncertain parameters of vehicle file and tyres, estimated too
-    surroundings: Mapping[str, float] = field(default_factory=dict)
+    surroundings: Mapping[str, Number] = field(default_factory=dict)
     """As of `ObserverSettings`: what was estimated but has no place in a vehicle file, SI."""
     knowledge: Knowledge | None = None
     """The information of these logs and earlier ones on the truck; None in two stages."""
-    covariance: Uncertainty | None = None  # of all unknowns; the sensor errors of a log as "name@log"
+    covariance: Joint | None = None  # of all unknowns; the sensor errors of a log as "name@log"
     doubts: tuple[Doubt, ...] = ()  # evidence against an assumption; the estimates that it concerns are `doubtful`
-    variance_budget: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    variance_budget: Mapping[str, Mapping[str, Number]] = field(default_factory=dict)
     """Of each parameter: by what fraction its variance would fall if each uncertain number were exact, the largest
     fraction first."""
-    remaining_uncertainty: Mapping[str, float] = field(default_factory=dict)
+    remaining_uncertainty: Mapping[str, Number] = field(default_factory=dict)
     """Of each uncertain number: the fraction of its prior standard deviation that remains after the logs."""
     histories: Mapping[str, ParameterHistory]  # "one stage", or "stage 1" and "stage 2" over all rounds
     logs: tuple[LogSummary, ...]
     fits: tuple[Fit, ...]
-    log_likelihood: Number | None = None
+    log_likelihood: float | None = None
     """Of all logs at the maximum of the posterior, with the estimated noise of their residuals; None in two stages."""
     settings: CommonSettings
     rounds: int  # of both stages; one stage: steps

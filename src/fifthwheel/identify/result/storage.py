@@ -3,44 +3,38 @@
 import json
 import math
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, get_type_hints
 
 import numpy as np
-from pydantic import TypeAdapter, ValidationError
 
 from fifthwheel._atomic import atomic_write
 from fifthwheel._types import Array
-from fifthwheel.checks import Finding
 from fifthwheel.errors import FifthwheelError, SignalError, printable
-from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.storage import KNOWLEDGE
-from fifthwheel.identify.result.parts import (
-    Estimate,
-    Fit,
-    IdentificationData,
-    LogSummary,
-    ParameterHistory,
-    SensorError,
-)
-from fifthwheel.identify.settings import imported, method_named, require_own_functions
+from fifthwheel.identify.result.parts import IdentificationData
+from fifthwheel.identify.settings import require_own_functions, settings_of_method
+from fifthwheel.identify.stored import ValidationError, restored
 from fifthwheel.input_files import read_json, require_regular
 from fifthwheel.observe.uncertainty import Uncertainty
+from fifthwheel.settings import Settings
 from fifthwheel.vehicle import Vehicle
 
 T = TypeVar("T")
 
 CONTENTS, SERIES = "identification.json", "series.npz"
-FIT, HISTORY = ("time", "measured", "predicted", "whitened"), ("time", "values", "sigma")
-"""Time series of each fit and of each history."""
-PARTS = {"parameters": Estimate, "derived": Estimate, "uncertain": Estimate, "sensors": SensorError}
-PARTS |= {"doubts": Doubt, "logs": LogSummary, "findings": Finding}
-"""Fields that are tuples of dataclasses."""
-NUMBERS = ("surroundings", "variance_budget", "remaining_uncertainty")
-"""Fields with numbers by name."""
+OTHER = "knowledge"
+"""The field with a file of its own."""
+KEYS = {
+    "vehicle": "vehicle_file",
+    "initial_vehicle": "initial_vehicle_file",
+    "covariance": "uncertainty",
+    "fits": "fit",
+}
+"""Of fields whose key in the file is not their name."""
 MAX_SERIES = 1_000_000_000
 """Bytes of all time series together."""
 
@@ -83,73 +77,49 @@ def load(path: Path, make: Callable[..., T]) -> T:
 
 def contents_of(identification: IdentificationData) -> dict[str, Any]:
     """The contents of identification.json."""
-    return {
-        "version": identification.version,
-        "method": identification.method,
-        "preset": identification.settings.preset,
-        "vehicle": identification.initial_vehicle.name,
-        "vehicle_file": identification.vehicle.model_dump(mode="json"),
-        "initial_vehicle_file": identification.initial_vehicle.model_dump(mode="json"),
-        "signals": list(identification.signals),
-        **{key: [asdict(part) for part in getattr(identification, key)] for key in PARTS},
-        **{key: dict(getattr(identification, key)) for key in NUMBERS},
-        "uncertainty": None if identification.covariance is None else identification.covariance.as_dict(),
-        "fit": [
-            {name: getattr(fit, name) for name in ("log", "signal", "explained", "rms", "identified_on")}
-            for fit in identification.fits
-        ],
-        "histories": {title: {"names": h.names, "starts": h.starts} for title, h in identification.histories.items()},
-        "log_likelihood": identification.log_likelihood,
-        "rounds": identification.rounds,
-        "notes": list(identification.notes),
-        "settings": identification.settings.as_dict(),
-    }
+    values = {key: _plain(getattr(identification, name)) for name, key in _keys().items()}
+    return {"preset": identification.settings.preset, "vehicle": identification.initial_vehicle.name, **values}
+
+
+def _keys() -> dict[str, str]:
+    """The key of each field in the file."""
+    return {field.name: KEYS.get(field.name, field.name) for field in fields(IdentificationData) if field.name != OTHER}
+
+
+def _plain(value: Any) -> Any:
+    """Nested data without arrays."""
+    if isinstance(value, Vehicle):
+        return value.model_dump(mode="json")
+    if isinstance(value, Settings | Uncertainty):
+        return value.as_dict()
+    if is_dataclass(value):
+        return {f.name: _plain(v) for f in fields(value) if not isinstance(v := getattr(value, f.name), np.ndarray)}
+    if isinstance(value, Mapping):
+        return {key: _plain(item) for key, item in value.items()}
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
 def series_of(identification: IdentificationData) -> dict[str, Array]:
     """Time series of fits and histories by name."""
-    fits = {f"fit/{k}/{part}": getattr(fit, part) for k, fit in enumerate(identification.fits) for part in FIT}
-    return fits | {
-        f"history/{title}/{part}": getattr(history, part)
-        for title, history in identification.histories.items()
-        for part in HISTORY
-    }
+    fits, histories = enumerate(identification.fits), identification.histories.items()
+    owners: dict[str, Any] = {f"fit/{k}": fit for k, fit in fits} | {f"history/{title}": h for title, h in histories}
+    named = {f"{place}/{field.name}": getattr(o, field.name) for place, o in owners.items() for field in fields(o)}
+    return {name: value for name, value in named.items() if isinstance(value, np.ndarray)}
 
 
 def fields_of(contents: Mapping[str, Any], series: Mapping[str, Array]) -> dict[str, Any]:
     """The fields of an `Identification`: the inverse of `contents_of` and `series_of`."""
-    uncertainty = contents["uncertainty"]
-    covariance = None if uncertainty is None else Uncertainty.from_dict(uncertainty)
-    return dict(
-        **{key: parts(kind, contents[key]) for key, kind in PARTS.items()},
-        **{key: dict(contents[key]) for key in NUMBERS},
-        method=str(contents["method"]),
-        vehicle=Vehicle(**contents["vehicle_file"]),
-        initial_vehicle=Vehicle(**contents["initial_vehicle_file"]),
-        signals=tuple(map(str, contents["signals"])),
-        covariance=covariance,
-        histories={
-            title: ParameterHistory(
-                names=tuple(history["names"]),
-                starts=tuple(history["starts"]),
-                **{part: series[f"history/{title}/{part}"] for part in HISTORY},
-            )
-            for title, history in contents["histories"].items()
-            if f"history/{title}/time" in series
-        },
-        fits=parts(
-            Fit,
-            [
-                fit | {part: series.get(f"fit/{k}/{part}", np.zeros(0)) for part in FIT}
-                for k, fit in enumerate(contents["fit"])
-            ],
-        ),
-        settings=parts(imported(method_named(contents["method"]).settings), [contents["settings"]])[0],
-        log_likelihood=contents["log_likelihood"],
-        rounds=int(contents["rounds"]),
-        notes=tuple(map(str, contents["notes"])),
-        version=str(contents["version"]),
-    )
+    found = {name: contents[key] for name, key in _keys().items()}
+    arrays: dict[str, dict[str, Array]] = {}
+    for name, values in series.items():
+        place, _, part = name.rpartition("/")
+        arrays.setdefault(place, {})[part] = values
+    found["fits"] = [fit | arrays.get(f"fit/{k}", {}) for k, fit in enumerate(contents["fit"])]
+    places = {title: f"history/{title}" for title in contents["histories"]}
+    found["histories"] = {t: contents["histories"][t] | arrays[p] for t, p in places.items() if p in arrays}
+    kinds = get_type_hints(IdentificationData, include_extras=True)
+    kinds["settings"] = settings_of_method(contents["method"])
+    return {name: _restored(name, kinds[name], value) for name, value in found.items()}
 
 
 def as_json(contents: Mapping[str, Any]) -> str:
@@ -157,19 +127,20 @@ def as_json(contents: Mapping[str, Any]) -> str:
     return json.dumps(_finite(contents), indent=2)
 
 
-def parts(kind: type[T], rows: Sequence[Mapping[str, Any]]) -> tuple[T, ...]:
-    """Dataclasses from their fields in a file; a SignalError names a field that has another type."""
-    adapter: TypeAdapter[T] = TypeAdapter(kind)
-    made = []
-    for row in rows:
-        try:
-            made.append(adapter.validate_python(row))
-        except ValidationError as error:
-            first = error.errors()[0]
-            inner = [str(step) for step in first["loc"][1:]]
-            name = ".".join(inner) or row.get("name") or str(first["loc"][0])
-            raise SignalError(f"{name}: expected another value: {first['msg']}, got {first['input']!r}") from None
-    return tuple(made)
+def _restored(field: str, kind: Any, content: Any) -> Any:
+    """A field from its content in a file; a SignalError names a part that has another type."""
+    try:
+        return restored(kind, content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        if isinstance(cause := first.get("ctx", {}).get("error"), FifthwheelError):
+            raise cause from None
+        row, steps = content, first["loc"]
+        if isinstance(content, list) and steps:
+            row, steps = content[int(steps[0])], steps[1:]
+        own = row.get("name") if isinstance(row, dict) else ""
+        name = ".".join(map(str, steps[1:])) or own or "".join(map(str, steps)) or field
+        raise SignalError(f"{name}: expected another value: {first['msg']}, got {first['input']!r}") from None
 
 
 def read_contents(path: Path) -> dict[str, Any]:
