@@ -168,7 +168,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     kind = channel.error(error.kind) if error and channel else None
     if error is None or kind is None:
         return None
-    mean, sigma = float(kind.kind == "gain"), kind.prior
+    mean, sigma = kind.ideal, kind.prior
     if kind.kind in PLACE_KINDS:
         signal = SignalName.of(error.signal)
         unit = vehicle.unit(signal.unit)
