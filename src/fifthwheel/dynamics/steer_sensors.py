@@ -1,6 +1,5 @@
 """Steer angles of the wheels from measured ones, and the reverse: by `true_value` of their channel, its only source."""
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -9,6 +8,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import STEER
+from fifthwheel.native import Scan, compiled
 from fifthwheel.vehicle import Vehicle
 
 PLAY = "play"
@@ -49,8 +49,8 @@ def steer_angle(name: str, measured: Array | float, errors: Mapping[str, float])
     SteerAngle(angle=array(0.02), slope=array(1.))
     """
     values = [errors.get(f"{name}.{error.kind}", error.ideal) for error in STEER.errors]
-    found = _function()(np.ravel(measured)[None], values)
-    return SteerAngle(*[np.reshape(np.asarray(each), np.shape(measured)) for each in found])
+    _, found = _angle_and_slope()(np.zeros(0), np.reshape(measured, (-1, 1)), np.array(values))
+    return SteerAngle(*[column.reshape(np.shape(measured)) for column in found.T])
 
 
 def measured_angle(name: str, angle: Array, errors: Mapping[str, float]) -> Array:
@@ -62,10 +62,11 @@ def measured_angle(name: str, angle: Array, errors: Mapping[str, float]) -> Arra
     return measured
 
 
-@functools.cache
-def _function() -> ca.Function:
-    """(measured angle, errors) -> (true angle, its derivative)."""
-    measured, errors = ca.SX.sym("measured"), ca.SX.sym("errors", len(STEER.errors))
+@compiled(Scan)
+def _angle_and_slope() -> ca.Function:
+    """sample = measured angle; constant = errors; output = [true angle, its derivative]. There is no carry."""
     kinds = [error.kind for error in STEER.errors]
+    nothing, measured, errors = ca.SX.sym("nothing", 0), ca.SX.sym("measured"), ca.SX.sym("errors", len(kinds))
     angle = STEER.true_value(measured, dict(zip(kinds, ca.vertsplit(errors), strict=True)))
-    return ca.Function("angle", [measured, errors], [angle, ca.densify(ca.jacobian(angle, measured))])
+    output = ca.vertcat(angle, ca.jacobian(angle, measured))
+    return ca.Function("steer_angle", [nothing, measured, errors], [nothing, ca.densify(output)])
