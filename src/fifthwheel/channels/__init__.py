@@ -11,7 +11,7 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
-from fifthwheel.channels.channel import Channel, SensorModel, SignalLimits, SignalName, StateNoise
+from fifthwheel.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits, SignalName, StateNoise
 from fifthwheel.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
 from fifthwheel.channels.inputs import SPEED, STEER
 from fifthwheel.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
@@ -288,6 +288,12 @@ class SensorErrorName(NamedTuple):
         """SI unit of the error; None for the offset of an unknown quantity."""
         channel = channel_of(self.signal)
         return _ERROR_UNITS.get(self.kind) or (channel.unit if channel else None)
+
+    @property
+    def row(self) -> ErrorKind | None:
+        """What its channel states of it; None where that has no such error."""
+        channel = channel_of(self.signal)
+        return channel.error(self.kind) if channel else None
 
 
 def is_sensor_error(name: str, kind: str | None = None) -> bool:

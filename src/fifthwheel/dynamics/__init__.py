@@ -32,7 +32,7 @@ from fifthwheel.dynamics.state_space import (
     steady_steer,
     understeer_gradient,
 )
-from fifthwheel.dynamics.steer_sensors import measured_angle, steer_angle, steer_parameters, true_angles
+from fifthwheel.dynamics.steer_sensors import SteerAngle, measured_angle, steer_angle, steer_parameters, true_angles
 
 __all__ = [
     "CONTACT",
@@ -45,6 +45,7 @@ __all__ = [
     "LinearSystem",
     "Matrices",
     "Mode",
+    "SteerAngle",
     "all_parameters",
     "contact_input",
     "critical_speed",

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import SensorErrorName, channel_of
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
 from fifthwheel.identify.noise_model import NoiseModel
@@ -38,8 +38,8 @@ The response is linear in it; small, because the initial state's prior depends o
 def along_run(name: str) -> bool:
     """Whether the derivatives with respect to an unknown are computed along the complete run."""
     error = SensorErrorName.of(split_log(name)[0])
-    kind = channel_of(error.signal).error(error.kind) if error else None
-    return not kind.linear if kind else name.endswith(".softening")
+    row = error.row if error else None
+    return not row.linear if row else name.endswith(".softening")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -3,7 +3,7 @@
 import math
 from typing import NamedTuple
 
-from fifthwheel.channels import SensorErrorName, channel_of
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.vehicle.quantities import quantity_of
 
@@ -28,8 +28,7 @@ class GrossError(NamedTuple):
 def gross_error(unknown: Unknown) -> GrossError | None:
     """The gross error of an unknown; None if it is not larger than the prior."""
     error = SensorErrorName.of(unknown.name)
-    channel = channel_of(error.signal) if error else None
-    row = (channel.error(error.kind) if error and channel else None) or quantity_of(unknown.name)
+    row = (error.row if error else None) or quantity_of(unknown.name)
     size = row.gross / _unit(unknown)
     return GrossError(size, row.weight) if size > 1 else None
 

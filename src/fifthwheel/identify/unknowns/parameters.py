@@ -164,8 +164,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     deviation of its channel.
     """
     error = SensorErrorName.of(name)
-    channel = channel_of(error.signal) if error else None
-    kind = channel.error(error.kind) if error and channel else None
+    kind = error.row if error else None
     if error is None or kind is None:
         return None
     mean, sigma = kind.ideal, kind.prior
