@@ -203,6 +203,14 @@ class ErrorKind:
     """Standard deviation of a gross error, SI, such as a gain of another unit; 0 if it is not usual."""
     weight: float = 1.0
     """How common a gross error is, relative to others."""
+    linear: bool = True
+    """Whether its effect on the signals is a part that is linear in the steer angle, or independent of it; a delay acts
+    through the slope of a spline, so that of a signal that follows the steer angle at once is not."""
+
+    @property
+    def ideal(self) -> float:
+        """Its value for a sensor without errors."""
+        return 1.0 if self.kind == "gain" else 0.0
 
 
 GAIN = partial(ErrorKind, kind="gain", unit="1", gross=0.4, weight=2.0)
@@ -262,6 +270,9 @@ class Channel:
     exchange: Exchange | None = None
     state: StateNoise | None = None
     model: SensorModel | None = None
+    true_value: Callable[[Symbol, Mapping[str, Symbol]], Symbol] = lambda measured, _: measured
+    """Of a steer angle: the true one from the measured one and the errors of its sensor by kind. It increases with the
+    measured one, from which it subtracts the offset. A delay is corrected before, a play afterwards."""
     errors: tuple[ErrorKind, ...] = ()
     """Of its sensors, in the order in which they are estimated."""
 

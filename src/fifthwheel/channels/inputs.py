@@ -74,7 +74,8 @@ STEER = Channel(
     errors=(
         ErrorKind(kind="offset", prior=0.01, per_log=True, gross=0.04, weight=1.5),
         GAIN(prior=0.15),  # a nominal steering ratio may be wrong by this
-        DELAY(prior=0.05),
-        ErrorKind(kind="play", unit="rad", prior=math.radians(0.2), positive=True),  # of a sound steering
+        DELAY(prior=0.05, linear=False),
+        ErrorKind(kind="play", unit="rad", prior=math.radians(0.2), positive=True, linear=False),  # of a sound steering
     ),
+    true_value=lambda measured, error: error["gain"] * (measured - error["offset"]),
 )

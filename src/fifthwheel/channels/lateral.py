@@ -59,7 +59,7 @@ LATERAL_ACCELERATION = Channel(
             kind="offset", prior=0.3, per_log=True, gross=1.0, weight=0.5
         ),  # with gravity by the tilt: 1 degree gives 0.17 m/s^2
         GAIN(prior=0.03),
-        DELAY(prior=0.03),  # with that of the low-pass filter of the sensor
+        DELAY(prior=0.03, linear=False),  # with that of the low-pass filter of the sensor
         ErrorKind(kind="position", unit="m", prior=0.5, gross=1.5, weight=0.5),
         ErrorKind(kind="height", unit="m", prior=0.3, gross=0.6, weight=0.5),
     ),

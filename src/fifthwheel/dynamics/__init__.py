@@ -23,7 +23,6 @@ from fifthwheel.dynamics.model import (
     contact_input,
     model,
     rate_input,
-    steer_parameters,
 )
 from fifthwheel.dynamics.state_space import (
     LinearSystem,
@@ -33,6 +32,7 @@ from fifthwheel.dynamics.state_space import (
     steady_steer,
     understeer_gradient,
 )
+from fifthwheel.dynamics.steer_sensors import SteerAngle, measured_angle, steer_angle, steer_parameters, true_angles
 
 __all__ = [
     "CONTACT",
@@ -45,6 +45,7 @@ __all__ = [
     "LinearSystem",
     "Matrices",
     "Mode",
+    "SteerAngle",
     "all_parameters",
     "contact_input",
     "critical_speed",
@@ -53,6 +54,7 @@ __all__ = [
     "linear_system",
     "matrices",
     "matrices_of_variants",
+    "measured_angle",
     "model",
     "modes",
     "rate_input",
@@ -60,6 +62,8 @@ __all__ = [
     "state_names",
     "steady_state",
     "steady_steer",
+    "steer_angle",
     "steer_parameters",
+    "true_angles",
     "understeer_gradient",
 ]

@@ -19,6 +19,7 @@ from fifthwheel.dynamics import chain, sensors, tyre_law
 from fifthwheel.dynamics import steering as steered
 from fifthwheel.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.dynamics.large_angles import LargeAngles, large_angles
+from fifthwheel.dynamics.steer_sensors import PLAY, steer_parameters, true_angles
 from fifthwheel.dynamics.steering import SteeringSlopes, Wheels
 from fifthwheel.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.dynamics.tyre_law import Tyres
@@ -102,7 +103,7 @@ class ChainModel:
     def steer_offset_exponent(self) -> ca.Function:
         """(x, dt, d, p, c) -> further columns (n, m) of M for the offsets of the m steer angles as constant states."""
         s = self._symbols
-        return s.step("steer_offset_exponent", -self._motion.B @ ca.diag(s.steering.gain) * s.duration, "M_steer")
+        return s.step("steer_offset_exponent", -self._motion.B @ s.steering.slope * s.duration, "M_steer")
 
     @lazy
     def rates(self) -> ca.Function:
@@ -162,18 +163,6 @@ class ChainModel:
         return np.array([values[name] for name in self.free], dtype=np.float64)
 
 
-def steer_parameters(vehicle: Vehicle) -> dict[str, float]:
-    """Errors of the steer sensors, with their defaults: angle(t) = gain (measured(t + delay) - offset).
-
-    The transition corrects a delay to first order, which suits the small remainder after the rows are shifted by most
-    of the delay. Outputs that depend directly on the steer angle (accelerometer, coupling force) do not correct it.
-    """
-    parameters: dict[str, float] = {}
-    for name in vehicle.steer_signals():
-        parameters |= {f"{name}.gain": 1.0, f"{name}.offset": 0.0, f"{name}.delay": 0.0}
-    return parameters
-
-
 CONTACT = "contact"
 """Quantity of `contact_input`."""
 STEER_RATE = "steer_rate"
@@ -197,7 +186,7 @@ def extension_parameters(vehicle: Vehicle, outputs: Sequence[str]) -> dict[str, 
         <sensor>.delay           s, latency of the speed, a gyro, accelerometer or articulation sensor, to first order
         time_base.scale          true duration of a second of the log
     """
-    values = {f"{name}.play": 0.0 for name in vehicle.steer_signals()}
+    values = {f"{name}.{PLAY}": 0.0 for name in vehicle.steer_signals()}
     with_rate = [name for name in outputs if (channel := channel_of(name)) and channel.model and channel.model.rate]
     values |= {SPEED_DELAY: 0.0} | {f"{name}.delay": 0.0 for name in with_rate}
     return values | {TIME_SCALE: 1.0}
@@ -294,7 +283,7 @@ class _Steering(NamedTuple):
     now: dict[str, ca.SX]  # at its end without the correction of a delay, by signal
     rate: ca.SX  # derivatives of the measured angles (m,), rad/s; 0 in a plain model
     measured: ca.SX  # at its end (m,)
-    gain: ca.SX  # of the sensors (m,)
+    slope: ca.SX  # derivatives of the angles at its end with respect to the measured ones (m, m)
 
 
 class _Motion(NamedTuple):
@@ -355,26 +344,18 @@ def _steering(model: ChainModel, value: Expressions, d: ca.SX, dt: ca.SX) -> _St
     """The steer angles, from the measured ones and the errors of their sensors."""
     steers, k = model.vehicle.steer_signals(), len(model.inputs)
     m = len(steers)
-    error = {kind: ca.vertcat(*[value[f"{name}.{kind}"] for name in steers]) for kind in ("offset", "gain", "delay")}
-    measured_before, measured_after = d[1 : m + 1], d[k + 1 : k + m + 1]
-    before, after = (error["gain"] * (angle - error["offset"]) for angle in (measured_before, measured_after))
-    rate = ca.SX.zeros(m)
+    play, delay = (ca.vertcat(*[value.get(f"{name}.{kind}", 0.0) for name in steers]) for kind in (PLAY, "delay"))
+    before, after = d[1 : m + 1], d[k + 1 : k + m + 1]
     if model.extended:
-        play, late = ca.vertcat(*[value[f"{name}.play"] for name in steers]), error["gain"] * error["delay"]
-        rate = d[k + 2 * m + 1 : k + 3 * m + 1]
-        before, after = (
-            angle - play * contact + late * own_rate
-            for angle, contact, own_rate in (
-                (before, d[m + 1 : 2 * m + 1], d[2 * m + 1 : 3 * m + 1]),
-                (after, d[k + m + 1 : k + 2 * m + 1], rate),
-            )
-        )
-        correction = ca.SX.zeros(m)
+        contact_before, rate_before = d[m + 1 : 2 * m + 1], d[2 * m + 1 : 3 * m + 1]
+        contact, rate = d[k + m + 1 : k + 2 * m + 1], d[k + 2 * m + 1 : k + 3 * m + 1]
+        start = true_angles(steers, before + delay * rate_before, value) - play * contact_before
+        end = now = true_angles(steers, after + delay * rate, value) - play * contact
     else:
-        shift = error["delay"] * (measured_after - measured_before) / ca.fmax(dt, 1e-3)
-        correction = error["gain"] * shift
-    now = dict(zip(steers, ca.vertsplit(after), strict=True)) if steers else {}
-    return _Steering(before + correction, after + correction, now, rate, measured_after, error["gain"])
+        rate, shift = ca.SX.zeros(m), delay * (after - before) / ca.fmax(dt, 1e-3)
+        start, end, now = (true_angles(steers, each, value) for each in (before + shift, after + shift, after))
+    by_name = dict(zip(steers, ca.vertsplit(now), strict=True)) if steers else {}
+    return _Steering(start, end, by_name, rate, after, ca.jacobian(now, after))
 
 
 def _softening(

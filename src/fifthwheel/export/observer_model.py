@@ -24,10 +24,10 @@ def source(observer: Observer) -> str:
     """The step of the filter, the matrices of the vehicle and all constants, for the private header."""
     settings, vehicle, stream, roll = observer.settings, observer.vehicle, observer.stream.settings, observer.roll
     critical = dynamics.critical_speed(vehicle, roll=roll)
-    errors, steered, offsets = settings.sensor_errors, vehicle.steer_signals(), observer.model.offsets
+    errors, offsets = settings.sensor_errors, observer.model.offsets
     sizes = {
         "FILTER_STATES": len(observer.model.states),
-        "STEER_COUNT": len(steered),
+        "STEER_COUNT": len(vehicle.steer_signals()),
         "UNKNOWN_COUNT": 1 + len(offsets),
         "ESTIMATES_BANK": int(settings.estimate_bank),
     }
@@ -43,19 +43,24 @@ def source(observer: Observer) -> str:
             *stream_definitions(stream, vehicle, roll=roll),
             "",
             *stream_tables(stream, vehicle, roll=roll, static=True),
-            table("steer_gain", [errors.get(f"{name}.gain", 1.0) for name in steered]),
             table("unknown_mean", [settings.bank_mean, *(errors.get(name, 0.0) for name in offsets)]),
             table("unknown_sigma", [settings.bank, *map(settings.offset_sigma, offsets)]),
             "",
-            c_code.function(_matrices(observer), "fw_matrices", ("speed",), ("a", "b", "bank")),
+            c_code.function(_matrices(observer), "fw_matrices", ("inputs",), ("a", "b", "bank", "steer", "slope")),
             c_code.function(step, "fw_step", ("carry", "sample"), ("next", "out")),
         ]
     )
 
 
 def _matrices(observer: Observer) -> ca.Function:
-    """speed -> A (n, n) and B (n, k) by rows, and the effect (n,) of the bank, with the numbers of the vehicle."""
-    speed, n = ca.SX.sym("speed"), len(state_names(observer.vehicle, roll=observer.roll))
-    values = {name: ca.SX(value) for name, value in observer.vehicle.parameters().items()}
-    A, B = equations(values, observer.vehicle, roll=observer.roll, bank=True).state_space(speed)
-    return c_code.step("matrices", [speed], [c_code.by_rows(part) for part in (A[:n, :n], B[:n, :], A[:n, n])])
+    """Speed and measured steer angles -> with the numbers of the vehicle A (n, n) and B (n, k) by rows, the effect (n,)
+    of the bank, the angles (k,) of the wheels and their derivatives (k,) with respect to the measured ones."""
+    vehicle, roll = observer.vehicle, observer.roll
+    steers, n = vehicle.steer_signals(), len(state_names(vehicle, roll=roll))
+    inputs = ca.SX.sym("inputs", 1 + len(steers))
+    angles = dynamics.true_angles(steers, inputs[1:], observer.settings.sensor_errors)
+    slopes = ca.diag(ca.jacobian(angles, inputs[1:]))
+    values = {name: ca.SX(value) for name, value in vehicle.parameters().items()}
+    A, B = equations(values, vehicle, roll=roll, bank=True).state_space(inputs[0])
+    results = [c_code.by_rows(A[:n, :n]), c_code.by_rows(B[:n, :]), c_code.by_rows(A[:n, n]), angles, slopes]
+    return c_code.step("matrices", [inputs], results)

@@ -35,7 +35,7 @@ def steady_initial_state(
     """Steady state (n,) of constant inputs, zero for an unstable vehicle, and the matrices with the bank as a state.
 
     The inputs are the speed, m/s, and the measured steer angles, rad, by name; the bank of the road is in rad. `errors`
-    are known offsets and gains of the steer sensors, such as "steer.tractor.front.offset", and values of parameters
+    are known errors of the steer sensors, such as "steer.tractor.front.offset", and values of parameters
     that replace those of the vehicle.
     """
     parameters = vehicle.parameters()
@@ -46,8 +46,7 @@ def steady_initial_state(
 
 def steer_angles(vehicle: Vehicle, inputs: Mapping[str, float], errors: Mapping[str, float]) -> Array:
     """The steer angles (k,), rad, from the measured ones; arguments as in `steady_initial_state`."""
-    steers = vehicle.steer_signals()
-    return np.array([errors.get(f"{n}.gain", 1.0) * (inputs[n] - errors.get(f"{n}.offset", 0.0)) for n in steers])
+    return np.array([dynamics.steer_angle(name, inputs[name], errors).angle for name in vehicle.steer_signals()])
 
 
 def equilibrium(m: dynamics.Matrices, excitation: Array) -> Array:

@@ -89,7 +89,7 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     The play of a steering changes its angle, unless its contact is an input of its own. The derivative of the speed, if
     it is an input, is shifted with the speed, is not late itself, and contains gravity along the road where the record
     has the grade. Of the errors of the sensors, "<name>.delay" is the delay of an input, s, "<name>.play" the play of a
-    steering, rad at the wheels, and "<name>.gain" the angle of the wheels by that of the sensor.
+    steering, rad at the wheels; the others only convert the play to the measured angle.
 
     Raises:
         SignalError: an input is missing, or has a gap that is too long.
@@ -99,11 +99,11 @@ def corrected_inputs(record: Record, names: Sequence[str], errors: Mapping[str, 
     inputs = {"speed": speed, dynamics.SPEED_RATE: rate + _along_road(record)}
     inputs |= dict(zip(dynamics.SLOPES.values(), (slope, change), strict=True))
     for name in names_of(STEER, names):
-        delay, play, gain = (errors.get(f"{name}.{k}", v) for k, v in (("delay", 0.0), ("play", 0.0), ("gain", 1.0)))
+        delay, play = (errors.get(f"{name}.{kind}", 0.0) for kind in ("delay", "play"))
         inputs[name], contact_name = record.input(name), dynamics.contact_input(name)
         if contact_name not in names and not delay and not play:
             continue
-        play /= gain  # of the measured angle
+        play /= float(dynamics.steer_angle(name, 0.0, errors).slope)  # of the measured angle
         contact, contact_rate = _shifted(record.time, play_contact(inputs[name], play), delay)
         inputs[name], rate = _shifted(record.time, inputs[name], delay)
         if contact_name in names:

@@ -196,7 +196,7 @@ class ObserverModel:
         x0, m = steady_initial_state(self.vehicle, inputs, errors, roll=self.roll, bank=means[0])
         P0 = initial_covariance(m, SUSPECT_STEER_SIGMA if suspect else TYPICAL_STEER_SIGMA)
         sigmas = np.array([self.settings.bank, *map(self.settings.offset_sigma, unknowns[1:])])
-        bank, *offsets = sigmas[:, None] * self._effects(m)
+        bank, *offsets = sigmas[:, None] * self._effects(m, inputs)
         states = [bank, *offsets] if self.model.estimates_bank else offsets
         P0 = np.pad(P0, (0, n - len(P0))) + sum((np.outer(effect, effect) for effect in states), np.zeros((n, n)))
         x0 = np.concatenate([x0, means if self.model.estimates_bank else means[1:]])
@@ -205,13 +205,13 @@ class ObserverModel:
     def effects(self, inputs: Mapping[str, float]) -> Array:
         """Change (u, n) of the first state, from the inputs there, per unit of each of the u unknowns."""
         _, m = steady_initial_state(self.vehicle, inputs, {}, roll=self.roll)
-        return self._effects(m)
+        return self._effects(m, inputs)
 
-    def _effects(self, m: dynamics.Matrices) -> Array:
+    def _effects(self, m: dynamics.Matrices, inputs: Mapping[str, float]) -> Array:
         values, steers = self.values(), self.vehicle.steer_signals()
-        gains = np.array([values[f"{name}.gain"] for name in steers])
+        slopes = np.array([dynamics.steer_angle(name, inputs[name], values).slope for name in steers])
         of_sensors = np.zeros((len(self.model.offsets) - len(steers), len(m.A)))
-        moved = np.vstack([bank_effect(m), -gains[:, None] * steer_effects(m), of_sensors])
+        moved = np.vstack([bank_effect(m), -slopes[:, None] * steer_effects(m), of_sensors])
         states = moved if self.model.estimates_bank else moved[:, :-1]
         return np.hstack([states, np.eye(len(moved))[:, 1:]])
 

@@ -23,6 +23,8 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
     fw_real work[FW_N * FW_N];
     fw_real b[FW_N * FW_STEER_COUNT];
     fw_real effect[FW_N]; /* of the bank of the road on the accelerations */
+    fw_real steer[FW_STEER_COUNT]; /* angles of the wheels */
+    fw_real slope[FW_STEER_COUNT]; /* their derivatives with respect to the measured angles */
     fw_real x[FW_N * (1 + FW_U)]; /* steady states of the inputs, and of each unknown by its sigma */
     fw_real shift[FW_FILTER_STATES * FW_U]; /* of the first state by one sigma of each unknown */
     fw_real p[FW_L * FW_L] = {0};
@@ -30,7 +32,7 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
     int place = FW_FILTER_STATES;
     const int stable = (inputs[0] < FW_CRITICAL_SPEED) ? 1 : 0;
     fw_stream_start(&observer->stream);
-    fw_matrices(&inputs[0], a, b, effect);
+    fw_matrices(inputs, a, b, effect, steer, slope);
     for (int i = 0; i < FW_N; i++) {
         fw_real *row = &x[i * (1 + FW_U)];
         fw_fill(row, FW_REAL(0.0), 1 + FW_U);
@@ -39,9 +41,8 @@ static void fw_start(fw_observer *observer, fw_real nis, fw_real steer_sigma)
             row[1] = -effect[i] * fw_unknown_sigma[0];
         }
         for (int j = 0; (stable != 0) && (j < FW_STEER_COUNT); j++) {
-            const fw_real gain = b[(i * FW_STEER_COUNT) + j] * fw_steer_gain[j];
-            row[0] -= gain * (inputs[1 + j] - fw_unknown_mean[1 + j]);
-            row[2 + j] = gain * fw_unknown_sigma[1 + j];
+            row[0] -= b[(i * FW_STEER_COUNT) + j] * steer[j];
+            row[2 + j] = b[(i * FW_STEER_COUNT) + j] * slope[j] * fw_unknown_sigma[1 + j];
         }
     }
     fw_copy(work, a, FW_N * FW_N);

@@ -5,10 +5,9 @@ angle causes is the steer angle convolved with the response to a pulse, which tw
 one with a pulse of steering. Each unknown acts either only with steering, as a cornering stiffness does, or only
 without, as the offset of a sensor does.
 
-Superposition does not hold for the softening of tyres, which is quadratic in the slip angle, nor for the play of the
-steering, which depends on the course of the steer angle. A delay of the steering or of an accelerometer acts through
-the slope of a spline, which a single pulse does not give. The derivatives with respect to these few unknowns are
-computed along the complete run (`along_run`).
+Superposition does not hold for the softening of tyres, which is quadratic in the slip angle, nor for errors of sensors
+that are not `linear`. The derivatives with respect to these few unknowns are computed along the complete run
+(`along_run`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -19,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel._types import Array
-from fifthwheel.channels import LATERAL_ACCELERATION, STEER, is_of
+from fifthwheel.channels import SensorErrorName
 from fifthwheel.identify.dataset import LogData
 from fifthwheel.identify.design.predict import InformationPredictor, with_every_sample
 from fifthwheel.identify.noise_model import NoiseModel
@@ -27,21 +26,20 @@ from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.unknowns.unknown import Unknown
 from fifthwheel.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.manoeuvres.linear import DECAY_TIME, steer_record
-from fifthwheel.names import ParameterPath
+from fifthwheel.names import ParameterPath, split_log
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.
 
 The response is linear in it; small, because the initial state's prior depends on the rms of the steer angle.
 """
-NOT_LINEAR = ("softening", "play")
-"""Quantities of the unknowns whose derivatives are not linear in the steer angle."""
 
 
 def along_run(name: str) -> bool:
     """Whether the derivatives with respect to an unknown are computed along the complete run."""
-    last = ParameterPath.of(name).quantity
-    return last in NOT_LINEAR or (is_of(name, STEER, LATERAL_ACCELERATION) and last == "delay")
+    error = SensorErrorName.of(split_log(name)[0])
+    row = error.row if error else None
+    return not row.linear if row else ParameterPath.of(name).quantity == "softening"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

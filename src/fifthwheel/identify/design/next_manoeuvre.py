@@ -171,7 +171,7 @@ def _measured(learner: Learner, manoeuvre: CandidateManoeuvre, steer: Array, rat
     live, setup = learner.live, learner.live.setup
     values, first = setup.model_values(live.joint()[0]), setup.inputs[1]
     steer = np.append(np.zeros(round(STRAIGHT * rate)), steer[: round(manoeuvre.period * rate)])
-    measured = steer / values[f"{first}.gain"] + values[f"{first}.offset"]
+    measured = dynamics.measured_angle(first, steer, values)
     record = steer_record(setup.vehicle, manoeuvre.speed, measured, rate, manoeuvre.kind)
     start = max(live.stream.time, 0.0) + live.learner.max_gap + 1.0  # the state starts again
     record = replace(record, time=record.time + start)

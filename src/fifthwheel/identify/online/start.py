@@ -12,6 +12,7 @@ import numpy as np
 
 from fifthwheel._types import Array
 from fifthwheel.channels import SignalName
+from fifthwheel.dynamics import true_angles
 from fifthwheel.dynamics.chain import equations, state_names
 from fifthwheel.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
 from fifthwheel.filters.model import block_diagonal
@@ -106,8 +107,8 @@ def steady_equations(model: OnlineModel, inputs: ca.SX, x: ca.SX, p: ca.SX, c: c
     """The equations of a steady state x (n,) at a speed, m/s, and measured steer angles, rad; p, c: of the model."""
     vehicle, value = model.chain.vehicle, model.values(p, c)
     n, speed = len(state_names(vehicle, roll=True)), inputs[0]
-    steers = enumerate(vehicle.steer_signals(), 1)
-    steer = ca.vertcat(*[value[f"{name}.gain"] * (inputs[i] - value[f"{name}.offset"]) for i, name in steers])
+    steers = vehicle.steer_signals()
+    steer = true_angles(steers, inputs[1 : 1 + len(steers)], value)
     terms = equations(value, vehicle, roll=True, bank=True)
     A, B = terms.state_space(speed)
     F, G = (matrix[:n, :] for matrix in terms.implicit(speed))

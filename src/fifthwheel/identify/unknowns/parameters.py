@@ -167,7 +167,7 @@ def prior_of_sensor_error(vehicle: Vehicle, name: str, settings: CommonSettings)
     kind = error.row if error else None
     if error is None or kind is None:
         return None
-    mean, sigma = float(kind.kind == "gain"), kind.prior
+    mean, sigma = kind.ideal, kind.prior
     if kind.kind in PLACE_KINDS:
         signal = SignalName.of(error.signal)
         sigma = vehicle.stated.get(path_of_place(vehicle, error), sigma)
