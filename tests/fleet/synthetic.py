@@ -54,6 +54,7 @@ class Synthetic:
             "trailer": trailer,
             "load": load,
             "tractor": "tractor",
+            "units": [],
             "date": START + datetime.timedelta(days=day),
             "digest": f"{day}",
             "estimates": [{"name": n} for n in PARAMETERS],

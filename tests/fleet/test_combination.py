@@ -1,6 +1,7 @@
 """The combination of trips: shared unknowns, coverage, changes with their dates, false alarms."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -12,7 +13,7 @@ from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
 from fifthwheel.fleet.trips import SCHEMA, log_knowledge, parquet
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.knowledge.combination import combine
-from fifthwheel.identify.knowledge.information import owner
+from fifthwheel.identify.knowledge.information import Labels
 from tests.fleet.synthetic import NAMES, PARAMETERS, SCALES, Synthetic, value
 
 WALK = 0.004
@@ -64,12 +65,18 @@ def estimates(result, k):
         ("semitrailer.cog", ("A", "steel")),
         ("semitrailer.static_load", ("A", "steel")),
         ("tractor.drive.static_load", ("A", "steel")),
+        ("road.friction", (None, None)),
     ],
 )
 def test_what_trips_share(name, expected) -> None:
     """Axle loads of the tractor depend on the load too; the tyre law holds for the tyres of tractor and trailer."""
-    unknown = owner(name, "tractor", "A", "steel")
+    log = Labels(tractor="tractor", trailer="A", load="steel", road="track")
+    unknown = log.owned(name)
     assert (unknown.trailer, unknown.load) == expected
+    of_road = name == "road.friction"
+    assert (replace(log, tractor="lorry").owned(name) == unknown) == of_road
+    assert unknown.is_shared
+    assert replace(log, road="").owned(name).is_shared != of_road
 
 
 def test_only_estimated_parameters_are_reported() -> None:
@@ -104,6 +111,20 @@ def test_tractor_parameters_profit_from_all_trailers() -> None:
     all_trips, alone = (combined(part, walk=0.0).variance[-1][0] ** 0.5 for part in (rows, rows[:1]))
     assert all_trips < 0.45 * alone
     assert len([u for u in combined(rows).layout.unknowns if u.name == NAMES[2]]) == 2
+
+
+def test_two_trucks_share_nothing() -> None:
+    """Not even what has no unit in its name."""
+    rng = np.random.default_rng(4)
+    rows = [Synthetic(rng).trip(k) | {"tractor": tractor} for k, tractor in enumerate(("tractor", "lorry"))]
+    for row in rows:
+        for unknown, name in zip(row["unknowns"], ("mass_scale", "time_base"), strict=False):
+            unknown["name"] = name
+    result = combined(rows)
+    assert len(result.layout.unknowns) == 2 * len(NAMES)
+    for name in ("mass_scale", "time_base"):
+        owners = {u.owner for u in result.layout.unknowns if u.name == name}
+        assert owners == {(("tractor", "lorry"),), (("tractor", "tractor"),)}
 
 
 def test_prior_counts_once() -> None:

@@ -67,6 +67,7 @@ SCHEMA = pa.schema(
         ("finished", DATE),
         *numbers("seconds", "duration"),
         *texts("tractor"),
+        ("units", pa.map_(pa.string(), pa.string())),
         ("estimates", pa.list_(_ESTIMATE)),
         ("covariance_names", pa.list_(pa.string())),
         ("covariance", pa.list_(pa.float64())),
@@ -233,7 +234,8 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
     """Estimates, covariance, findings and information of a trip as columns of `SCHEMA`."""
     if identification.knowledge is None:
         raise FifthwheelError(f"method: {identification.method} gives no information that combines; use one stage")
-    information = identification.knowledge.logs[-1].information
+    log = identification.knowledge.logs[-1]
+    information = log.information
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
     joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
@@ -241,7 +243,8 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
     unknowns = zip(information.names, *arrays, strict=True)
     return {
         "duration": record.span[1] - record.span[0],
-        "tractor": identification.vehicle.units[0].name,
+        "tractor": log.tractor,
+        "units": list(log.units.items()),
         "estimates": [_estimate(e) for e in (*estimated, *identification.derived)],
         "covariance_names": names,
         "covariance": joint.ravel().tolist(),
@@ -267,6 +270,7 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
         tractor=row["tractor"],
         trailer=row["trailer"],
         load=row["load"],
+        units=dict(row["units"]),
         digest=row["digest"],
         estimated=tuple(estimate["name"] for estimate in row["estimates"]),
         information=SharedInformation(

@@ -53,9 +53,9 @@ def make_learning(
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        settings, last = OneStage(given=dict.fromkeys(locks, "exact"), tyres=tyres), knowledge and knowledge.last
+        settings = OneStage(given=dict.fromkeys(locks, "exact"), tyres=tyres)
         occasion = Occasion(trailer=trailer or "")
-        if last and trailer in (None, last.trailer):
+        if (last := knowledge and knowledge.last(vehicle)) and trailer in (None, last.trailer):
             occasion = Occasion(trailer=last.trailer, load=last.load)
         learner = Learner(
             vehicle, signals, settings, sensors=sensors, trailer=trailer, knowledge=knowledge, occasion=occasion

@@ -34,9 +34,33 @@ COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
 WIDE = 0.5
 """Prior standard deviation of a position that the logs are to determine, m."""
 
-Scope = Literal["truck", "unit", "load", "axle load", "road"]
+Scope = Literal["truck", "unit", "load", "axle load", "road", "log"]
 """The whole truck; one unit; the load of a unit behind the first; all loads, as a load moves those of other axles; the
-road."""
+road; one log."""
+
+
+class Sharing(NamedTuple):
+    """The labels of a log that a number belongs to: logs with the same ones share it."""
+
+    first: tuple[str, ...]
+    """Those of a number of the first unit."""
+    others: tuple[str, ...]
+    """Those of all other numbers."""
+    otherwise: Scope = "log"
+    """The scope in a log that does not have all of these labels."""
+
+
+_TRUCK, _TRAILER, _LOAD = ("tractor",), ("tractor", "trailer"), ("tractor", "trailer", "load")
+SCOPES: dict[Scope, Sharing] = {
+    "truck": Sharing(_TRUCK, _TRUCK),
+    "unit": Sharing(_TRUCK, _TRAILER),
+    "load": Sharing(_TRUCK, _LOAD),
+    "axle load": Sharing(_LOAD, _LOAD),
+    "road": Sharing(("road",), ("road",)),
+    "log": Sharing(("log",), ("log",)),
+}
+"""Which logs share a number, by its scope. A label is one of a log (`identify.knowledge.information.Labels`), or a text
+field of the number's unit in the vehicle file."""
 
 
 class Quantity(NamedTuple):
@@ -65,7 +89,7 @@ class Quantity(NamedTuple):
     by_change: bool = False
     """Whether `sigma` acts through a change that alters several numbers (`uncertainty.changes`)."""
     scope: Scope = "unit"
-    """What it belongs to, and thus which logs share it."""
+    """What it belongs to, and thus which logs share it: `SCOPES`."""
     of_roll: bool = False
     """Whether it acts on roll, so that lane changes with roll inform on it."""
     words: str = ""

@@ -74,8 +74,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     if chosen.knowledge is not None:
         knowledge = read_knowledge(chosen.knowledge)
         knowledge.require_used()
-    last, note = knowledge and knowledge.last, Note.of(chosen)
-    starts = []
+    starts, note = [], Note.of(chosen)
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
         vehicle = _with_load(given, load)
@@ -85,11 +84,12 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings, note=note))
             continue
         trailer, name = chosen.trailer or "", load
-        if knowledge and last:
-            knowledge.require_same_truck(vehicle)
+        if last := knowledge and knowledge.last(vehicle):
             trailer = last.trailer if chosen.trailer is None else chosen.trailer
             name = load or last.load
         occasion = Occasion(trailer=trailer, load=name, road=chosen.road or "", date=_date(own[0]) if own else None)
+        if knowledge:
+            knowledge.require_same_truck(vehicle, occasion)
         start = Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion, note=note)
         starts.append(start)
     return starts

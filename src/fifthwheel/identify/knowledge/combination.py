@@ -1,10 +1,6 @@
 """The logs of one truck combined: its unknowns over all its trailers and loads, changes, and histories.
 
-Which logs share an unknown follows from its unit. Unknowns of the first unit, with its sensors, belong to the truck.
-Those of the units behind it belong to the trailer, and those that depend on the payload to the load of this trailer; so
-do the axle loads of all units. An error of a weighbridge, `mass_scale`, and the rate of the logger's time base belong
-to the truck. Numbers of all units together, such as those of the law of the tyres and the drag area, belong to the
-trailer: another trailer has other tyres.
+Which logs share an unknown is stated in the row of the number (`vehicle.quantities.SCOPES`).
 """
 
 import datetime
@@ -160,9 +156,9 @@ def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
         lower=np.where(column("non_negative"), centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
-    estimated = {log.owned(name) for log in logs for name in log.estimated}
+    estimated = {unknown for log in logs for unknown in log.unknowns if unknown.name in log.estimated}
     places = {unknown: i for i, unknown in enumerate(first)}
-    return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
+    return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated))
 
 
 def _shared_centres(log: LogKnowledge) -> Array:
@@ -241,15 +237,15 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
         for u, i in parameters.items()
         if _is_stiffness(u.name)
     ]
-    for trailer, load in dict.fromkeys((u.trailer, u.load) for u in parameters if u.load is not None):
-        own = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, load)]
-        shared = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, None)]
-        kinds.append(kind("load", trailer or "trailer", [*own, *shared], own))
-    signals: dict[str, list[int]] = {}
+    for (*trailer, load), name in {u.owner: u.trailer for u in parameters if u.load is not None}.items():
+        own = [i for u, i in parameters.items() if u.owner == (*trailer, load)]
+        shared = [i for u, i in parameters.items() if u.owner == (*trailer,)]
+        kinds.append(kind("load", name or "trailer", [*own, *shared], own))
+    sensors: dict[tuple[str, Owned], list[int]] = {}
     for u, i in layout.unknowns.items():
         if error := SensorErrorName.of(u.name):
-            signals.setdefault(f"{error.signal}{_of_trailer(u.trailer)}", []).append(i)
-    kinds += [kind("sensor", signal, members) for signal, members in signals.items()]
+            sensors.setdefault((error.signal, replace(u, name="")), []).append(i)
+    kinds += [kind("sensor", f"{signal}{_of_trailer(u.trailer)}", members) for (signal, u), members in sensors.items()]
     return [*kinds, kind(OUTLIER, "trip", list(parameters.values()))]
 
 

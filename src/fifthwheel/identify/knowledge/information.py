@@ -4,6 +4,7 @@ import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import FRICTION, TIME_BASE, quantity_of
+from fifthwheel.vehicle.quantities import SCOPES, TIME_BASE, Scope, quantity_of
 
 OUTLIER = "outlier"
 """Kind of a trip that differs from those before and after it."""
@@ -59,15 +60,27 @@ class Occasion:
 
 @dataclass(frozen=True)
 class Owned:
-    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load. The
-    friction belongs to a road."""
+    """An unknown, and the labels of the logs that share it."""
 
     name: str
-    trailer: str | None = None
-    load: str | None = None
+    owner: tuple[tuple[str, str], ...]  # pairs of label and name, by `SCOPES`
     origin: str = ""
     """Of a change of the vehicle file: the numbers that it changes. A number that is stated anew has a new error."""
-    road: str | None = None
+
+    @property
+    def trailer(self) -> str | None:
+        """The trailer that it belongs to; None for others."""
+        return dict(self.owner).get("trailer")
+
+    @property
+    def load(self) -> str | None:
+        """The load that it belongs to; None for others."""
+        return dict(self.owner).get("load")
+
+    @property
+    def is_shared(self) -> bool:
+        """Whether other logs may share it."""
+        return "log" not in dict(self.owner)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -90,17 +103,57 @@ class SharedInformation(ComparedByContents):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LogKnowledge(ComparedByContents):
-    """The information of one log, and where it belongs."""
+class Labels(ComparedByContents):
+    """The names of a log and of what was driven, which decide what it shares with other logs."""
 
-    name: str
-    date: datetime.datetime  # UTC
+    name: str = ""  # of the log
     tractor: str  # name of the first unit
     trailer: str
     load: str
-    road: str = ""
+    road: str = ""  # empty: no other log was driven on it
+    units: Mapping[str, str] = field(default_factory=dict)  # labels of units in the vehicle file, by path
+    estimated: tuple[str, ...] = ()
+    """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, occasion: Occasion, estimated: Sequence[str] = (), name: str = "") -> Self:
+        """Those of a log of a vehicle."""
+        known = {label for sharing in SCOPES.values() for label in (*sharing.first, *sharing.others)}
+        texts = {f"{u.name}.{label}": getattr(u, label, None) for u in vehicle.units for label in known}
+        return cls(
+            name=name,
+            tractor=vehicle.units[0].name,
+            trailer=occasion.trailer,
+            load=occasion.load,
+            road=occasion.road,
+            units={path: text for path, text in texts.items() if isinstance(text, str)},
+            estimated=tuple(estimated),
+        )
+
+    def owned(self, name: str, origin: str = "") -> Owned:
+        """An unknown of this log with its owner. An estimated body is that with its payload."""
+        scope = "unit" if SensorErrorName.of(name) else quantity_of(name).scope
+        if name in self.estimated and ParameterPath.of(name).component == "sprung":
+            scope = "load"
+        return Owned(name, self._owner(scope, unit_of_unknown(name)), origin)
+
+    def _owner(self, scope: Scope, unit: str) -> tuple[tuple[str, str], ...]:
+        """The owner of a number of a unit."""
+        sharing = SCOPES[scope]
+        of_log = {"tractor": self.tractor, "trailer": self.trailer, "load": self.load, "log": self.name}
+        of_log |= {"road": self.road} if self.road else {}
+        wanted = sharing.first if unit == self.tractor else sharing.others
+        owner = [(label, of_log.get(label, self.units.get(f"{unit}.{label}"))) for label in wanted]
+        found = tuple((label, name) for label, name in owner if name is not None)
+        return found if len(found) == len(wanted) else self._owner(sharing.otherwise, unit)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogKnowledge(Labels):
+    """The information of one log, and where it belongs."""
+
+    date: datetime.datetime  # UTC
     information: SharedInformation
-    estimated: tuple[str, ...]  # names of the estimated parameters; the others are uncertain, or errors of sensors
     digest: str = ""  # of the log, by `record_digest`
     masses: Mapping[str, float] = field(default_factory=dict)  # given masses that depend on the load, kg, by path
     changed: tuple[str, ...] = ()
@@ -114,32 +167,12 @@ class LogKnowledge(ComparedByContents):
         origins = self.information.origins or ("",) * len(self.information.names)
         return tuple(self.owned(name, origin) for name, origin in zip(self.information.names, origins, strict=True))
 
-    def owned(self, name: str, origin: str = "") -> Owned:
-        """An unknown of this log with its owner."""
-        if name == FRICTION:
-            return Owned(name, road=self.road)
-        return owner(name, self.tractor, self.trailer, self.load, origin=origin, lumped=name in self.estimated)
-
 
 def masses_of_load(vehicle: Vehicle) -> dict[str, float]:
     """Masses that depend on the load, kg, by path."""
-    tractor = vehicle.units[0].name
+    labels = Labels.of(vehicle, Occasion())
     values = {path: value for path, value in vehicle.parameters().items() if path.endswith("mass")}
-    return {path: value for path, value in values.items() if owner(path, tractor, "", "load").load}
-
-
-def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "", lumped: bool = False) -> Owned:
-    """An unknown of a log with the trailer and the load that it belongs to.
-
-    `lumped`: a body is that with its payload.
-    """
-    scope = quantity_of(name).scope
-    if scope == "axle load":
-        return Owned(name, trailer, load, origin)
-    if scope == "truck" or unit_of_unknown(name) == tractor:
-        return Owned(name, origin=origin)
-    of_load = scope == "load" or (lumped and ParameterPath.of(name).component == "sprung")
-    return Owned(name, trailer, load if of_load and of_vehicle(name) else None, origin)
+    return {path: value for path, value in values.items() if labels.owned(path).load is not None}
 
 
 def of_vehicle(name: str) -> bool:

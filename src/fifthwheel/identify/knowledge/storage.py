@@ -85,6 +85,7 @@ def log_contents(log: LogKnowledge) -> dict[str, Any]:
         **{name: getattr(log, name) for name in _LOG},
         "date": log.date.isoformat(),
         "estimated": list(log.estimated),
+        "units": dict(log.units),
         "masses": dict(log.masses),
         "changed": list(log.changed),
         "factors": dict(own.factors),
@@ -113,6 +114,7 @@ def log_of(contents: Any) -> LogKnowledge:
         estimated=_texts(contents["estimated"]),
         changed=_texts(contents["changed"]),
         doubts=_texts(contents["doubts"]),
+        units=dict(zip(_texts([*contents["units"]]), _texts([*contents["units"].values()]), strict=True)),
         masses=_named(contents["masses"]),
         information=SharedInformation(
             names=names,

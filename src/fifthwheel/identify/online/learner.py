@@ -109,7 +109,7 @@ class Learner:
         expect_known("learner.discrepancy", learner.discrepancy if learner else (), CHANNELS)
         occasion = occasion or Occasion(trailer=trailer or "")
         if knowledge is not None:
-            knowledge.require_same_truck(vehicle)
+            knowledge.require_same_truck(vehicle, occasion)
             knowledge.require_same_load(vehicle, occasion)
         vehicle, settings = applied(vehicle, settings or OneStage(tyres="linear"))
         self._vehicle_file, self._signals, self._knowledge = vehicle, frozenset(signals), knowledge
@@ -412,7 +412,7 @@ class Learner:
                 trailer=content["trailer"],
             )
             if knowledge is not None:
-                knowledge.require_same_truck(learner._vehicle_file)
+                knowledge.require_same_truck(learner._vehicle_file, Occasion())
             learner._knowledge = knowledge
             blocks = [(EstimateBlock.from_dict(content["estimates"]), path)]
             setup, evidence = learner._live.setup, content["evidence"]
