@@ -66,5 +66,5 @@ class Synthetic:
             "information": H.ravel().tolist(),
             "score_covariance": H.ravel().tolist(),
             "factors": [1.0] * len(H),
-            "origins": [],
+            "origins": [""] * len(NAMES),
         }

@@ -48,6 +48,7 @@ def estimates(result, k):
         ("steer.tractor.front.gain", (None, None)),
         ("mass_scale", (None, None)),
         ("time_base", (None, None)),
+        ("speed.delay", (None, None)),
         ("tractor.mass", (None, None)),
         ("tractor.axle_positions", (None, None)),
         ("tractor.drive.relative_friction", (None, None)),
@@ -72,11 +73,11 @@ def test_what_trips_share(name, expected) -> None:
     """Axle loads of the tractor depend on the load too; the tyre law holds for the tyres of tractor and trailer."""
     log = Labels(tractor="tractor", trailer="A", load="steel", road="track")
     unknown = log.owned(name)
-    assert (unknown.trailer, unknown.load) == expected
+    assert (unknown.of("trailer"), unknown.of("load")) == expected
     of_road = name == "road.friction"
     assert (replace(log, tractor="lorry").owned(name) == unknown) == of_road
-    assert unknown.is_shared
-    assert replace(log, road="").owned(name).is_shared != of_road
+    assert unknown.of("log") is None
+    assert (replace(log, road="").owned(name).of("log") is None) != of_road
 
 
 def test_only_estimated_parameters_are_reported() -> None:
@@ -234,7 +235,7 @@ def test_a_truck_that_cannot_be_combined_does_not_stop_others(of_truck) -> None:
 def test_the_latest_estimates_of_a_truck_and_its_trailers(of_truck) -> None:
     """At the last trip with the trailer; the first value is that after the change of the tyres."""
     result, tables, rows = of_truck
-    latest = {(u.name, u.trailer, u.load or None): (u, k) for k in range(12) for u in result.parameters(k)}
+    latest = {(u.name, u.of("trailer"), u.of("load") or None): (u, k) for k in range(12) for u in result.parameters(k)}
     of_truck_alone = {row["parameter"]: row for row in tables.tables["trucks"]}
     assert of_truck_alone.keys() == set(list(PARAMETERS)[:2])
     trailers = {(row["parameter"], row["trailer"], row["load"] or None): row for row in tables.tables["trailers"]}
@@ -270,7 +271,7 @@ def test_the_history_of_a_truck(of_truck) -> None:
         for i, unknown in enumerate(result.parameters(k)):
             row = found[unknown.name, f"{k}.csv"]
             assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(k, unknown), rel=1e-9)
-            assert (row["trailer"], row["load"]) == (unknown.trailer, unknown.load)
+            assert (row["trailer"], row["load"]) == (unknown.of("trailer"), unknown.of("load"))
             place = list(PARAMETERS).index(unknown.name)
             assert (row["trip_value"], row["trip_sigma"]) == (100.0 + k, 1.0 + place), i
             assert (row["date"], row["p_value"]) == (rows[k]["date"], pytest.approx(result.p_values[k], rel=1e-6))

@@ -266,12 +266,8 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
     centre, scale, logarithmic, non_negative = (np.array([u[name] for u in unknowns]) for name in _UNKNOWN.names[1:])
     return LogKnowledge(
         name=row["log"],
-        date=row["date"],
-        tractor=row["tractor"],
-        trailer=row["trailer"],
-        load=row["load"],
+        **{name: row[name] for name in ("date", "tractor", "trailer", "load", "digest")},
         units=dict(row["units"]),
-        digest=row["digest"],
         estimated=tuple(estimate["name"] for estimate in row["estimates"]),
         information=SharedInformation(
             names=tuple(names),

@@ -35,19 +35,14 @@ WIDE = 0.5
 """Prior standard deviation of a position that the logs are to determine, m."""
 
 Scope = Literal["truck", "unit", "load", "axle load", "road", "log"]
-"""The whole truck; one unit; the load of a unit behind the first; all loads, as a load moves those of other axles; the
-road; one log."""
 
 
 class Sharing(NamedTuple):
     """The labels of a log that a number belongs to: logs with the same ones share it."""
 
-    first: tuple[str, ...]
-    """Those of a number of the first unit."""
-    others: tuple[str, ...]
-    """Those of all other numbers."""
-    otherwise: Scope = "log"
-    """The scope in a log that does not have all of these labels."""
+    first: tuple[str, ...]  # of a number of the first unit
+    others: tuple[str, ...]  # of all other numbers
+    otherwise: Scope = "log"  # in a log that does not have all of these labels
 
 
 _TRUCK, _TRAILER, _LOAD = ("tractor",), ("tractor", "trailer"), ("tractor", "trailer", "load")
@@ -55,7 +50,7 @@ SCOPES: dict[Scope, Sharing] = {
     "truck": Sharing(_TRUCK, _TRUCK),
     "unit": Sharing(_TRUCK, _TRAILER),
     "load": Sharing(_TRUCK, _LOAD),
-    "axle load": Sharing(_LOAD, _LOAD),
+    "axle load": Sharing(_LOAD, _LOAD),  # a load moves those of all axles
     "road": Sharing(("road",), ("road",)),
     "log": Sharing(("log",), ("log",)),
 }
@@ -140,8 +135,8 @@ TYRES: dict[str, Quantity] = {
     ROLLING_RESISTANCE: Quantity(
         0.25, default=0.006, gross=0.4, weight=0.3, source="truck tyres of ISO 28580: 0.004 to 0.008"
     ),
-    # the fraction of the braking force by engine and retarder, of each log; the default is that of brakes on all wheels
-    DRIVE_AXLE_BRAKING: Quantity(0.4, absolute=True, mean=0.5),
+    # the fraction of the braking force by engine and retarder; the default is that of brakes on all wheels
+    DRIVE_AXLE_BRAKING: Quantity(0.4, absolute=True, mean=0.5, scope="log"),
 }
 """Of all tyres that saturate."""
 GROUP_TYRES: dict[str, Quantity] = {
@@ -161,7 +156,7 @@ QUANTITIES: dict[str, Quantity] = {
     "cog_height": Quantity(unit="m", words="CoG height"),  # of a laden unit, which follows from others
     # gross: other tyres, or flat ones
     "cornering_stiffness.variation": Quantity(
-        0.025, absolute=True, gross=0.3, weight=0.5, source="temperature and pressure of the tyres, from log to log"
+        0.025, absolute=True, gross=0.3, weight=0.5, scope="log", source="temperature and pressure of the tyres"
     ),
     DISCREPANCY: Quantity(0.015, absolute=True, source="the least one of a model that runs free, of each signal"),
     ROAD_BANK: Quantity(0.03, unit="rad", absolute=True, source="the crossfall of roads, mean of a segment"),

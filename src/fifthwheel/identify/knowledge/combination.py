@@ -6,6 +6,7 @@ Which logs share an unknown is stated in the row of the number (`vehicle.quantit
 import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -13,15 +14,16 @@ from fifthwheel._types import Array, Indices
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
-from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned
 from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed, together
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.quantities import TIME_BASE
 
 DAY = 86_400.0
 """Seconds."""
+STIFFNESS = ".cornering_stiffness"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,6 +95,12 @@ class Combined:
         places = set(self.observations[k].places.tolist())
         return [u for u, i in self.layout.unknowns.items() if i in places and u in self.layout.estimated]
 
+    @property
+    def trips_with(self) -> dict[Owned, list[int]]:
+        """The trips with each estimated parameter."""
+        of_trips = [self.parameters(k) for k in range(len(self.logs))]
+        return {u: [k for k, own in enumerate(of_trips) if u in own] for u in dict.fromkeys(chain(*of_trips))}
+
 
 def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: float) -> Combined:
     """Combine the logs of a truck.
@@ -105,7 +113,7 @@ def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: floa
     observations = _without_zeros([_observation(log, layout) for log in logs], layout)
     widening = _widening(observations, len(layout.unknowns))
     start = State.prior(len(layout.unknowns))
-    walks = [tyre_walk if _is_stiffness(u.name) else 0.0 for u in layout.unknowns]
+    walks = [tyre_walk if u.name.endswith(STIFFNESS) else 0.0 for u in layout.unknowns]
     known = {k: [layout.unknowns[u] for u in log.unknowns if u.name in log.changed] for k, log in enumerate(logs)}
     resets = {k: np.array(members, dtype=np.int64) for k, members in known.items() if members and k}
     walk = Walk(rate=(np.array(walks) / layout.scaling.scale) ** 2, resets=resets)
@@ -219,13 +227,10 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
     return widening
 
 
-def _is_stiffness(name: str) -> bool:
-    return ParameterPath.of(name).quantity == "cornering_stiffness"
-
-
 def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
     """What may change: the tyres of an axle group, the load of a trailer, a sensor; or one trip is an outlier."""
-    parameters = {u: i for u, i in layout.unknowns.items() if of_vehicle(u.name)}
+    sensors = {u: error.signal for u in layout.unknowns if (error := SensorErrorName.of(u.name))}
+    parameters = {u: i for u, i in layout.unknowns.items() if u not in sensors and u.name != TIME_BASE}
 
     def kind(name: str, subject: str, members: Sequence[int], decisive: Sequence[int] = ()) -> Kind:
         """A change of some unknowns, which may happen at each trip with one of the decisive ones, by default of all."""
@@ -233,24 +238,23 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
         return Kind(name=name, subject=subject, members=np.array(members, dtype=np.int64), trips=at)
 
     kinds = [
-        kind("tyres", f"{u.name.removesuffix('.cornering_stiffness')}{_of_trailer(u.trailer)}", [i])
+        kind("tyres", f"{u.name.removesuffix(STIFFNESS)}{_of_trailer(u)}", [i])
         for u, i in parameters.items()
-        if _is_stiffness(u.name)
+        if u.name.endswith(STIFFNESS)
     ]
-    for (*trailer, load), name in {u.owner: u.trailer for u in parameters if u.load is not None}.items():
-        own = [i for u, i in parameters.items() if u.owner == (*trailer, load)]
-        shared = [i for u, i in parameters.items() if u.owner == (*trailer,)]
-        kinds.append(kind("load", name or "trailer", [*own, *shared], own))
-    sensors: dict[tuple[str, Owned], list[int]] = {}
-    for u, i in layout.unknowns.items():
-        if error := SensorErrorName.of(u.name):
-            sensors.setdefault((error.signal, replace(u, name="")), []).append(i)
-    kinds += [kind("sensor", f"{signal}{_of_trailer(u.trailer)}", members) for (signal, u), members in sensors.items()]
+    for owner, trailer in {u.owner: u.of("trailer") for u in parameters if u.of("load") is not None}.items():
+        own = [i for u, i in parameters.items() if u.owner == owner]
+        shared = [i for u, i in parameters.items() if u.owner == owner[:-1]]
+        kinds.append(kind("load", trailer or "trailer", [*own, *shared], own))
+    signals: dict[Owned, list[int]] = {}
+    for u, signal in sensors.items():
+        signals.setdefault(replace(u, name=signal), []).append(layout.unknowns[u])
+    kinds += [kind("sensor", f"{u.name}{_of_trailer(u)}", members) for u, members in signals.items()]
     return [*kinds, kind(OUTLIER, "trip", list(parameters.values()))]
 
 
-def _of_trailer(trailer: str | None) -> str:
-    return f" of {trailer}" if trailer else ""
+def _of_trailer(unknown: Owned) -> str:
+    return f" of {trailer}" if (trailer := unknown.of("trailer")) else ""
 
 
 def date_of(trip: Observation) -> datetime.datetime:

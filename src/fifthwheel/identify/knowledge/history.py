@@ -9,11 +9,10 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify.knowledge.combination import Combined
-from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
+from fifthwheel.identify.knowledge.combination import STIFFNESS, Combined
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.states import State
-from fifthwheel.names import ParameterPath
 from fifthwheel.vehicle import unit_of
 from fifthwheel.vehicle.quantities import MASS_SCALE, TIME_BASE
 
@@ -99,11 +98,7 @@ def estimate_histories(knowledge: Knowledge) -> list[EstimateHistory]:
     """The estimated parameters over the dates of the logs, by the smoother."""
     combined, found = knowledge.combined, []
     seconds = np.array([log.date.timestamp() for log in combined.logs])
-    seen: dict[Owned, list[int]] = {}
-    for k in range(len(combined.logs)):
-        for unknown in combined.parameters(k):
-            seen.setdefault(unknown, []).append(k)
-    for unknown, logs in seen.items():
+    for unknown, logs in combined.trips_with.items():
         value, sigma = np.array([combined.estimate(k, unknown) for k in logs]).T
         place = combined.layout.unknowns[unknown]
         found.append(
@@ -173,12 +168,12 @@ def _used(combined: Combined) -> Iterator[LogEntry]:
 
 def changes_in_words(log: LogKnowledge) -> Iterator[str]:
     """What is known to have changed before a log, from the names of the unknowns."""
-    unit = {name: log.owned(name) for name in log.changed}
-    of_load = any(of_vehicle(name) and owned.load is not None for name, owned in unit.items())
+    unknowns = [log.owned(name) for name in log.changed]
+    of_load = any(u.of("load") is not None for u in unknowns)
     if of_load:
         yield CHANGED["load"].format(log.trailer or "trailer")
-    for name, owned in unit.items():
-        if error := SensorErrorName.of(name):
+    for u in unknowns:
+        if error := SensorErrorName.of(u.name):
             yield CHANGED["sensor"].format(error.signal)
-        elif ParameterPath.of(name).quantity == "cornering_stiffness" and not (of_load and owned.trailer is not None):
-            yield CHANGED["tyres"].format(name.removesuffix(".cornering_stiffness"))
+        elif u.name.endswith(STIFFNESS) and not (of_load and u.of("trailer") is not None):
+            yield CHANGED["tyres"].format(u.name.removesuffix(STIFFNESS))

@@ -18,7 +18,7 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import SCOPES, TIME_BASE, Scope, quantity_of
+from fifthwheel.vehicle.quantities import SCOPES, Scope, quantity_of
 
 OUTLIER = "outlier"
 """Kind of a trip that differs from those before and after it."""
@@ -67,20 +67,9 @@ class Owned:
     origin: str = ""
     """Of a change of the vehicle file: the numbers that it changes. A number that is stated anew has a new error."""
 
-    @property
-    def trailer(self) -> str | None:
-        """The trailer that it belongs to; None for others."""
-        return dict(self.owner).get("trailer")
-
-    @property
-    def load(self) -> str | None:
-        """The load that it belongs to; None for others."""
-        return dict(self.owner).get("load")
-
-    @property
-    def is_shared(self) -> bool:
-        """Whether other logs may share it."""
-        return "log" not in dict(self.owner)
+    def of(self, label: str) -> str | None:
+        """The trailer, load or other label that it belongs to; None if it belongs to none."""
+        return dict(self.owner).get(label)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -97,7 +86,7 @@ class SharedInformation(ComparedByContents):
     information: Array  # H_s (n, n) of the shared unknowns
     score_covariance: Array
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
-    origins: tuple[str, ...] = ()  # `Owned.origin` of each unknown; empty if all are those of one vehicle file
+    origins: tuple[str, ...]  # `Owned.origin` of each unknown
     factors: Mapping[str, float] = field(default_factory=dict)
     """Value in this log over the shared value, by name; 1 for others. See `load.load_factors`."""
 
@@ -116,36 +105,33 @@ class Labels(ComparedByContents):
     """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
 
     @classmethod
-    def of(cls, vehicle: Vehicle, occasion: Occasion, estimated: Sequence[str] = (), name: str = "") -> Self:
+    def of(cls, vehicle: Vehicle, occasion: Occasion, estimated: Sequence[str] = ()) -> Self:
         """Those of a log of a vehicle."""
         known = {label for sharing in SCOPES.values() for label in (*sharing.first, *sharing.others)}
-        texts = {f"{u.name}.{label}": getattr(u, label, None) for u in vehicle.units for label in known}
-        return cls(
-            name=name,
-            tractor=vehicle.units[0].name,
-            trailer=occasion.trailer,
-            load=occasion.load,
-            road=occasion.road,
-            units={path: text for path, text in texts.items() if isinstance(text, str)},
-            estimated=tuple(estimated),
-        )
+        units = {f"{u.name}.{label}": text for u in vehicle.units for label in known if (text := getattr(u, label, ""))}
+        names = {"trailer": occasion.trailer, "load": occasion.load, "road": occasion.road}
+        return cls(tractor=vehicle.units[0].name, **names, units=units, estimated=tuple(estimated))
 
     def owned(self, name: str, origin: str = "") -> Owned:
-        """An unknown of this log with its owner. An estimated body is that with its payload."""
-        scope = "unit" if SensorErrorName.of(name) else quantity_of(name).scope
-        if name in self.estimated and ParameterPath.of(name).component == "sprung":
+        """An unknown of this log with its owner. An estimated body is that with its payload; a sensor without a unit is
+        one of the truck."""
+        scope, unit = quantity_of(name).scope, unit_of_unknown(name)
+        if SensorErrorName.of(name):
+            scope = "unit" if unit else "truck"
+        elif name in self.estimated and ParameterPath.of(name).component == "sprung":
             scope = "load"
-        return Owned(name, self._owner(scope, unit_of_unknown(name)), origin)
+        return Owned(name, self._owner(scope, unit), origin)
 
     def _owner(self, scope: Scope, unit: str) -> tuple[tuple[str, str], ...]:
         """The owner of a number of a unit."""
         sharing = SCOPES[scope]
-        of_log = {"tractor": self.tractor, "trailer": self.trailer, "load": self.load, "log": self.name}
-        of_log |= {"road": self.road} if self.road else {}
         wanted = sharing.first if unit == self.tractor else sharing.others
-        owner = [(label, of_log.get(label, self.units.get(f"{unit}.{label}"))) for label in wanted]
-        found = tuple((label, name) for label, name in owner if name is not None)
-        return found if len(found) == len(wanted) else self._owner(sharing.otherwise, unit)
+        known = {path.rpartition(".")[2]: name for path, name in self.units.items() if path.startswith(f"{unit}.")}
+        known |= {"tractor": self.tractor, "trailer": self.trailer, "load": self.load, "log": self.name}
+        known |= {"road": self.road} if self.road else {}
+        if not known.keys() >= set(wanted):
+            return self._owner(sharing.otherwise, unit)
+        return tuple((label, known[label]) for label in wanted)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -164,20 +150,14 @@ class LogKnowledge(Labels):
     @property
     def unknowns(self) -> tuple[Owned, ...]:
         """The shared unknowns with their owners."""
-        origins = self.information.origins or ("",) * len(self.information.names)
-        return tuple(self.owned(name, origin) for name, origin in zip(self.information.names, origins, strict=True))
+        return tuple(map(self.owned, self.information.names, self.information.origins))
 
 
 def masses_of_load(vehicle: Vehicle) -> dict[str, float]:
     """Masses that depend on the load, kg, by path."""
     labels = Labels.of(vehicle, Occasion())
     values = {path: value for path, value in vehicle.parameters().items() if path.endswith("mass")}
-    return {path: value for path, value in values.items() if labels.owned(path).load is not None}
-
-
-def of_vehicle(name: str) -> bool:
-    """Whether an unknown is one of the vehicle, and not of a sensor or of a time base."""
-    return name != TIME_BASE and SensorErrorName.of(name) is None
+    return {path: value for path, value in values.items() if labels.owned(path).of("load") is not None}
 
 
 def origin(unknown: Unknown, given: Mapping[str, float]) -> str:

@@ -84,10 +84,11 @@ class Knowledge(ComparedByContents):
         """The logs that are not set aside."""
         return tuple(log for log in self.logs if not log.set_aside)
 
-    def last(self, vehicle: Vehicle) -> LogKnowledge | None:
-        """The log of a truck with the latest date; None if there is none."""
-        logs = [log for log in self.logs if log.tractor == vehicle.units[0].name]
-        return max(logs, key=lambda log: log.date, default=None)
+    def occasion(self, vehicle: Vehicle, trailer: str | None) -> Occasion:
+        """Trailer and load of the latest log of a truck, or of its latest one with this trailer."""
+        logs = [log for log in self.logs if log.tractor == vehicle.units[0].name and trailer in (None, log.trailer)]
+        last = max(logs, key=lambda log: log.date, default=None)
+        return Occasion(trailer=last.trailer, load=last.load) if last else Occasion(trailer=trailer or "")
 
     @functools.cached_property
     def combined(self) -> "Combined":
@@ -131,8 +132,7 @@ class Knowledge(ComparedByContents):
             return None
         stated = (given or setup.vehicle).parameters()
         labels = Labels.of(setup.vehicle, occasion, setup.estimated)
-        unknowns = {labels.owned(u.name, origin(u, stated)): u for u in setup.unknowns if not u.per_log}
-        owners = {owned: u for owned, u in unknowns.items() if owned.is_shared}
+        owners = {labels.owned(u.name, origin(u, stated)): u for u in setup.unknowns if not u.per_log}
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
 

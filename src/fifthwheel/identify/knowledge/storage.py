@@ -77,9 +77,8 @@ def _check_size(logs: Sequence[LogKnowledge]) -> None:
 def log_contents(log: LogKnowledge) -> dict[str, Any]:
     """A log for JSON."""
     own = log.information
-    origins = own.origins or ("",) * len(own.names)
     arrays = ("centre", "scale", "logarithmic", "non_negative", "vector")
-    columns = {"name": own.names, **{name: getattr(own, name).tolist() for name in arrays}, "origin": origins}
+    columns = {"name": own.names, **{name: getattr(own, name).tolist() for name in arrays}, "origin": own.origins}
     unknowns = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
     return {
         **{name: getattr(log, name) for name in _LOG},

@@ -84,7 +84,7 @@ def marginal_information(
     """
     index = {name: i for i, name in enumerate(names)}
     unknowns = [u for u in setup.unknowns if not u.per_log and u.name not in setup.without_roll_rate]
-    unknowns = [u for u in unknowns if labels.owned(u.name).is_shared]
+    unknowns = [u for u in unknowns if labels.owned(u.name).of("log") is None]
     shared = [index[u.name] for u in unknowns]
     left = [i for i in range(len(z)) if i not in shared]
     H, M = log.information, log.score_covariance

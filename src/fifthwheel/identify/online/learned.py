@@ -44,13 +44,12 @@ class LearnedLog:
         """With what a filter learned up to a time, s, and a new log after it."""
         occasion, setup = self.occasions[trailer], live.setup
         date = self._date(occasion, time)
-        anywhere = replace(occasion, road="")  # it learns on many roads
-        labels = Labels.of(setup.vehicle, anywhere, setup.estimated, f"learned until {date:%Y-%m-%d %H:%M}")
+        labels = Labels.of(setup.vehicle, replace(occasion, road=""), setup.estimated)  # it learns on many roads
         information = learned_knowledge(live, labels)
         if information is None:
             return self
         log = LogKnowledge(
-            **vars(labels),
+            **vars(labels) | {"name": f"learned until {date:%Y-%m-%d %H:%M}"},
             date=date,
             information=information,
             digest=self.digest,
