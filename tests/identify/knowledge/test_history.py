@@ -121,6 +121,16 @@ def test_merged_knowledge_counts_a_log_once(logs):
         identified(4, other)
 
 
+def test_a_log_begins_with_trailer_and_load_of_the_last_log(knowledge):
+    """Of this truck, and with this trailer, if one is named."""
+    truck = fw.vehicle("cheng_cebon_2011")
+    lorry = fw.Vehicle.loads(truck.to_toml().replace('"tractor"', '"lorry"'))
+    cases = [(truck, None), (truck, "T 17"), (truck, ""), (truck, "T 18"), (lorry, None)]
+    found = [knowledge.occasion(vehicle, trailer) for vehicle, trailer in cases]
+    expected = [("T 17", "steel"), ("T 17", "steel"), ("", ""), ("T 18", ""), ("", "")]
+    assert [(occasion.trailer, occasion.load) for occasion in found] == expected
+
+
 def test_doubts_are_kept_and_named_by_later_results(logs):
     truck, steer = fw.vehicle("cheng_cebon_2011"), "steer.tractor.front"
 
