@@ -32,7 +32,7 @@ class SharedEstimate:
     value: float  # SI, or in standard deviations of its prior
     sigma: float
     unit: str
-    owner: Mapping[str, str]  # the labels of the logs that share it, by `SCOPES`
+    owner: dict[str, str]  # the labels of the logs that share it, by `SCOPES`
     estimated: bool  # whether it is an estimated parameter; else an uncertain number or a sensor error
     log: str  # the last log with it
     date: str  # of this log, ISO 8601
