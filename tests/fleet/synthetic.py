@@ -56,6 +56,7 @@ class Synthetic:
             "trailer": trailer,
             "load": load,
             "tractor": "tractor",
+            "units": [],
             "date": START + datetime.timedelta(days=day),
             "digest": f"{day}",
             "estimates": [{"name": n} for n in PARAMETERS],
@@ -69,6 +70,6 @@ class Synthetic:
                 "information": pack_array(H).tolist(),
                 "score_covariance": pack_array(H).tolist(),
                 "factors": [],
-                "origins": [],
+                "origins": [""] * len(NAMES),
             },
         }

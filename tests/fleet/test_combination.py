@@ -1,6 +1,7 @@
 """The combination of trips: shared unknowns, coverage, changes with their dates, false alarms."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pyarrow as pa
@@ -13,7 +14,7 @@ from fifthwheel.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
 from fifthwheel.fleet.trips import SCHEMA, log_knowledge, parquet
 from fifthwheel.identify.knowledge.changes import WINDOWS
 from fifthwheel.identify.knowledge.combination import combine
-from fifthwheel.identify.knowledge.information import owner
+from fifthwheel.identify.knowledge.information import Labels
 from tests.fleet.synthetic import NAMES, PARAMETERS, SCALES, Synthetic, value
 
 WALK = 0.004
@@ -48,6 +49,7 @@ def estimates(result, k):
         ("steer.tractor.front.gain", (None, None)),
         ("mass_scale", (None, None)),
         ("time_base", (None, None)),
+        ("speed.delay", (None, None)),
         ("tractor.mass", (None, None)),
         ("tractor.axle_positions", (None, None)),
         ("tractor.drive.relative_friction", (None, None)),
@@ -65,12 +67,18 @@ def estimates(result, k):
         ("semitrailer.cog", ("A", "steel")),
         ("semitrailer.static_load", ("A", "steel")),
         ("tractor.drive.static_load", ("A", "steel")),
+        ("road.friction", (None, None)),
     ],
 )
 def test_what_trips_share(name, expected) -> None:
     """Axle loads of the tractor depend on the load too; the tyre law holds for the tyres of tractor and trailer."""
-    unknown = owner(name, "tractor", "A", "steel")
-    assert (unknown.trailer, unknown.load) == expected
+    log = Labels(tractor="tractor", trailer="A", load="steel", road="track")
+    unknown = log.owned(name)
+    assert (unknown.of("trailer"), unknown.of("load")) == expected
+    of_road = name == "road.friction"
+    assert (replace(log, tractor="lorry").owned(name) == unknown) == of_road
+    assert unknown.of("log") is None
+    assert (replace(log, road="").owned(name).of("log") is None) != of_road
 
 
 def test_only_estimated_parameters_are_reported() -> None:
@@ -105,6 +113,20 @@ def test_tractor_parameters_profit_from_all_trailers() -> None:
     all_trips, alone = (combined(part, walk=0.0).variance[-1][0] ** 0.5 for part in (rows, rows[:1]))
     assert all_trips < 0.45 * alone
     assert len([u for u in combined(rows).layout.unknowns if u.name == NAMES[2]]) == 2
+
+
+def test_two_trucks_share_nothing() -> None:
+    """Not even what has no unit in its name."""
+    rng = np.random.default_rng(4)
+    rows = [Synthetic(rng).trip(k) | {"tractor": tractor} for k, tractor in enumerate(("tractor", "lorry"))]
+    for row in rows:
+        for unknown, name in zip(row["unknowns"], ("mass_scale", "time_base"), strict=False):
+            unknown["name"] = name
+    result = combined(rows)
+    assert len(result.layout.unknowns) == 2 * len(NAMES)
+    for name in ("mass_scale", "time_base"):
+        owners = {u.owner for u in result.layout.unknowns if u.name == name}
+        assert owners == {(("tractor", "lorry"),), (("tractor", "tractor"),)}
 
 
 def test_prior_counts_once() -> None:
@@ -208,7 +230,7 @@ def test_a_truck_that_cannot_be_combined_does_not_stop_others(of_truck) -> None:
 def test_the_latest_estimates_of_a_truck_and_its_trailers(of_truck) -> None:
     """At the last trip with the trailer; the first value is that after the change of the tyres."""
     result, tables, rows = of_truck
-    latest = {(u.name, u.trailer, u.load or None): (u, k) for k in range(12) for u in result.parameters(k)}
+    latest = {(u.name, u.of("trailer"), u.of("load") or None): (u, k) for k in range(12) for u in result.parameters(k)}
     of_truck_alone = {row["parameter"]: row for row in tables.tables["trucks"]}
     assert of_truck_alone.keys() == set(list(PARAMETERS)[:2])
     trailers = {(row["parameter"], row["trailer"], row["load"] or None): row for row in tables.tables["trailers"]}
@@ -244,7 +266,7 @@ def test_the_history_of_a_truck(of_truck) -> None:
         for i, unknown in enumerate(result.parameters(k)):
             row = found[unknown.name, f"{k}.csv"]
             assert (row["value"], row["sigma"]) == pytest.approx(result.estimate(k, unknown), rel=1e-9)
-            assert (row["trailer"], row["load"]) == (unknown.trailer, unknown.load)
+            assert (row["trailer"], row["load"]) == (unknown.of("trailer"), unknown.of("load"))
             place = list(PARAMETERS).index(unknown.name)
             assert (row["trip_value"], row["trip_sigma"]) == (100.0 + k, 1.0 + place), i
             assert (row["date"], row["p_value"]) == (rows[k]["date"], pytest.approx(result.p_values[k], rel=1e-6))

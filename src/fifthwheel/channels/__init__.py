@@ -306,12 +306,6 @@ class SensorErrorName(NamedTuple):
         channel = channel_of(self.signal)
         return _ERROR_UNITS.get(self.kind) or (channel.unit if channel else None)
 
-    @property
-    def row(self) -> ErrorKind | None:
-        """What its channel states of it; None where that has no such error."""
-        channel = channel_of(self.signal)
-        return channel.error(self.kind) if channel else None
-
 
 def is_sensor_error(name: str, kind: str | None = None) -> bool:
     """Whether a name, with or without its log, is that of a sensor error, of one kind if given.

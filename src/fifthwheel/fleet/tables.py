@@ -108,12 +108,8 @@ def _tables(
     """The rows of a truck; with the estimates of each trip alone by its digest."""
     history = list(_history(truck, combined, estimates))
     tables: dict[str, list[dict[str, Any]]] = {"trucks": [], "trailers": [], "history": history}
-    seen: dict[Owned, list[int]] = {}
-    for k in range(len(combined.logs)):
-        for unknown in combined.parameters(k):
-            seen.setdefault(unknown, []).append(k)
     excited = [{e["name"] for e in estimates[log.digest] if e["verdict"] == Verdict.CONVERGED} for log in combined.logs]
-    for unknown, trips in seen.items():
+    for unknown, trips in combined.trips_with.items():
         limited_by, limited_fraction = _limit(combined, unknown)
         value, sigma = combined.estimate(trips[-1], unknown)
         row = {
@@ -129,10 +125,10 @@ def _tables(
             "limited_by": limited_by,
             "limited_fraction": limited_fraction,
         }
-        if unknown.trailer is None:
+        if unknown.of("trailer") is None:
             tables["trucks"].append(row)
         else:
-            tables["trailers"].append(row | {"trailer": unknown.trailer, "load": unknown.load or ""})
+            tables["trailers"].append(row | {"trailer": unknown.of("trailer"), "load": unknown.of("load") or ""})
     return tables | {"changes": [*_changes(truck, combined)]}
 
 
@@ -167,8 +163,8 @@ def _history(
             trip_value, trip_sigma = alone.get(unknown.name, (None, None))
             yield {
                 "truck": truck,
-                "trailer": unknown.trailer,
-                "load": unknown.load,
+                "trailer": unknown.of("trailer"),
+                "load": unknown.of("load"),
                 "date": date_of(combined.observations[k]),
                 "log": log.name,
                 "parameter": unknown.name,

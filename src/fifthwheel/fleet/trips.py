@@ -73,6 +73,7 @@ SCHEMA = pa.schema(
         ("finished", DATE),
         *numbers("seconds", "duration"),
         *texts("tractor"),
+        ("units", pa.map_(pa.string(), pa.string())),
         ("estimates", pa.list_(_ESTIMATE)),
         ("covariance_names", pa.list_(pa.string())),
         ("covariance", pa.list_(pa.float64())),
@@ -237,13 +238,15 @@ def trip_content(identification: Identification, record: Record) -> dict[str, An
     """Estimates, covariance, findings and information of a trip as columns of `SCHEMA`."""
     if identification.knowledge is None:
         raise FifthwheelError(f"method: {identification.method} gives no information that combines; use one stage")
-    information = identification.knowledge.logs[-1].information
+    log = identification.knowledge.logs[-1]
+    information = log.information
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
     names = [e.name for e in estimated if identification.covariance and e.name in identification.covariance.names]
     joint = identification.covariance.among(names).covariance if identification.covariance else np.zeros((0, 0))
     return {
         "duration": record.span[1] - record.span[0],
-        "tractor": identification.vehicle.units[0].name,
+        "tractor": log.tractor,
+        "units": list(log.units.items()),
         "estimates": [_estimate(e) for e in (*estimated, *identification.derived)],
         "covariance_names": names,
         "covariance": joint.ravel().tolist(),
@@ -262,6 +265,7 @@ def log_knowledge(row: Mapping[str, Any]) -> LogKnowledge:
     return LogKnowledge(
         name=row["log"],
         **{name: row[name] for name in ("date", "tractor", "trailer", "load", "digest")},
+        units=dict(row["units"]),
         estimated=tuple(estimate["name"] for estimate in row["estimates"]),
         information=restored(SharedInformation, {**information, "factors": dict(information["factors"])}),
     )

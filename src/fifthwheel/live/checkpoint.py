@@ -13,7 +13,6 @@ from fifthwheel.dynamics.tyres import TyreLaw
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify import OneStage
 from fifthwheel.identify.given import with_sensors
-from fifthwheel.identify.knowledge.information import Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online import Learner
 from fifthwheel.identify.online.persistence import LEARNER_FILE
@@ -53,10 +52,8 @@ def make_learning(
         if name not in vehicle.parameters():
             raise VehicleError(f"--lock {name}: no such parameter; {suggestion(name, vehicle.parameters())}")
     if path is None or not path.exists():
-        settings, last = OneStage(given=dict.fromkeys(locks, "exact"), tyres=tyres), knowledge and knowledge.last
-        occasion = Occasion(trailer=trailer or "")
-        if last and trailer in (None, last.trailer):
-            occasion = Occasion(trailer=last.trailer, load=last.load)
+        settings = OneStage(given=dict.fromkeys(locks, "exact"), tyres=tyres)
+        occasion = (knowledge or Knowledge()).occasion(vehicle, trailer)
         learner = Learner(
             vehicle, signals, settings, sensors=sensors, trailer=trailer, knowledge=knowledge, occasion=occasion
         )

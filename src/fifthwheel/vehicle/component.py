@@ -172,7 +172,7 @@ def _message(error: ValidationError, prefix: str, keys: Iterable[str]) -> str:
                 lines.append(f"{prefix}{path}: no such key; {suggestion(str(e['loc'][-1]), keys)}")
                 continue
             case kind:
-                expected = _EXPECTED[kind].format(**context) if kind in _EXPECTED else e["msg"]
+                expected = _EXPECTED.get(kind, "{msg}").format(**context, msg=e["msg"].removeprefix("Input should be "))
         cure = "check its unit" if e["type"] == "less_than_equal" or context.get("ge") else "correct it"
         lines.append(f"{prefix}{path}: expected {expected}, got {shorten(value)}; {cure}")
     return "\n".join(lines)

@@ -34,9 +34,28 @@ COUPLINGS = ("wheel", "drawbar", "coupling", "hitch", "turntable")
 WIDE = 0.5
 """Prior standard deviation of a position that the logs are to determine, m."""
 
-Scope = Literal["truck", "unit", "load", "axle load", "road"]
-"""The whole truck; one unit; the load of a unit behind the first; all loads, as a load moves those of other axles; the
-road."""
+Scope = Literal["truck", "unit", "load", "axle load", "road", "log"]
+
+
+class Sharing(NamedTuple):
+    """The labels of a log that a number belongs to: logs with the same ones share it."""
+
+    first: tuple[str, ...]  # of a number of the first unit
+    others: tuple[str, ...]  # of all other numbers
+    otherwise: Scope = "log"  # in a log that does not have all of these labels
+
+
+_TRUCK, _TRAILER, _LOAD = ("tractor",), ("tractor", "trailer"), ("tractor", "trailer", "load")
+SCOPES: dict[Scope, Sharing] = {
+    "truck": Sharing(_TRUCK, _TRUCK),
+    "unit": Sharing(_TRUCK, _TRAILER),
+    "load": Sharing(_TRUCK, _LOAD),
+    "axle load": Sharing(_LOAD, _LOAD),  # a load moves those of all axles
+    "road": Sharing(("road",), ("road",)),
+    "log": Sharing(("log",), ("log",)),
+}
+"""Which logs share a number, by its scope. A label is one of a log (`identify.knowledge.information.Labels`), or a text
+field of the number's unit in the vehicle file."""
 
 
 class Quantity(NamedTuple):
@@ -65,7 +84,7 @@ class Quantity(NamedTuple):
     by_change: bool = False
     """Whether `sigma` acts through a change that alters several numbers (`uncertainty.changes`)."""
     scope: Scope = "unit"
-    """What it belongs to, and thus which logs share it."""
+    """What it belongs to, and thus which logs share it: `SCOPES`."""
     of_roll: bool = False
     """Whether it acts on roll, so that lane changes with roll inform on it."""
     words: str = ""
@@ -116,8 +135,8 @@ TYRES: dict[str, Quantity] = {
     ROLLING_RESISTANCE: Quantity(
         0.25, default=0.006, gross=0.4, weight=0.3, source="truck tyres of ISO 28580: 0.004 to 0.008"
     ),
-    # the fraction of the braking force by engine and retarder, of each log; the default is that of brakes on all wheels
-    DRIVE_AXLE_BRAKING: Quantity(0.4, absolute=True, mean=0.5),
+    # the fraction of the braking force by engine and retarder; the default is that of brakes on all wheels
+    DRIVE_AXLE_BRAKING: Quantity(0.4, absolute=True, mean=0.5, scope="log"),
 }
 """Of all tyres that saturate."""
 GROUP_TYRES: dict[str, Quantity] = {
@@ -139,7 +158,7 @@ QUANTITIES: dict[str, Quantity] = {
     "wheelbase": Quantity(unit="m"),
     # gross: other tyres, or flat ones
     "cornering_stiffness.variation": Quantity(
-        0.025, absolute=True, gross=0.3, weight=0.5, source="temperature and pressure of the tyres, from log to log"
+        0.025, absolute=True, gross=0.3, weight=0.5, scope="log", source="temperature and pressure of the tyres"
     ),
     DISCREPANCY: Quantity(0.015, absolute=True, source="the least one of a model that runs free, of each signal"),
     ROAD_BANK: Quantity(0.03, unit="rad", absolute=True, source="the crossfall of roads, mean of a segment"),

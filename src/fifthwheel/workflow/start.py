@@ -3,7 +3,7 @@
 import datetime
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -74,8 +74,7 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
     if chosen.knowledge is not None:
         knowledge = read_knowledge(chosen.knowledge)
         knowledge.require_used()
-    last, note = knowledge and knowledge.last, Note.of(chosen)
-    starts = []
+    starts, note = [], Note.of(chosen)
     final = loads[logs[-1]] if logs else _common(chosen.load)
     for load in sorted({*loads.values(), final}, key=lambda load: (load == final, load)):
         vehicle = _with_load(given, load)
@@ -84,12 +83,10 @@ def starts_of(truck: Vehicle | Identification, chosen: IdentifyOptions, logs: Se
         if settings.one_stage is None:
             starts.append(Start(logs=own, vehicle=vehicle, settings=settings, note=note))
             continue
-        trailer, name = chosen.trailer or "", load
-        if knowledge and last:
-            knowledge.require_same_truck(vehicle)
-            trailer = last.trailer if chosen.trailer is None else chosen.trailer
-            name = load or last.load
-        occasion = Occasion(trailer=trailer, load=name, road=chosen.road or "", date=_date(own[0]) if own else None)
+        earlier, date = knowledge or Knowledge(), _date(own[0]) if own else None
+        last = earlier.occasion(vehicle, chosen.trailer)
+        occasion = replace(last, load=load or last.load, road=chosen.road or "", date=date)
+        earlier.require_same_truck(vehicle, occasion)
         start = Start(logs=own, vehicle=vehicle, settings=settings, knowledge=knowledge, occasion=occasion, note=note)
         starts.append(start)
     return starts

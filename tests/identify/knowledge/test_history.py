@@ -12,7 +12,7 @@ from tests.identify.knowledge.conftest import FRONT, REAR, identified, moved
 
 
 def test_every_estimate_has_its_owner_and_its_last_log(knowledge):
-    found = {(e.name, e.trailer): e for e in shared_estimates(knowledge)}
+    found = {(e.name, e.owner.get("trailer")): e for e in shared_estimates(knowledge)}
     front = found[FRONT, None]
     assert (front.belongs_to, front.log, front.unit, front.estimated) == ("truck", "run 3", "N/rad", True)
     assert front.sigma == pytest.approx(knowledge.combined.estimate(2, knowledge.combined.parameters(2)[0])[1])
@@ -117,6 +117,18 @@ def test_merged_knowledge_counts_a_log_once(logs):
     other = fw.Knowledge(logs=(replace(third, tractor="lorry"),))
     with pytest.raises(fw.SignalError, match="lorry: the first unit of another truck than tractor; merge results"):
         merged.merged(other)
+    with pytest.raises(fw.VehicleError, match="tractor: the knowledge is of a truck whose first unit is lorry"):
+        identified(4, other)
+
+
+def test_a_log_begins_with_trailer_and_load_of_the_last_log(knowledge):
+    """Of this truck, and with this trailer, if one is named."""
+    truck = fw.vehicle("cheng_cebon_2011")
+    lorry = fw.Vehicle.loads(truck.to_toml().replace('"tractor"', '"lorry"'))
+    cases = [(truck, None), (truck, "T 17"), (truck, ""), (truck, "T 18"), (lorry, None)]
+    found = [knowledge.occasion(vehicle, trailer) for vehicle, trailer in cases]
+    expected = [("T 17", "steel"), ("T 17", "steel"), ("", ""), ("T 18", ""), ("", "")]
+    assert [(occasion.trailer, occasion.load) for occasion in found] == expected
 
 
 def test_doubts_are_kept_and_named_by_later_results(logs):

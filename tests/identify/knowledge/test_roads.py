@@ -1,5 +1,7 @@
 """Logs on one road share its friction."""
 
+from dataclasses import replace
+
 import pytest
 
 import fifthwheel as fw
@@ -33,3 +35,16 @@ def test_the_friction_belongs_to_a_named_road_alone(knowledge: fw.Knowledge) -> 
     assert abs(same[FRICTION].value - TRUE) < 3 * same[FRICTION].sigma
     assert other[FRICTION].sigma == pytest.approx(unnamed[FRICTION].sigma, rel=1e-5)
     assert FRICTION not in unnamed.knowledge.logs[1].information.names
+
+
+def test_two_trucks_share_the_road_alone(knowledge: fw.Knowledge) -> None:
+    (log,) = knowledge.logs
+    both = knowledge.merged(fw.Knowledge(logs=(replace(log, tractor="lorry", name="lorry", digest="other"),)))
+    names = [unknown.name for unknown in both.combined.layout.unknowns]
+    assert {name for name in names if names.count(name) == 1} == {FRICTION}
+    elsewhere = fw.Knowledge(logs=(replace(log, tractor="lorry", road="valley"),))
+    with pytest.raises(fw.SignalError, match="lorry: the first unit of another truck than tractor"):
+        knowledge.merged(elsewhere)
+    with pytest.raises(fw.VehicleError, match="tractor: the knowledge is of a truck whose first unit is lorry"):
+        elsewhere.require_same_truck(fw.vehicle("cheng_cebon_2011"), fw.Occasion(road="pass"))
+    elsewhere.require_same_truck(fw.vehicle("cheng_cebon_2011"), fw.Occasion(road="valley"))

@@ -9,6 +9,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.identify.doubts import Cause, Doubt, DoubtKind, describe_doubt
 from fifthwheel.identify.knowledge.combination import combine
+from fifthwheel.identify.knowledge.information import Labels
 from fifthwheel.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.identify.one_stage.problem import Problem
 from fifthwheel.identify.one_stage.shared_information import marginal_information, shared_information, with_doubts
@@ -18,6 +19,9 @@ from fifthwheel.vehicle.quantities import FRICTION
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
+
+
+LABELS = Labels.of(TRUCK, fw.Occasion())
 
 
 def record(seed, *, count=1, without=""):
@@ -44,7 +48,7 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
     normal = dict.fromkeys(("cornering_stiffness", "yaw_inertia"), "+- 30 %")
     settings = fw.OneStage(tyres="linear", given=exact | normal)
     together = solve_one_stage([record(0), record(1)], GUESS, settings)
-    first, second = (shared_information(linearised_alone(together, i)) for i in range(2))
+    first, second = (shared_information(linearised_alone(together, i), LABELS) for i in range(2))
     assert first.names == second.names
     assert {"mass_scale", "semitrailer.payload.mass", "time_base"} <= set(first.names)
     P = np.linalg.inv(np.eye(len(first.names)) + first.information + second.information)
@@ -97,7 +101,7 @@ def test_a_gain_is_shared_by_its_logarithm() -> None:
         gradient=np.zeros(len(names)),
         score_covariance=np.eye(len(names)),
     )
-    found = marginal_information(setup, names, z, log)
+    found = marginal_information(setup, names, z, log, LABELS)
     estimate = np.linalg.solve(found.information, found.vector)
     gains = [name for name in found.names if name.endswith(".gain")]
     assert steer in gains

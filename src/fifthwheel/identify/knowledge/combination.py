@@ -1,15 +1,12 @@
 """The logs of one truck combined: its unknowns over all its trailers and loads, changes, and histories.
 
-Which logs share an unknown follows from its unit. Unknowns of the first unit, with its sensors, belong to the truck.
-Those of the units behind it belong to the trailer, and those that depend on the payload to the load of this trailer; so
-do the axle loads of all units. An error of a weighbridge, `mass_scale`, and the rate of the logger's time base belong
-to the truck. Numbers of all units together, such as those of the law of the tyres and the drag area, belong to the
-trailer: another trailer has other tyres.
+Which logs share an unknown is stated in the row of the number (`vehicle.quantities.SCOPES`).
 """
 
 import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 
 import numpy as np
 
@@ -17,12 +14,13 @@ from fifthwheel._types import Array, selected
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.filters.scaling import Scaling
 from fifthwheel.identify.knowledge.changes import Kind, TripChange, TruckTrips, find_changes
-from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned
 from fifthwheel.identify.knowledge.states import Observation, State, Walk, filtered, smoothed, together
 from fifthwheel.identify.one_stage.posterior import model_error_factors
 from fifthwheel.identify.one_stage.prior import JointPrior
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import ParameterPath
+from fifthwheel.vehicle.quantities import TIME_BASE
 
 DAY = 86_400.0
 """Seconds."""
@@ -97,6 +95,12 @@ class Combined:
         places = set(self.observations[k].places.tolist())
         return [u for u, i in self.layout.unknowns.items() if i in places and u in self.layout.estimated]
 
+    @property
+    def trips_with(self) -> dict[Owned, list[int]]:
+        """The trips with each estimated parameter."""
+        of_trips = [self.parameters(k) for k in range(len(self.logs))]
+        return {u: [k for k, own in enumerate(of_trips) if u in own] for u in dict.fromkeys(chain(*of_trips))}
+
 
 def combine(logs: Sequence[LogKnowledge], *, tyre_walk: float, false_alarm: float) -> Combined:
     """Combine the logs of a truck.
@@ -160,9 +164,9 @@ def _layout(logs: Sequence[LogKnowledge]) -> UnknownLayout:
         lower=np.where(column("non_negative"), centre, -np.inf),
         upper=np.full_like(centre, np.inf),
     )
-    estimated = {log.owned(name) for log in logs for name in log.estimated}
+    estimated = {unknown for log in logs for unknown in log.unknowns if unknown.name in log.estimated}
     places = {unknown: i for i, unknown in enumerate(first)}
-    return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated & places.keys()))
+    return UnknownLayout(unknowns=places, scaling=scaling, estimated=frozenset(estimated))
 
 
 def _shared_centres(log: LogKnowledge) -> Array:
@@ -212,7 +216,8 @@ def _widening(trips: Sequence[Observation], n: int) -> Array:
 
 def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
     """What may change: the tyres of an axle group, the load of a trailer, a sensor; or one trip is an outlier."""
-    parameters = {u: i for u, i in layout.unknowns.items() if of_vehicle(u.name)}
+    sensors = {u: error.signal for u in layout.unknowns if (error := SensorErrorName.of(u.name))}
+    parameters = {u: i for u, i in layout.unknowns.items() if u not in sensors and u.name != TIME_BASE}
 
     def kind(name: str, subject: str, members: Sequence[int], decisive: Sequence[int] = ()) -> Kind:
         """A change of some unknowns, which may happen at each trip with one of the decisive ones, by default of all."""
@@ -220,24 +225,23 @@ def _kinds(layout: UnknownLayout, trips: Sequence[Observation]) -> list[Kind]:
         return Kind(name=name, subject=subject, members=np.array(members, dtype=np.int64), trips=at)
 
     kinds = [
-        kind("tyres", f"{path.owner}{_of_trailer(u.trailer)}", [i])
+        kind("tyres", f"{path.owner}{_of_trailer(u)}", [i])
         for u, i in parameters.items()
         if (path := ParameterPath.of(u.name)).quantity == "cornering_stiffness"
     ]
-    for trailer, load in dict.fromkeys((u.trailer, u.load) for u in parameters if u.load is not None):
-        own = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, load)]
-        shared = [i for u, i in parameters.items() if (u.trailer, u.load) == (trailer, None)]
+    for owner, trailer in {u.owner: u.of("trailer") for u in parameters if u.of("load") is not None}.items():
+        own = [i for u, i in parameters.items() if u.owner == owner]
+        shared = [i for u, i in parameters.items() if u.owner == owner[:-1]]
         kinds.append(kind("load", trailer or "trailer", [*own, *shared], own))
-    signals: dict[str, list[int]] = {}
-    for u, i in layout.unknowns.items():
-        if error := SensorErrorName.of(u.name):
-            signals.setdefault(f"{error.signal}{_of_trailer(u.trailer)}", []).append(i)
-    kinds += [kind("sensor", signal, members) for signal, members in signals.items()]
+    signals: dict[Owned, list[int]] = {}
+    for u, signal in sensors.items():
+        signals.setdefault(replace(u, name=signal), []).append(layout.unknowns[u])
+    kinds += [kind("sensor", f"{u.name}{_of_trailer(u)}", members) for u, members in signals.items()]
     return [*kinds, kind(OUTLIER, "trip", list(parameters.values()))]
 
 
-def _of_trailer(trailer: str | None) -> str:
-    return f" of {trailer}" if trailer else ""
+def _of_trailer(unknown: Owned) -> str:
+    return f" of {trailer}" if (trailer := unknown.of("trailer")) else ""
 
 
 def date_of(trip: Observation) -> datetime.datetime:

@@ -10,7 +10,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import SensorErrorName
 from fifthwheel.errors import FifthwheelError
 from fifthwheel.identify.knowledge.combination import Combined
-from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned, of_vehicle, owner
+from fifthwheel.identify.knowledge.information import OUTLIER, LogKnowledge, Owned
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.knowledge.states import State
 from fifthwheel.names import ParameterPath
@@ -33,9 +33,7 @@ class SharedEstimate:
     value: float  # SI, or in standard deviations of its prior
     sigma: float
     unit: str
-    trailer: str | None  # None for an unknown of the truck
-    load: str | None  # None for an unknown of the truck, or of the trailer with every load
-    road: str | None  # the road that a friction belongs to; else None
+    owner: dict[str, str]  # the labels of the logs that share it, by `SCOPES`
     estimated: bool  # whether it is an estimated parameter; else an uncertain number or a sensor error
     log: str  # the last log with it
     date: str  # of this log, ISO 8601
@@ -43,14 +41,9 @@ class SharedEstimate:
     @property
     def belongs_to(self) -> str:
         """The truck, a trailer, a load or a road, in words."""
-        if self.road is not None:
-            return f"road {self.road}"
-        if self.trailer is None:
-            return "truck"
-        trailer = f"trailer {self.trailer}".rstrip()
-        if self.load is None:
-            return trailer
-        return f"load {self.load}".rstrip() + (f" of {trailer}" if self.trailer else "")
+        labels = [label for label in reversed(self.owner) if label != "tractor"]
+        named = [label for label in labels if label == labels[0] or self.owner[label]]
+        return " of ".join(f"{label} {self.owner[label]}".rstrip() for label in named) or "truck"
 
     def as_dict(self) -> dict[str, Any]:
         """The fields, for JSON."""
@@ -106,11 +99,7 @@ def estimate_histories(knowledge: Knowledge) -> list[EstimateHistory]:
     """The estimated parameters over the dates of the logs, by the smoother."""
     combined, found = knowledge.combined, []
     seconds = np.array([log.date.timestamp() for log in combined.logs])
-    seen: dict[Owned, list[int]] = {}
-    for k in range(len(combined.logs)):
-        for unknown in combined.parameters(k):
-            seen.setdefault(unknown, []).append(k)
-    for unknown, logs in seen.items():
+    for unknown, logs in combined.trips_with.items():
         value, sigma = np.array([combined.estimate(k, unknown) for k in logs]).T
         place = combined.layout.unknowns[unknown]
         found.append(
@@ -132,9 +121,7 @@ def _shared_estimate(combined: Combined, unknown: Owned, k: int) -> SharedEstima
         value=value,
         sigma=sigma,
         unit=unit_of_shared(unknown),
-        trailer=unknown.trailer,
-        load=unknown.load,
-        road=unknown.road,
+        owner=dict(unknown.owner),
         estimated=unknown in combined.layout.estimated,
         log=combined.logs[k].name,
         date=combined.logs[k].date.isoformat(),
@@ -182,13 +169,13 @@ def _used(combined: Combined) -> Iterator[LogEntry]:
 
 def changes_in_words(log: LogKnowledge) -> Iterator[str]:
     """What is known to have changed before a log, from the names of the unknowns."""
-    unit = {name: owner(name, log.tractor, log.trailer, log.load) for name in log.changed}
-    of_load = any(of_vehicle(name) and owned.load is not None for name, owned in unit.items())
+    unknowns = [log.owned(name) for name in log.changed]
+    of_load = any(u.of("load") is not None for u in unknowns)
     if of_load:
         yield CHANGED["load"].format(log.trailer or "trailer")
-    for name, owned in unit.items():
-        path = ParameterPath.of(name)
-        if error := SensorErrorName.of(name):
+    for u in unknowns:
+        path = ParameterPath.of(u.name)
+        if error := SensorErrorName.of(u.name):
             yield CHANGED["sensor"].format(error.signal)
-        elif path.quantity == "cornering_stiffness" and not (of_load and owned.trailer is not None):
+        elif path.quantity == "cornering_stiffness" and not (of_load and u.of("trailer") is not None):
             yield CHANGED["tyres"].format(path.owner)

@@ -4,7 +4,7 @@ import datetime
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import BeforeValidator
@@ -19,7 +19,7 @@ from fifthwheel.names import ParameterPath
 from fifthwheel.record import Record
 from fifthwheel.record.record import EARLIEST_DATE
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import FRICTION, TIME_BASE, quantity_of
+from fifthwheel.vehicle.quantities import SCOPES, Scope, quantity_of
 
 OUTLIER = "outlier"
 """Kind of a trip that differs from those before and after it."""
@@ -61,15 +61,16 @@ class Occasion:
 
 @dataclass(frozen=True)
 class Owned:
-    """An unknown, and the trailer and the load that it belongs to; None for one of the truck, or of every load. The
-    friction belongs to a road."""
+    """An unknown, and the labels of the logs that share it."""
 
     name: str
-    trailer: str | None = None
-    load: str | None = None
+    owner: tuple[tuple[str, str], ...]  # pairs of label and name, by `SCOPES`
     origin: str = ""
     """Of a change of the vehicle file: the numbers that it changes. A number that is stated anew has a new error."""
-    road: str | None = None
+
+    def of(self, label: str) -> str | None:
+        """The trailer, load or other label that it belongs to; None if it belongs to none."""
+        return dict(self.owner).get(label)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,7 +87,7 @@ class SharedInformation(ComparedByContents):
     information: Symmetric  # H_s (n, n) of the shared unknowns
     score_covariance: Symmetric
     """Long-run covariance (n, n) of the sum of the scores; equal to the information if the model is right."""
-    origins: tuple[str, ...] = ()  # `Owned.origin` of each unknown; empty if all are those of one vehicle file
+    origins: tuple[str, ...]  # `Owned.origin` of each unknown
     factors: Mapping[str, Positive] = field(default_factory=dict)
     """Value in this log over the shared value, by name; 1 for others. See `load.load_factors`."""
 
@@ -102,17 +103,54 @@ def _date(value: Any) -> datetime.datetime:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class LogKnowledge(ComparedByContents):
-    """The information of one log, and where it belongs."""
+class Labels(ComparedByContents):
+    """The names of a log and of what was driven, which decide what it shares with other logs."""
 
-    name: str
-    date: Annotated[datetime.datetime, BeforeValidator(_date)]  # UTC
+    name: str = ""  # of the log
     tractor: str  # name of the first unit
     trailer: str
     load: str
-    road: str = ""
+    road: str = ""  # empty: no other log was driven on it
+    units: Mapping[str, str] = field(default_factory=dict)  # labels of units in the vehicle file, by path
+    estimated: tuple[str, ...] = ()
+    """Names of the estimated parameters; the others are uncertain, or errors of sensors."""
+
+    @classmethod
+    def of(cls, vehicle: Vehicle, occasion: Occasion, estimated: Sequence[str] = ()) -> Self:
+        """Those of a log of a vehicle."""
+        known = {label for sharing in SCOPES.values() for label in (*sharing.first, *sharing.others)}
+        units = {f"{u.name}.{label}": text for u in vehicle.units for label in known if (text := getattr(u, label, ""))}
+        names = {"trailer": occasion.trailer, "load": occasion.load, "road": occasion.road}
+        return cls(tractor=vehicle.units[0].name, **names, units=units, estimated=tuple(estimated))
+
+    def owned(self, name: str, origin: str = "") -> Owned:
+        """An unknown of this log with its owner. An estimated body is that with its payload; a sensor without a unit is
+        one of the truck."""
+        scope, unit = quantity_of(name).scope, unit_of_unknown(name)
+        if SensorErrorName.of(name):
+            scope = "unit" if unit else "truck"
+        elif name in self.estimated and ParameterPath.of(name).component == "sprung":
+            scope = "load"
+        return Owned(name, self._owner(scope, unit), origin)
+
+    def _owner(self, scope: Scope, unit: str) -> tuple[tuple[str, str], ...]:
+        """The owner of a number of a unit."""
+        sharing = SCOPES[scope]
+        wanted = sharing.first if unit == self.tractor else sharing.others
+        known = {path.rpartition(".")[2]: name for path, name in self.units.items() if path.startswith(f"{unit}.")}
+        known |= {"tractor": self.tractor, "trailer": self.trailer, "load": self.load, "log": self.name}
+        known |= {"road": self.road} if self.road else {}
+        if not known.keys() >= set(wanted):
+            return self._owner(sharing.otherwise, unit)
+        return tuple((label, known[label]) for label in wanted)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LogKnowledge(Labels):
+    """The information of one log, and where it belongs."""
+
+    date: Annotated[datetime.datetime, BeforeValidator(_date)]  # UTC
     information: SharedInformation
-    estimated: tuple[str, ...]  # names of the estimated parameters; the others are uncertain, or errors of sensors
     digest: str = ""  # of the log, by `record_digest`
     masses: Mapping[str, Positive] = field(default_factory=dict)  # given masses that depend on the load, kg, by path
     changed: tuple[str, ...] = ()
@@ -123,40 +161,14 @@ class LogKnowledge(ComparedByContents):
     @property
     def unknowns(self) -> tuple[Owned, ...]:
         """The shared unknowns with their owners."""
-        origins = self.information.origins or ("",) * len(self.information.names)
-        return tuple(self.owned(name, origin) for name, origin in zip(self.information.names, origins, strict=True))
-
-    def owned(self, name: str, origin: str = "") -> Owned:
-        """An unknown of this log with its owner."""
-        if name == FRICTION:
-            return Owned(name, road=self.road)
-        return owner(name, self.tractor, self.trailer, self.load, origin=origin, lumped=name in self.estimated)
+        return tuple(map(self.owned, self.information.names, self.information.origins))
 
 
 def masses_of_load(vehicle: Vehicle) -> dict[str, float]:
     """Masses that depend on the load, kg, by path."""
-    tractor = vehicle.units[0].name
+    labels = Labels.of(vehicle, Occasion())
     values = {path: value for path, value in vehicle.parameters().items() if quantity_of(path).unit == "kg"}
-    return {path: value for path, value in values.items() if owner(path, tractor, "", "load").load}
-
-
-def owner(name: str, tractor: str, trailer: str, load: str, *, origin: str = "", lumped: bool = False) -> Owned:
-    """An unknown of a log with the trailer and the load that it belongs to.
-
-    `lumped`: a body is that with its payload.
-    """
-    scope = quantity_of(name).scope
-    if scope == "axle load":
-        return Owned(name, trailer, load, origin)
-    if scope == "truck" or unit_of_unknown(name) == tractor:
-        return Owned(name, origin=origin)
-    of_load = scope == "load" or (lumped and ParameterPath.of(name).component == "sprung")
-    return Owned(name, trailer, load if of_load and of_vehicle(name) else None, origin)
-
-
-def of_vehicle(name: str) -> bool:
-    """Whether an unknown is one of the vehicle, and not of a sensor or of a time base."""
-    return name != TIME_BASE and SensorErrorName.of(name) is None
+    return {path: value for path, value in values.items() if labels.owned(path).of("load") is not None}
 
 
 def origin(unknown: Unknown, given: Mapping[str, float]) -> str:

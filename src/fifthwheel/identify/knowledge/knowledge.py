@@ -14,12 +14,11 @@ from fifthwheel._types import ComparedByContents
 from fifthwheel.errors import SignalError, VehicleError, suggestion
 from fifthwheel.identify.knowledge.information import (
     OUTLIER,
+    Labels,
     LogKnowledge,
     Occasion,
-    Owned,
     masses_of_load,
     origin,
-    owner,
     record_digest,
 )
 from fifthwheel.identify.knowledge.load import load_factors
@@ -86,10 +85,11 @@ class Knowledge(ComparedByContents):
         """The logs that are not set aside."""
         return tuple(log for log in self.logs if not log.set_aside)
 
-    @property
-    def last(self) -> LogKnowledge | None:
-        """The log with the latest date; None if there is none."""
-        return max(self.logs, key=lambda log: log.date, default=None)
+    def occasion(self, vehicle: Vehicle, trailer: str | None) -> Occasion:
+        """Trailer and load of the latest log of a truck, or of its latest one with this trailer."""
+        logs = [log for log in self.logs if log.tractor == vehicle.units[0].name and trailer in (None, log.trailer)]
+        last = max(logs, key=lambda log: log.date, default=None)
+        return Occasion(trailer=last.trailer, load=last.load) if last else Occasion(trailer=trailer or "")
 
     @functools.cached_property
     def combined(self) -> "Combined":
@@ -131,17 +131,16 @@ class Knowledge(ComparedByContents):
         """
         if not self.used:
             return None
-        stated, tractor = (given or setup.vehicle).parameters(), setup.vehicle.units[0].name
-        lumped = not setup.settings.uniform_payload
-        owners = {
-            owner(u.name, tractor, occasion.trailer, occasion.load, origin=origin(u, stated), lumped=lumped): u
-            for u in setup.unknowns
-            if not u.per_log and u.name != FRICTION
-        }
-        friction = [u for u in setup.unknowns if u.name == FRICTION and occasion.road]
-        owners |= {Owned(u.name, road=occasion.road): u for u in friction}
+        stated = (given or setup.vehicle).parameters()
+        labels = Labels.of(setup.vehicle, occasion, setup.estimated)
+        owners = {labels.owned(u.name, origin(u, stated)): u for u in setup.unknowns if not u.per_log}
         date = occasion.date or self.combined.logs[-1].date
         return self.combined.prior(owners, date, load_factors(setup.vehicle))
+
+    @property
+    def _owners(self) -> set[tuple[tuple[str, str], ...]]:
+        """The owners of all that the logs inform on."""
+        return {unknown.owner for log in self.logs for unknown in log.unknowns}
 
     def require_used(self) -> None:
         """A SignalError if there is no log, or all are set aside."""
@@ -151,26 +150,26 @@ class Knowledge(ComparedByContents):
                 f"knowledge: no log that is used{reasons}; identify one, or give the result folder of another run"
             )
 
-    def require_same_truck(self, vehicle: Vehicle) -> None:
-        """A VehicleError if the first unit of a vehicle has another name."""
-        own = vehicle.units[0].name
-        for log in self.logs:
-            if log.tractor != own:
-                raise VehicleError(
-                    f"{own}: the knowledge is of a truck whose first unit is {log.tractor}; give that of this truck, "
-                    "or the same name"
-                )
+    def require_same_truck(self, vehicle: Vehicle, occasion: Occasion) -> None:
+        """A VehicleError if all logs are of trucks with another name of the first unit, and share nothing with this."""
+        labels, trucks = Labels.of(vehicle, occasion), {log.tractor for log in self.logs}
+        own = {labels.owned(name).owner for name in (*vehicle.parameters(), FRICTION)}
+        if trucks and labels.tractor not in trucks and own.isdisjoint(self._owners):
+            raise VehicleError(
+                f"{labels.tractor}: the knowledge is of a truck whose first unit is {', '.join(sorted(trucks))}; give "
+                "that of this truck, or the same name"
+            )
 
     def require_same_load(self, vehicle: Vehicle, occasion: Occasion) -> None:
         """A SignalError if the given masses are those of another load."""
-        of_load = [log for log in self.used if (log.trailer, log.load) == (occasion.trailer, occasion.load)]
-        known = {path: mass for log in of_load for path, mass in log.masses.items()}
+        labels = Labels.of(vehicle, occasion)
+        known = {log.owned(path): (of_log, log.name) for log in self.used for path, of_log in log.masses.items()}
         for path, mass in masses_of_load(vehicle).items():
-            if path in known and abs(mass - known[path]) > SAME_LOAD * known[path]:
+            before, name = known.get(labels.owned(path), (mass, ""))
+            if abs(mass - before) > SAME_LOAD * before:
                 raise SignalError(
-                    f"{path}: {mass:g} kg, but {known[path]:g} kg with the same load in {of_load[-1].name}: another "
-                    "load? Name it (--load half, or Occasion(load=...)); what depends on it then begins from the "
-                    "vehicle file"
+                    f"{path}: {mass:g} kg, but {before:g} kg with the same load in {name}: another load? Name it "
+                    "(--load half, or Occasion(load=...)); what depends on it then begins from the vehicle file"
                 )
 
     def with_logs(self, logs: Sequence[LogKnowledge]) -> "Knowledge":
@@ -244,7 +243,7 @@ class Knowledge(ComparedByContents):
             SignalError: it is of another truck.
         """
         own, others = ({log.tractor for log in knowledge.logs} for knowledge in (self, other))
-        if own and not others <= own:
+        if own and not others <= own and self._owners.isdisjoint(other._owners):
             raise SignalError(
                 f"{', '.join(sorted(others - own))}: the first unit of another truck than {', '.join(sorted(own))}; "
                 "merge results of one truck, or give both vehicle files the same name of the first unit"

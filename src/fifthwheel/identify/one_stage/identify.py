@@ -49,6 +49,7 @@ def identify_one_stage(
     settings, note = with_tyre_law(vehicle, settings)
     occasion, before = occasion or Occasion(), (knowledge or Knowledge()).without_records(records)
     occasion = replace(occasion, date=occasion.date_of(records))
+    before.require_same_truck(vehicle, occasion)
     before.require_same_load(vehicle, occasion)
     solve = partial(solve_one_stage, records, vehicle, settings, validate=validate, progress=progress)
     solution = solve(earlier=partial(before.prior, occasion=occasion) if before.used else None)

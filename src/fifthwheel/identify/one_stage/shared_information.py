@@ -14,7 +14,7 @@ closer to its quadratic model in the logarithm of the gain: with gain = c + s z 
 scaled by dz/du = gain / c.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -23,6 +23,7 @@ from fifthwheel._types import Array
 from fifthwheel.channels import is_sensor_error
 from fifthwheel.identify.doubts import Doubt, describe_doubt
 from fifthwheel.identify.knowledge.information import (
+    Labels,
     LogKnowledge,
     Occasion,
     SharedInformation,
@@ -35,21 +36,16 @@ from fifthwheel.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.names import split_log
-from fifthwheel.vehicle.quantities import FRICTION
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:
     """The information of each log of a solution on the truck, without doubts."""
+    labels = Labels.of(solution.dataset.vehicle, occasion, solution.estimated)
     return [
         LogKnowledge(
-            name=record.name,
+            **vars(labels) | {"name": record.name},
             date=occasion.date_of([record]),
-            tractor=solution.dataset.vehicle.units[0].name,
-            trailer=occasion.trailer,
-            load=occasion.load,
-            road=occasion.road,
-            information=shared_information(solution, i, of_road=bool(occasion.road)),
-            estimated=solution.estimated,
+            information=shared_information(solution, labels, i),
             digest=record_digest(record),
             masses=masses_of_load(solution.dataset.initial_vehicle),
         )
@@ -71,25 +67,24 @@ def _concerns(doubt: Doubt, log: int, name: str) -> bool:
     return doubt.log in (None, name) and not logs.isdisjoint({None, str(log)})
 
 
-def shared_information(solution: Solution, log: int = 0, *, of_road: bool = False) -> SharedInformation:
-    """The information of one log of a solution; with `of_road` on the friction too."""
+def shared_information(solution: Solution, labels: Labels, log: int = 0) -> SharedInformation:
+    """The information of one log of a solution."""
     of_log, names = solution.linearisation.logs[log], solution.problem.names
     z = solution.minimum.z[of_log.indices]
-    own = () if of_road else (FRICTION,)
-    return marginal_information(solution.problem.setup, [names[i] for i in of_log.indices], z, of_log, own=own)
+    return marginal_information(solution.problem.setup, [names[i] for i in of_log.indices], z, of_log, labels)
 
 
 def marginal_information(
-    setup: Setup, names: Sequence[str], z: Array, log: LogLinearisation, *, own: Collection[str] = (FRICTION,)
+    setup: Setup, names: Sequence[str], z: Array, log: LogLinearisation, labels: Labels
 ) -> SharedInformation:
     """The information of a log on what logs share.
 
-    A parameter that is not identifiable because the roll rate is not measured is the log's own, and so are the unknowns
-    `own`. The log contributes `log` at the estimates z (k,) of its unknowns, with the names (k,).
+    A parameter that is not identifiable because the roll rate is not measured is the log's own, and so is an unknown
+    whose owner is the log. The log contributes `log` at the estimates z (k,) of its unknowns, with the names (k,).
     """
     index = {name: i for i, name in enumerate(names)}
-    own_unknowns = {*setup.without_roll_rate, *own}
-    unknowns = [u for u in setup.unknowns if not u.per_log and u.name not in own_unknowns]
+    unknowns = [u for u in setup.unknowns if not u.per_log and u.name not in setup.without_roll_rate]
+    unknowns = [u for u in unknowns if labels.owned(u.name).of("log") is None]
     shared = [index[u.name] for u in unknowns]
     left = [i for i in range(len(z)) if i not in shared]
     H, M = log.information, log.score_covariance

@@ -19,7 +19,7 @@ import numpy as np
 from fifthwheel._types import Array
 from fifthwheel.filters.relinearised import JointEstimate
 from fifthwheel.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, describe_doubt, most_likely
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion, SharedInformation, masses_of_load
+from fifthwheel.identify.knowledge.information import Labels, LogKnowledge, Occasion, SharedInformation, masses_of_load
 from fifthwheel.identify.knowledge.storage import restored_logs
 from fifthwheel.identify.one_stage.shared_information import marginal_information
 from fifthwheel.identify.one_stage.solution import LogLinearisation
@@ -43,18 +43,16 @@ class LearnedLog:
 
     def finished(self, live: LiveFilter, trailer: str, time: float) -> "LearnedLog":
         """With what a filter learned up to a time, s, and a new log after it."""
-        occasion, information = self.occasions[trailer], learned_knowledge(live)
+        occasion, setup = self.occasions[trailer], live.setup
+        date = self._date(occasion, time)
+        labels = Labels.of(setup.vehicle, replace(occasion, road=""), setup.estimated)  # it learns on many roads
+        information = learned_knowledge(live, labels)
         if information is None:
             return self
-        date, setup = self._date(occasion, time), live.setup
         log = LogKnowledge(
-            name=f"learned until {date:%Y-%m-%d %H:%M}",
+            **vars(labels) | {"name": f"learned until {date:%Y-%m-%d %H:%M}"},
             date=date,
-            tractor=setup.vehicle.units[0].name,
-            trailer=occasion.trailer,
-            load=occasion.load,
             information=information,
-            estimated=tuple(name for name in setup.estimated if name in information.names),
             digest=self.digest,
             doubts=tuple(describe_doubt(doubt) for doubt in find_doubts(live, live.estimate())),
             masses=masses_of_load(setup.vehicle),
@@ -90,7 +88,7 @@ def learned_information(live: LiveFilter) -> tuple[Array, Array]:
     return axes * gained @ axes.T, axes @ (axes.T @ (P1 @ z1 - P0 @ z0))
 
 
-def learned_knowledge(live: LiveFilter) -> SharedInformation | None:
+def learned_knowledge(live: LiveFilter, labels: Labels) -> SharedInformation | None:
     """What a filter learned since its start; None if nothing."""
     now, setup = live.filter.estimate(), replace(live.setup, unknowns=live.setup.estimated_unknowns)
     information, vector = learned_information(live)
@@ -102,7 +100,7 @@ def learned_knowledge(live: LiveFilter) -> SharedInformation | None:
         gradient=information @ now.z - vector,
         score_covariance=max(1.0, *live.innovations.autocorrelation) * information,
     )
-    return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log)
+    return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log, labels)
 
 
 def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:

@@ -21,7 +21,7 @@ from fifthwheel.channels.sensors import SensorPrior
 from fifthwheel.errors import SignalError, VehicleError
 from fifthwheel.identify.doubts import Doubt
 from fifthwheel.identify.given import applied, with_sensors
-from fifthwheel.identify.knowledge.information import Occasion
+from fifthwheel.identify.knowledge.information import Labels, Occasion
 from fifthwheel.identify.knowledge.knowledge import Knowledge
 from fifthwheel.identify.online.learned import LearnedLog, find_doubts
 from fifthwheel.identify.online.live_filter import LiveFilter
@@ -32,7 +32,7 @@ from fifthwheel.identify.online.start import with_prior_means
 from fifthwheel.identify.settings import OneStage, require_own_functions
 from fifthwheel.identify.setup import Setup
 from fifthwheel.identify.stored import reason, restored, stored
-from fifthwheel.identify.unknowns.parameters import lacks_roll_rate, unit_of_unknown
+from fifthwheel.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.names import ParameterPath
@@ -109,7 +109,7 @@ class Learner:
         expect_known("learner.discrepancy", learner.discrepancy if learner else (), CHANNELS)
         occasion = occasion or Occasion(trailer=trailer or "")
         if knowledge is not None:
-            knowledge.require_same_truck(vehicle)
+            knowledge.require_same_truck(vehicle, occasion)
             knowledge.require_same_load(vehicle, occasion)
         vehicle, settings = applied(vehicle, settings or OneStage(tyres="linear"))
         self._vehicle_file, self._signals, self._knowledge = vehicle, frozenset(signals), knowledge
@@ -412,7 +412,7 @@ class Learner:
                 trailer=content["trailer"],
             )
             if knowledge is not None:
-                knowledge.require_same_truck(learner._vehicle_file)
+                knowledge.require_same_truck(learner._vehicle_file, Occasion())
             learner._knowledge = knowledge
             blocks = [(EstimateBlock.restored(content["estimates"]), path)]
             setup, evidence = learner._live.setup, content["evidence"]
@@ -448,5 +448,5 @@ def _with_tractor_of(tractor: Vehicle, vehicle: Vehicle) -> Vehicle:
 
 
 def _is_of_tractor(setup: Setup, unknown: Unknown) -> bool:
-    """Whether an unknown belongs to the first unit, its sensors or its steered axles."""
-    return unit_of_unknown(unknown.name) in (setup.vehicle.units[0].name, "")
+    """Whether an unknown belongs to the truck, and not to a trailer, a load or a log."""
+    return [*dict(Labels.of(setup.vehicle, Occasion()).owned(unknown.name).owner)] == ["tractor"]

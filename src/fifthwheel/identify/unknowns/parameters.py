@@ -20,7 +20,7 @@ from fifthwheel.identify.unknowns.unknown import (
 )
 from fifthwheel.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, FRICTION, MASS_SCALE, TIME_BASE, quantity_of, unit_of
+from fifthwheel.vehicle.quantities import DRIVE_AXLE_BRAKING, FRICTION, TIME_BASE, quantity_of, unit_of
 from fifthwheel.vehicle.steering import own_parameters
 from fifthwheel.vehicle.uncertainty import changes
 
@@ -109,10 +109,7 @@ def lacks_roll_rate(name: str, channels: Iterable[str]) -> bool:
 
 
 def unit_of_unknown(unknown: str) -> str:
-    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters; "" for
-    the mass scale of all units."""
-    if unknown == MASS_SCALE:
-        return ""
+    """The unit that a parameter or the sensor of a sensor error belongs to; the coupling for its own parameters."""
     error = SensorErrorName.of(unknown)
     return SignalName.of(error.signal).unit if error else ParameterPath.of(unknown).unit
 
@@ -273,10 +270,10 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
         _, sigma = prior_of(settings.given, variation)
         if sigma and not known_of(name, values[name], settings, reported=True).exact:
             moves = {name: values[name]}
-            unknowns.append(linear_unknown(variation, 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves, per_log=True))
+            unknowns.append(linear_unknown(variation, 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves))
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
-        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma, per_log=True))
+        unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
     if rate := prior_of(settings.given, TIME_BASE)[1]:
         moves = {dynamics.TIME_SCALE: 1.0}
         unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, UnknownKind.UNCERTAIN, moves=moves))

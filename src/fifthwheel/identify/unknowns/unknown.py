@@ -150,12 +150,13 @@ def linear_unknown(
     row = quantity_of(name)
     reach = (2 if kind is UnknownKind.PARAMETER and row.is_position else BOUND_SIGMAS) * sigma
     lower, upper = row.bounds or (mean - reach, mean + reach)
+    own = per_log or row.scope == "log"
     return Unknown(
-        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind, moves=moves or {}, per_log=per_log
+        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind, moves=moves or {}, per_log=own
     )
 
 
-def fraction_unknown(name: str, mean: float, sigma: float, *, per_log: bool = False) -> Unknown:
+def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     """An uncertain fraction, 0 to 1."""
-    unknown = linear_unknown(name, mean, sigma, UnknownKind.UNCERTAIN, per_log=per_log)
+    unknown = linear_unknown(name, mean, sigma, UnknownKind.UNCERTAIN)
     return replace(unknown, lower=0.0, upper=1.0).within(0.0, 1.0)
