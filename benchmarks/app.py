@@ -17,7 +17,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks.reading import write_mf4
-from tests.app.served import chromium, served, tab
+from tests.apps.app.served import chromium, served, tab
 
 POINTS = "document.querySelector('.js-plotly-plot[role=img]')?.data?.[0]?.x"
 DRAWN = f"(({POINTS})?.length ?? 0) > 100 && document.querySelectorAll('.scatterlayer .js-line').length >= 4"

@@ -17,9 +17,9 @@ from PIL import Image
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.app.served import chromium, served, tab
+from tests.apps.app.served import chromium, served, tab
 
-from fifthwheel.app.layout import PAGES, address
+from fifthwheel.apps.app.layout import PAGES, address
 
 ROOT = Path(__file__).parents[1]
 OUT = ROOT / "docs" / "_static" / "app"

@@ -28,17 +28,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel import dynamics
-from fifthwheel._types import Array
-from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.identify import Identification, identify
-from fifthwheel.identify.dataset import LogData
-from fifthwheel.identify.fit_evaluation import free_run_fits
-from fifthwheel.identify.unknowns.parameters import sensor_error_unknowns
-from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
-from fifthwheel.record import Record
-from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
-from fifthwheel.vehicle.uncertainty import changes
+from fifthwheel.model import dynamics
+from fifthwheel.base.types import Array
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.estimate.identify import Identification, identify
+from fifthwheel.estimate.identify.dataset import LogData
+from fifthwheel.estimate.identify.fit_evaluation import free_run_fits
+from fifthwheel.estimate.identify.unknowns.parameters import sensor_error_unknowns
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.data.record import Record
+from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
+from fifthwheel.truck.uncertainty import changes
 
 FOLDER = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[2] / "shared" / "data")) / "carla"
 UNITS = ("tractor", "semitrailer")

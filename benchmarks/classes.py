@@ -17,18 +17,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel import dynamics
-from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.simulate import simulate
-from fifthwheel.units import STANDARD_GRAVITY
-from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from fifthwheel.vehicle.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
-from fifthwheel.vehicle.classes.table import (
+from fifthwheel.model import dynamics
+from fifthwheel.base.types import Array
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model.simulate import simulate
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
+from fifthwheel.truck.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
+from fifthwheel.truck.classes.table import (
     CLASSES,
     DAMPING_TIME,
     FIFTH_WHEEL,
@@ -37,8 +37,8 @@ from fifthwheel.vehicle.classes.table import (
     Figure,
     VehicleClass,
 )
-from fifthwheel.vehicle.slip import Slip
-from fifthwheel.workflow.new_vehicle import Description, new_vehicle
+from fifthwheel.truck.slip import Slip
+from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
 from trust_runs import sensor_sigma
 
 INTERVAL = 1.645

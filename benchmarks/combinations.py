@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.channels import SignalName
-from fifthwheel.identify.design.assess import predict_sigmas
-from fifthwheel.identify.verdict import Verdict
-from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.observe import Observer
-from fifthwheel.plant import Plant, Sensor, article_sensors
-from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import Vehicle, get
+from fifthwheel.data.channels import SignalName
+from fifthwheel.estimate.identify.design.assess import predict_sigmas
+from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.model.manoeuvres import lane_changes
+from fifthwheel.estimate.observe import Observer
+from fifthwheel.model.plant import Plant, Sensor, article_sensors
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle, get
 
 NAMES = ("b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer")
 ANGLE_VARIANCE = np.radians(0.2) ** 2

@@ -16,7 +16,7 @@ import fifthwheel as fw
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.export.cortex_m import CORES, Emulation, emulated
+from tests.results.export.cortex_m import CORES, Emulation, emulated
 
 
 def main() -> None:

@@ -22,7 +22,7 @@ import psutil
 import pyarrow.parquet as pq
 
 import fifthwheel as fw
-from fifthwheel.fleet import FleetSettings, run
+from fifthwheel.apps.fleet import FleetSettings, run
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = {"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6}

@@ -21,9 +21,9 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
 
-from fifthwheel._atomic import atomic_write
-from fifthwheel.channels import si_unit
-from fifthwheel.formatting import approximate, percent, with_sigma
+from fifthwheel.base.atomic import atomic_write
+from fifthwheel.data.channels import si_unit
+from fifthwheel.base.formatting import approximate, percent, with_sigma
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".mf4", ".mdf", ".mat", ".mcap", ".blf", ".asc", ".trc", ".log")
 """Of logs; their content then decides on the format."""

@@ -26,17 +26,17 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from fifthwheel._atomic import MANIFEST, recover
-from fifthwheel.logs import read_log, write_record
-from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get
+from fifthwheel.base.atomic import MANIFEST, recover
+from fifthwheel.data.logs import read_log, write_record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 
-MAIN = [sys.executable, "-c", "from fifthwheel.cli import main; main()"]
+MAIN = [sys.executable, "-c", "from fifthwheel.apps.cli import main; main()"]
 SMALL_REPRODUCTION = """
 import importlib, sys
-from fifthwheel.cli import main
+from fifthwheel.apps.cli import main
 if __name__ == "__main__":
-    study = importlib.import_module("fifthwheel.cheng_cebon_2011.reproduce")
+    study = importlib.import_module("fifthwheel.apps.cheng_cebon_2011.reproduce")
     study.QUICK = study.Extent(seeds=1, repetitions=int(sys.argv.pop(1)), variant_seeds={})
     main()
 """

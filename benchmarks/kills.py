@@ -28,10 +28,10 @@ import pyarrow.parquet as pq
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.live.truck_bus import driven, frames, write_candump, write_files
+from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 
-from fifthwheel.app.workspace import SIGNALS, VEHICLE, Workspace
-from fifthwheel.identify.online import Learner
+from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Workspace
+from fifthwheel.estimate.identify.online import Learner
 from fleet import make
 
 MAIN = [sys.executable, "-m", "fifthwheel"]
@@ -40,7 +40,7 @@ RATE = 20
 CHANGES = """
 import sys
 from pathlib import Path
-from fifthwheel.app.workspace import Workspace
+from fifthwheel.apps.app.workspace import Workspace
 workspace = Workspace(Path(sys.argv[1]))
 print("ready", flush=True)
 for k in range(10**6):

@@ -27,18 +27,18 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel._types import Array
-from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.knowledge.information import LogKnowledge, Occasion
-from fifthwheel.identify.knowledge.knowledge import Knowledge
-from fifthwheel.identify.online import Learner
-from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.plant import MagicFormula, Plant, Properties
-from fifthwheel.record import Record
-from fifthwheel.studies.scenarios import initial_guess
-from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import FRICTION, quantity_of
+from fifthwheel.base.types import Array
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, Occasion
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.model.manoeuvres import lane_changes
+from fifthwheel.model.plant import MagicFormula, Plant, Properties
+from fifthwheel.data.record import Record
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.quantities import FRICTION, quantity_of
 from sharpness import CAREFUL, WEIGHED, careful_truck
 from trust_coverage import STEER, drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table

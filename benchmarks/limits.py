@@ -21,15 +21,15 @@ import argparse
 import casadi as ca
 import numpy as np
 
-from fifthwheel.errors import FifthwheelError
-from fifthwheel.identify import OneStage, identify
-from fifthwheel.manoeuvres import braked
-from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.observe import Observer, ObserverSettings
-from fifthwheel.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
-from fifthwheel.record import Record
-from fifthwheel.stream import Status
-from fifthwheel.vehicle import get
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.model.manoeuvres import braked
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.stream import Status
+from fifthwheel.truck import get
 from trust_runs import TRUCK, table
 
 UNITS = ("tractor", "semitrailer")

@@ -12,7 +12,7 @@ import sys
 from concurrent.futures import ProcessPoolExecutor
 from itertools import product
 
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.base.errors import FifthwheelError
 from trust_coverage import Draw, Sample, row, samples
 from trust_runs import SINE, table
 

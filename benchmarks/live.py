@@ -31,14 +31,14 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.live.truck_bus import TRUCK, driven, frames, write_files
+from tests.apps.live.truck_bus import TRUCK, driven, frames, write_files
 
-from fifthwheel.live.checkpoint import make_learning
-from fifthwheel.live.node import Node
-from fifthwheel.live.setup import completed_map, make_node, make_observer
-from fifthwheel.live.sources.bus import LiveBus, frame_queue
-from fifthwheel.live.sources.feed import listen
-from fifthwheel.logs.can.decoder import Frame
+from fifthwheel.apps.live.checkpoint import make_learning
+from fifthwheel.apps.live.node import Node
+from fifthwheel.apps.live.setup import completed_map, make_node, make_observer
+from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
+from fifthwheel.apps.live.sources.feed import listen
+from fifthwheel.data.logs.can.decoder import Frame
 
 SECONDS = 40.0
 FLOOD = 8000

@@ -20,11 +20,11 @@ from dataclasses import replace
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel._types import Array
-from fifthwheel.manoeuvres import everyday
-from fifthwheel.plant import DrivenTruck, Plant, Properties, bus_sensors
-from fifthwheel.plant.driving import drive
-from fifthwheel.record import Record
+from fifthwheel.base.types import Array
+from fifthwheel.model.manoeuvres import everyday
+from fifthwheel.model.plant import DrivenTruck, Plant, Properties, bus_sensors
+from fifthwheel.model.plant.driving import drive
+from fifthwheel.data.record import Record
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 MASSES = (16e3, 42e3)

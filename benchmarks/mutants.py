@@ -1,7 +1,7 @@
 """Mutation score: how many small changes of the source the tests detect.
 
     python benchmarks/mutants.py                           # 40 mutants of all modules in TESTS, seed 1; an hour
-    python benchmarks/mutants.py --seed 2 --count 10 src/fifthwheel/identify/doubts.py
+    python benchmarks/mutants.py --seed 2 --count 10 src/fifthwheel/estimate/identify/doubts.py
     python benchmarks/mutants.py --seed 2 --narrow         # without the tests of the broadest paths
     python benchmarks/mutants.py --seed 2 --only 3 17      # two mutants of this sample again
     python benchmarks/mutants.py --list                    # the number of possible mutants of each file
@@ -36,43 +36,43 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 ONE_STAGE = "src/fifthwheel/identify/one_stage"
-PROBLEM_TESTS = "tests/identify/one_stage/test_problem.py"
+PROBLEM_TESTS = "tests/estimate/identify/one_stage/test_problem.py"
 SOLVER_TESTS = "tests/frozen tests/identify/one_stage tests/diagnose"
 STREAM_TESTS = "tests/frozen tests/observe tests/identify/online"
-FLEET_TESTS = "tests/fleet tests/cli/test_fleet.py"
+FLEET_TESTS = "tests/fleet tests/apps/cli/test_fleet.py"
 TESTS = {
-    "src/fifthwheel/identify/verdict.py": ("tests/identify/test_verdict.py", SOLVER_TESTS),
-    "src/fifthwheel/identify/doubts.py": (
-        "tests/identify/test_doubts.py tests/identify/one_stage/test_doubt_limits.py",
-        f"tests/identify/one_stage/test_evidence.py tests/identify/online/test_doubt_limits.py {SOLVER_TESTS}",
+    "src/fifthwheel/estimate/identify/verdict.py": ("tests/estimate/identify/test_verdict.py", SOLVER_TESTS),
+    "src/fifthwheel/estimate/identify/doubts.py": (
+        "tests/estimate/identify/test_doubts.py tests/estimate/identify/one_stage/test_doubt_limits.py",
+        f"tests/estimate/identify/one_stage/test_evidence.py tests/estimate/identify/online/test_doubt_limits.py {SOLVER_TESTS}",
     ),
-    "src/fifthwheel/stream": ("tests/stream tests/observe/test_limits.py", STREAM_TESTS),
-    "src/fifthwheel/observe/monitor.py": (
-        "tests/observe/test_limits.py tests/observe/test_settling.py",
-        f"tests/observe/test_consistency.py {STREAM_TESTS} tests/live",
+    "src/fifthwheel/stream": ("tests/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
+    "src/fifthwheel/estimate/observe/monitor.py": (
+        "tests/estimate/observe/test_limits.py tests/estimate/observe/test_settling.py",
+        f"tests/estimate/observe/test_consistency.py {STREAM_TESTS} tests/live",
     ),
-    "src/fifthwheel/fleet/manifest.py": ("tests/fleet/test_manifest.py", FLEET_TESTS),
+    "src/fifthwheel/apps/fleet/manifest.py": ("tests/apps/fleet/test_manifest.py", FLEET_TESTS),
     "src/fifthwheel/fleet": (
-        "tests/fleet/test_storage.py tests/fleet/test_report.py tests/fleet/test_combination.py",
-        "tests/fleet/test_run.py",
+        "tests/apps/fleet/test_storage.py tests/apps/fleet/test_report.py tests/apps/fleet/test_combination.py",
+        "tests/apps/fleet/test_run.py",
         FLEET_TESTS,
     ),
     f"{ONE_STAGE}/free_run.py": (
-        "tests/identify/test_fit_evaluation.py tests/identify/test_saturating_tyres.py",
+        "tests/estimate/identify/test_fit_evaluation.py tests/estimate/identify/test_saturating_tyres.py",
         SOLVER_TESTS,
     ),
     f"{ONE_STAGE}/identify.py": (
-        "tests/identify/knowledge/test_contradictions.py",
+        "tests/estimate/identify/knowledge/test_contradictions.py",
         f"tests/identify/knowledge {SOLVER_TESTS}",
     ),
     f"{ONE_STAGE}/problem.py": (
         f"{PROBLEM_TESTS} --deselect={PROBLEM_TESTS}::test_gradient",
-        f"{PROBLEM_TESTS} tests/identify/one_stage/test_estimator.py",
+        f"{PROBLEM_TESTS} tests/estimate/identify/one_stage/test_estimator.py",
         SOLVER_TESTS,
     ),
-    f"{ONE_STAGE}/posterior.py": ("tests/identify/test_doubts.py", SOLVER_TESTS),
-    f"{ONE_STAGE}/shared_information.py": ("tests/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
-    ONE_STAGE: ("tests/identify/one_stage/test_estimator.py", SOLVER_TESTS),
+    f"{ONE_STAGE}/posterior.py": ("tests/estimate/identify/test_doubts.py", SOLVER_TESTS),
+    f"{ONE_STAGE}/shared_information.py": ("tests/estimate/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
+    ONE_STAGE: ("tests/estimate/identify/one_stage/test_estimator.py", SOLVER_TESTS),
 }
 """Paths of tests by file or folder, the narrowest first. `test_<module>.py` in one of the folders runs first."""
 COMPARISONS: dict[type, list[type[ast.cmpop]]] = {

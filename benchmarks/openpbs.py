@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel._types import Array
-from fifthwheel.assess import lane_change, low_speed_turn
-from fifthwheel.assess.truck import Body, Truck
-from fifthwheel.dynamics import linear_system
-from fifthwheel.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.vehicle import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
+from fifthwheel.base.types import Array
+from fifthwheel.results.assess import lane_change, low_speed_turn
+from fifthwheel.results.assess.truck import Body, Truck
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 
 FILES = {"A-double": "Adouble6x4.mo", "truck, dolly and semitrailer": "NordicCombination.mo"}
 FOLDER = Path("OpenPBS/VehicleParameters/Vehicles")

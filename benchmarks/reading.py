@@ -33,9 +33,9 @@ OTHERS = tuple(f"other_{k}" for k in range(12))
 NAMES = (*SIGNALS, *OTHERS)
 MAT_NAMES = {name: name.replace(".", "_") for name in SIGNALS}
 
-RECORD = "from fifthwheel.logs import SignalMap, read_log; read_log(path, SignalMap.parse({signal_map!r}))"
+RECORD = "from fifthwheel.data.logs import SignalMap, read_log; read_log(path, SignalMap.parse({signal_map!r}))"
 FRAMES = """
-    from fifthwheel.logs.readers import open_log
+    from fifthwheel.data.logs.readers import open_log
     with open_log(path) as log:
         [0 for chunk in log.chunks(log.columns)]
 """
@@ -83,7 +83,7 @@ print(seconds, *peaks)
 """
 LATENCY = """
 import time
-from fifthwheel.logs.readers import open_log
+from fifthwheel.data.logs.readers import open_log
 for _ in range(5):
     start = time.perf_counter()
     with open_log({path!r}) as log:

@@ -30,13 +30,13 @@ import pyarrow.parquet as pq
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.live.truck_bus import driven, frames, write_candump, write_files
+from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 
-from fifthwheel import vehicle
-from fifthwheel.identify.online import Learner
-from fifthwheel.observe import Observer, Status
-from fifthwheel.simulate import simulate
-from fifthwheel.stream import VALID
+from fifthwheel import truck as vehicle
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.observe import Observer, Status
+from fifthwheel.model.simulate import simulate
+from fifthwheel.estimate.stream import VALID
 
 TRUCK = vehicle.get("cheng_cebon_2011")
 RECORD = simulate(TRUCK, count=2, seed=1)

@@ -35,18 +35,22 @@ import casadi as ca
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from fifthwheel import dynamics, logs, vehicle
-from fifthwheel.cheng_cebon_2011 import dual
-from fifthwheel.filters import Noise, kalman, sample_rows
-from fifthwheel.filters.model import pack_array
-from fifthwheel.identify import OneStage, identify
-from fifthwheel.identify.one_stage.log_posterior import log_posterior
-from fifthwheel.identify.online.learner import Learner
-from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.native import Scan
-from fifthwheel.observe import Observer
-from fifthwheel.record import Record
-from fifthwheel.simulate import simulate
+from fifthwheel.model import dynamics
+
+from fifthwheel.data import logs
+
+from fifthwheel import truck as vehicle
+from fifthwheel.apps.cheng_cebon_2011 import dual
+from fifthwheel.estimate.filters import Noise, kalman, sample_rows
+from fifthwheel.estimate.filters.model import pack_array
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify.one_stage.log_posterior import log_posterior
+from fifthwheel.estimate.identify.online.learner import Learner
+from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
+from fifthwheel.base.native import Scan
+from fifthwheel.estimate.observe import Observer
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
 
 SAMPLES, VEHICLES = 20_000, 64
 TRUCK = vehicle.get("cheng_cebon_2011")
@@ -228,8 +232,8 @@ def evaluation_ratio() -> tuple[int, float]:
 
 def plant_speed() -> float:
     """Simulated time of the nonlinear truck divided by computing time."""
-    from fifthwheel.manoeuvres import course
-    from fifthwheel.plant import Plant
+    from fifthwheel.model.manoeuvres import course
+    from fifthwheel.model.plant import Plant
 
     plant, path = Plant(NOT_LAGGING), course("lane_changes", NOT_LAGGING, count=2)
     return path.duration / best(lambda: plant.drive(path), runs=3)
@@ -285,8 +289,8 @@ def process_cost(arguments: list[str], runs: int = 3, **environment: str) -> Pro
 
 def everyday_log(duration: int, folder: str) -> tuple[str, float]:
     """A file with everyday driving of the nonlinear truck at 100 Hz, and its size in memory, MB; `duration` in s."""
-    from fifthwheel.manoeuvres import course
-    from fifthwheel.plant import Plant
+    from fifthwheel.model.manoeuvres import course
+    from fifthwheel.model.plant import Plant
 
     log = Path(folder) / f"{duration}.csv"
     drive = course("everyday", TRUCK, duration=float(duration), seed=0)

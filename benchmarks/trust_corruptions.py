@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel import dynamics
-from fifthwheel._types import Array
-from fifthwheel.channels import SignalName
-from fifthwheel.dynamics.kinematics import BANK
-from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.names import ParameterPath
-from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.model import dynamics
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import SignalName
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.truck import Vehicle
 from trust_runs import TRUCK, Changes
 
 SPEED, STEER = "speed", "steer.tractor.front"

@@ -14,24 +14,24 @@ from typing import Literal
 
 import numpy as np
 
-from fifthwheel import dynamics
-from fifthwheel._types import Array
-from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.errors import FifthwheelError
-from fifthwheel.filters.initial_state import steady_initial_state
-from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.identify.statement import prior_of
-from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.names import ParameterPath
-from fifthwheel.observe import Observer, ObserverSettings, Uncertainty
-from fifthwheel.plant import PlantRun, Sensor, measure
-from fifthwheel.record import Record
-from fifthwheel.record.sensor_noise import article_gyro_variance
-from fifthwheel.studies.scenarios import initial_guess
-from fifthwheel.vehicle import Vehicle
-from fifthwheel.vehicle.quantities import FRICTION, quantity_of
-from fifthwheel.vehicle.uncertainty import changes
+from fifthwheel.model import dynamics
+from fifthwheel.base.types import Array
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.estimate.filters.initial_state import steady_initial_state
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.sensor_errors import log_sensors
+from fifthwheel.estimate.identify.statement import prior_of
+from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.model.plant import PlantRun, Sensor, measure
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.quantities import FRICTION, quantity_of
+from fifthwheel.truck.uncertainty import changes
 from trust_runs import (
     RUNS,
     TRUCK,

@@ -5,16 +5,16 @@ from functools import cache
 
 import numpy as np
 
-from fifthwheel.cheng_cebon_2011.experiments import SPEED
-from fifthwheel.identify import CommonSettings
-from fifthwheel.identify.unknowns.parameters import prior_of_sensor_error
-from fifthwheel.manoeuvres import Course, lane_changes
-from fifthwheel.manoeuvres.catalogue import course
-from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.plant import Plant, PlantRun, Properties
-from fifthwheel.plant.properties import with_changes
-from fifthwheel.studies.scenarios import effective_stiffness
-from fifthwheel.vehicle import get
+from fifthwheel.apps.cheng_cebon_2011.experiments import SPEED
+from fifthwheel.estimate.identify import CommonSettings
+from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
+from fifthwheel.model.manoeuvres import Course, lane_changes
+from fifthwheel.model.manoeuvres.catalogue import course
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.model.plant import Plant, PlantRun, Properties
+from fifthwheel.model.plant.properties import with_changes
+from fifthwheel.apps.studies.scenarios import effective_stiffness
+from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")
 RUNS = {"one": "One lane change", "five": "Five lane changes", "everyday": "Everyday driving"}

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import least_squares
 
-from fifthwheel.dynamics.tyres import NOMINAL_LOAD
-from fifthwheel.plant.magic_formula import MagicFormula
+from fifthwheel.model.dynamics.tyres import NOMINAL_LOAD
+from fifthwheel.model.plant.magic_formula import MagicFormula
 from trust_runs import table
 
 Array = NDArray[np.float64]

@@ -6,7 +6,7 @@ covariance P = S S' (Van der Merwe and Wan 2001): it triangularises and shrinks 
 covariances, so that P is positive semidefinite whatever the rounding, also if P is singular.
 
 Noise is additive. Points are drawn again after the prediction, and measurements correct the state channel by channel,
-as in `fifthwheel.filters.kalman`. A considered bank is a further column of the joint square root, which measurements do
+as in `fifthwheel.estimate.filters.kalman`. A considered bank is a further column of the joint square root, which measurements do
 not weigh.
 """
 
@@ -18,15 +18,15 @@ from typing import Literal, NamedTuple
 import casadi as ca
 import numpy as np
 
-from fifthwheel._lazy import lazy
-from fifthwheel._types import Array
-from fifthwheel.dynamics.kinematics import BANK
-from fifthwheel.filters.kalman import ChannelUpdate, gate
-from fifthwheel.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
-from fifthwheel.native import Scan
-from fifthwheel.observe.observed_chain import ObservedChain
-from fifthwheel.observe.observer_model import ObserverModel
-from fifthwheel.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
+from fifthwheel.base.lazy import lazy
+from fifthwheel.base.types import Array
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.estimate.filters.kalman import ChannelUpdate, gate
+from fifthwheel.estimate.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
+from fifthwheel.base.native import Scan
+from fifthwheel.estimate.observe.observed_chain import ObservedChain
+from fifthwheel.estimate.observe.observer_model import ObserverModel
+from fifthwheel.estimate.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
 
 
 class Deviations(NamedTuple):

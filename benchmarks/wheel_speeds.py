@@ -20,14 +20,14 @@ from functools import partial
 
 import numpy as np
 
-from fifthwheel.identify import OneStage, identify
-from fifthwheel.identify.online import Learner
-from fifthwheel.manoeuvres import lane_changes
-from fifthwheel.plant import Plant, Properties
-from fifthwheel.plant.sensors import Sensor, measure
-from fifthwheel.record import Record
-from fifthwheel.studies.scenarios import initial_guess
-from fifthwheel.vehicle import Vehicle
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.model.manoeuvres import lane_changes
+from fifthwheel.model.plant import Plant, Properties
+from fifthwheel.model.plant.sensors import Sensor, measure
+from fifthwheel.data.record import Record
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.truck import Vehicle
 from sharpness import CAREFUL, SPEEDS, careful_truck
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, sensor_sigma

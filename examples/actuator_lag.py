@@ -3,7 +3,7 @@
     python examples/actuator_lag.py
 
 A truck with the lag is simulated in a lane change of 24 m/s, and identified with and without it. The equations are a
-function of CasADi expressions at the top level of a module; `fifthwheel.vehicle.steering` says what it must satisfy.
+function of CasADi expressions at the top level of a module; `fifthwheel.truck.steering` says what it must satisfy.
 """
 
 from collections.abc import Mapping
@@ -12,9 +12,9 @@ import casadi as ca
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.manoeuvres.open_loops import single_sine
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres.open_loops import single_sine
 
 LAG = 0.15
 FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"

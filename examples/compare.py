@@ -7,7 +7,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.studies import Identified, exact_guess, initial_guess, observer
+from fifthwheel.apps.studies import Identified, exact_guess, initial_guess, observer
 
 STATE = "rms.sideslip.semitrailer"
 SETTLING_TIME = 1.0

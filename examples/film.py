@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel._atomic import atomic_write
-from fifthwheel._extras import require
-from fifthwheel._types import Array
-from fifthwheel.errors import SignalError
+from fifthwheel.base.atomic import atomic_write
+from fifthwheel.base.extras import require
+from fifthwheel.base.types import Array
+from fifthwheel.base.errors import SignalError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from fifthwheel.plant import PlantRun
-    from fifthwheel.vehicle import Unit, Vehicle
+    from fifthwheel.model.plant import PlantRun
+    from fifthwheel.truck import Unit, Vehicle
 Points = NDArray[np.complex128]
 
 SUFFIXES = (".png", ".svg", ".gif")
@@ -297,9 +297,9 @@ class _Scene:
 
 def main() -> None:
     """Draw a lane change at 88 km/h, to the file that is given."""
-    from fifthwheel.manoeuvres import lane_changes
-    from fifthwheel.plant import Plant
-    from fifthwheel.vehicle import get
+    from fifthwheel.model.manoeuvres import lane_changes
+    from fifthwheel.model.plant import Plant
+    from fifthwheel.truck import get
 
     print(film(Plant(get("cheng_cebon_2011")).drive(lane_changes(count=1)), Path(sys.argv[1])))
 

@@ -13,8 +13,8 @@ import casadi as ca
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.channels import register
-from fifthwheel.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits
+from fifthwheel.data.channels import register
+from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits
 
 AHEAD = 1.5
 OFFSET = 0.004

@@ -15,7 +15,7 @@ from compare import compare
 from unscented_filter import INITIAL_VARIANCE, PROCESS_VARIANCE, Estimate, estimated, white_noise_variance
 
 import fifthwheel as fw
-from fifthwheel.channels import SignalName
+from fifthwheel.data.channels import SignalName
 
 SHRINKAGE = 0.95
 """Of the kernel of Liu and West: 1 draws particles again without change."""

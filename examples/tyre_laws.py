@@ -3,16 +3,16 @@
     python examples/tyre_laws.py
 
 A truck with this law is simulated in a single sine of 3 m/s^2 on a wet road, and identified with both laws. A law is a
-function of CasADi expressions at the top level of a module; `fifthwheel.dynamics.tyre_law` says what it must satisfy.
+function of CasADi expressions at the top level of a module; `fifthwheel.model.dynamics.tyre_law` says what it must satisfy.
 """
 
 import casadi as ca
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel import dynamics
-from fifthwheel.dynamics.simulation import free_response
-from fifthwheel.manoeuvres.open_loops import single_sine
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres.open_loops import single_sine
 
 SHAPE = 1.6
 FRICTION = 0.4

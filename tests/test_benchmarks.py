@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel._types import Array
+from fifthwheel.base.types import Array
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 CARLA = Path(os.environ.get("FIFTHWHEEL_DATA", FOLDER.parents[1] / "shared" / "data")) / "carla"

@@ -16,28 +16,31 @@ import typer
 from pydantic import BaseModel
 
 import fifthwheel
-from fifthwheel import cli, dynamics, plant, vehicle
-from fifthwheel.channels import _ALL, MODELLED, channels_with_errors
-from fifthwheel.checks import Fault
-from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.dynamics import sensors
-from fifthwheel.dynamics.model import steer_parameters
-from fifthwheel.evaluate import METHODS
-from fifthwheel.evaluate.tolerances import DEFAULTS
-from fifthwheel.identify import OneStage, statement
-from fifthwheel.identify.online import LearnerSettings
-from fifthwheel.identify.unknowns import parameters
-from fifthwheel.identify.verdict import Verdict
-from fifthwheel.logs import SignalMap
-from fifthwheel.logs.signal_map import SignalSource, TimeColumn
-from fifthwheel.manoeuvres import MANOEUVRES
-from fifthwheel.observe import ObserverSettings, Status
-from fifthwheel.vehicle import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from fifthwheel.vehicle.classes import CLASSES
-from fifthwheel.vehicle.component import Component
-from fifthwheel.vehicle.driveline import Driveline
-from fifthwheel.vehicle.quantities import DISCREPANCY, QUANTITIES, TIME_BASE
-from fifthwheel.vehicle.toml_format import FILE_KEYS
+from fifthwheel.apps import cli
+from fifthwheel.model import dynamics
+from fifthwheel.model import plant
+from fifthwheel import truck as vehicle
+from fifthwheel.data.channels import _ALL, MODELLED, channels_with_errors
+from fifthwheel.data.checks import Fault
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.model.dynamics import sensors
+from fifthwheel.model.dynamics.model import steer_parameters
+from fifthwheel.results.evaluate import METHODS
+from fifthwheel.results.evaluate.tolerances import DEFAULTS
+from fifthwheel.estimate.identify import OneStage, statement
+from fifthwheel.estimate.identify.online import LearnerSettings
+from fifthwheel.estimate.identify.unknowns import parameters
+from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.data.logs import SignalMap
+from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
+from fifthwheel.model.manoeuvres import MANOEUVRES
+from fifthwheel.estimate.observe import ObserverSettings, Status
+from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
+from fifthwheel.truck.classes import CLASSES
+from fifthwheel.truck.component import Component
+from fifthwheel.truck.driveline import Driveline
+from fifthwheel.truck.quantities import DISCREPANCY, QUANTITIES, TIME_BASE
+from fifthwheel.truck.toml_format import FILE_KEYS
 from tests.test_architecture import ROOMS, SOURCE
 
 ROOT = Path(__file__).parents[1]

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.studies import initial_guess
-from fifthwheel.studies.scenarios import simulated
+from fifthwheel.apps.studies import initial_guess
+from fifthwheel.apps.studies.scenarios import simulated
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 TRUCK = fw.vehicle("cheng_cebon_2011")

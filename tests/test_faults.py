@@ -14,20 +14,20 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel import cli
-from fifthwheel.checks import Fault
-from fifthwheel.cheng_cebon_2011 import TwoStage
-from fifthwheel.errors import SignalError
-from fifthwheel.identify import Identification, OneStage, identify
-from fifthwheel.identify.unknowns.parameters import stage_1_names
-from fifthwheel.logs import read_log, write_record
-from fifthwheel.observe import Observer, Status
-from fifthwheel.record import Record
-from fifthwheel.report import conclude_identification
-from fifthwheel.simulate import simulate
-from fifthwheel.vehicle import get
-from fifthwheel.workflow import check_signals
-from tests.observe.conftest import but_settling
+from fifthwheel.apps import cli
+from fifthwheel.data.checks import Fault
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.base.errors import SignalError
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
+from fifthwheel.data.logs import read_log, write_record
+from fifthwheel.estimate.observe import Observer, Status
+from fifthwheel.data.record import Record
+from fifthwheel.results.report import conclude_identification
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from fifthwheel.apps.workflow import check_signals
+from tests.estimate.observe.conftest import but_settling
 
 TRUCK = get("cheng_cebon_2011")
 TRUTH = TRUCK.parameters() | TRUCK.derived()

@@ -69,7 +69,7 @@ def table(title: str) -> list[list[str]]:
 
 
 def test_every_parameter_has_its_unit() -> None:
-    from fifthwheel.vehicle.component import Component
+    from fifthwheel.truck.component import Component
 
     known = {item for kind in Component.__subclasses__() for item in kind.si_units.items()}
     lines = table("Parameters of the vehicle")

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel._atomic import MANIFEST, atomic_write, clean_up, one_run, recover, replaced_result, result_folder
-from fifthwheel.errors import FifthwheelError
+from fifthwheel.base.atomic import MANIFEST, atomic_write, clean_up, one_run, recover, replaced_result, result_folder
+from fifthwheel.base.errors import FifthwheelError
 
 OLD = {"a.json": "old a", "b.toml": "old b", "figures/old/c.svg": "old c"}
 NEW = {"a.json": "new a", "b.toml": "new b", "figures/new/d.svg": "new d"}
@@ -22,7 +22,7 @@ FOREIGN = {"signals.toml": "mine", "figures/mine.svg": "mine too", ".hidden": "m
 KILLED = """
 import itertools, os, shutil, signal, sys
 from pathlib import Path
-from fifthwheel._atomic import result_folder
+from fifthwheel.base.atomic import result_folder
 
 def run(folder, steps):
     def count(event, arguments):

@@ -7,9 +7,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.observe import ObserverSettings, offline
-from fifthwheel.record import Record
-from fifthwheel.simulate import simulate
+from fifthwheel.estimate.observe import ObserverSettings, offline
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import unscented

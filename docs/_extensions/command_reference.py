@@ -7,7 +7,7 @@ from typing import Any
 import typer
 from sphinx.application import Sphinx
 
-from fifthwheel import cli
+from fifthwheel.apps import cli
 
 
 def reference() -> Iterator[str]:

@@ -18,7 +18,7 @@ from sphinx.pycode import ModuleAnalyzer
 from sphinx.util.typing import stringify_annotation
 
 import fifthwheel
-from fifthwheel.settings import Settings
+from fifthwheel.base.settings import Settings
 
 SECTION = re.compile(r"(Args|Returns|Yields|Raises|Example|Examples|Attributes|Note|Notes):$")
 IDEAS = {

@@ -4,10 +4,10 @@ import casadi as ca
 import numpy as np
 import svg
 
-from fifthwheel import vehicle
-from fifthwheel.dynamics.tyres import Contact, saturating, saturation_parameters
-from fifthwheel.plant.magic_formula import MagicFormula
-from fifthwheel.vehicle.quantities import FRICTION
+from fifthwheel import truck as vehicle
+from fifthwheel.model.dynamics.tyres import Contact, saturating, saturation_parameters
+from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.truck.quantities import FRICTION
 
 GROUP, TYRES = "semitrailer", 6
 LOADS = (0.5, 1.0, 1.5)

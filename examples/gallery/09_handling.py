@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel import dynamics
+from fifthwheel.model import dynamics
 
 truck = fw.vehicle("cheng_cebon_2011")
 system = fw.linear_system(truck, 88 / 3.6)

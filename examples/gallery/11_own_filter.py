@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
 import fifthwheel as fw
-from fifthwheel import dynamics
+from fifthwheel.model import dynamics
 
 truck = fw.vehicle("cheng_cebon_2011")
 record = fw.simulate(truck, count=2, seed=3)

@@ -10,8 +10,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.plant import Plant, Properties
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.model.plant import Plant, Properties
 
 truck = fw.vehicle("cheng_cebon_2011")
 snow = Plant(truck, Properties(friction=0.35))  # the tyres then have a peak friction of 0.25

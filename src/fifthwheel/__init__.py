@@ -12,75 +12,75 @@ Everything that a notebook needs is here; each name is imported when it is first
 import time
 from typing import TYPE_CHECKING
 
-from fifthwheel._lazy import lazy_names
+from fifthwheel.base.lazy import lazy_names
 
 if TYPE_CHECKING:
-    from fifthwheel.assess.assess import assess as assess  # first, or mypy takes the name for the package
-    from fifthwheel.evaluate.evaluate import evaluate as evaluate  # first, or mypy takes the name for the package
-    from fifthwheel.identify.identify import identify as identify  # first, or mypy takes the name for the package
-    from fifthwheel.simulate import simulate as simulate
-    from fifthwheel.vehicle.catalogue import get
+    from fifthwheel.results.assess.assess import assess as assess  # first, or mypy takes the name for the package
+    from fifthwheel.results.evaluate.evaluate import evaluate as evaluate  # first, or mypy takes the name for the package
+    from fifthwheel.estimate.identify.identify import identify as identify  # first, or mypy takes the name for the package
+    from fifthwheel.model.simulate import simulate as simulate
+    from fifthwheel.truck.catalogue import get
 
     vehicle = get
 
-    from fifthwheel import fleet as fleet
-    from fifthwheel import plot as plot
-    from fifthwheel.assess import Assessment as Assessment
-    from fifthwheel.assess import Body as Body
-    from fifthwheel.cheng_cebon_2011 import TwoStage as TwoStage
-    from fifthwheel.cheng_cebon_2011 import article as article
-    from fifthwheel.diagnose.comparison import compare as compare
-    from fifthwheel.dynamics import LinearSystem as LinearSystem
-    from fifthwheel.dynamics import linear_system as linear_system
-    from fifthwheel.dynamics.summary import summarize as summarize
-    from fifthwheel.errors import FifthwheelError as FifthwheelError
-    from fifthwheel.errors import SignalError as SignalError
-    from fifthwheel.errors import VehicleError as VehicleError
-    from fifthwheel.evaluate import Evaluation as Evaluation
-    from fifthwheel.evaluate import Validation as Validation
-    from fifthwheel.evaluate import validate as validate
-    from fifthwheel.export import export_c as export_c
-    from fifthwheel.export import export_fmu as export_fmu
-    from fifthwheel.identify import Identification as Identification
-    from fifthwheel.identify import LogPosterior as LogPosterior
-    from fifthwheel.identify import OneStage as OneStage
-    from fifthwheel.identify import Posterior as Posterior
-    from fifthwheel.identify import Profile as Profile
-    from fifthwheel.identify import Verdict as Verdict
-    from fifthwheel.identify import log_posterior as log_posterior
-    from fifthwheel.identify.design import design_experiment as design_experiment
-    from fifthwheel.identify.design import predict_sigmas as predict_sigmas
-    from fifthwheel.identify.knowledge.information import Occasion as Occasion
-    from fifthwheel.identify.knowledge.knowledge import Knowledge as Knowledge
-    from fifthwheel.identify.knowledge.load import with_payload as with_payload
-    from fifthwheel.identify.mass import GrossMass as GrossMass
-    from fifthwheel.identify.mass import gross_mass as gross_mass
-    from fifthwheel.identify.online import Learner as Learner
-    from fifthwheel.identify.online import LearnerSettings as LearnerSettings
-    from fifthwheel.logs import LiveMap as LiveMap
-    from fifthwheel.logs import SignalMap as SignalMap
-    from fifthwheel.logs import read_log as read_log
-    from fifthwheel.logs import write_record as write_record
-    from fifthwheel.observe import Observer as Observer
-    from fifthwheel.observe import ObserverSettings as ObserverSettings
-    from fifthwheel.observe import States as States
-    from fifthwheel.observe import Status as Status
-    from fifthwheel.observe import Uncertainty as Uncertainty
-    from fifthwheel.observe import time_to_lift as time_to_lift
-    from fifthwheel.pages.terminal import progress_bar as progress_bar
-    from fifthwheel.plots import Plot as Plot
-    from fifthwheel.record import Record as Record
-    from fifthwheel.record import SensorPrior as SensorPrior
-    from fifthwheel.report import write_report as write_report
-    from fifthwheel.studies import Estimates as Estimates
-    from fifthwheel.studies import Estimator as Estimator
-    from fifthwheel.studies import SimulatedRun as SimulatedRun
-    from fifthwheel.studies import StateEstimator as StateEstimator
-    from fifthwheel.studies import StatesOf as StatesOf
-    from fifthwheel.studies import exact_guess as exact_guess
-    from fifthwheel.studies import study as study
-    from fifthwheel.time_bases import check_signals as check_signals
-    from fifthwheel.vehicle import Vehicle as Vehicle
+    from fifthwheel.apps import fleet as fleet
+    from fifthwheel.results import plot as plot
+    from fifthwheel.results.assess import Assessment as Assessment
+    from fifthwheel.results.assess import Body as Body
+    from fifthwheel.apps.cheng_cebon_2011 import TwoStage as TwoStage
+    from fifthwheel.apps.cheng_cebon_2011 import article as article
+    from fifthwheel.results.diagnose.comparison import compare as compare
+    from fifthwheel.model.dynamics import LinearSystem as LinearSystem
+    from fifthwheel.model.dynamics import linear_system as linear_system
+    from fifthwheel.model.dynamics.summary import summarize as summarize
+    from fifthwheel.base.errors import FifthwheelError as FifthwheelError
+    from fifthwheel.base.errors import SignalError as SignalError
+    from fifthwheel.base.errors import VehicleError as VehicleError
+    from fifthwheel.results.evaluate import Evaluation as Evaluation
+    from fifthwheel.results.evaluate import Validation as Validation
+    from fifthwheel.results.evaluate import validate as validate
+    from fifthwheel.results.export import export_c as export_c
+    from fifthwheel.results.export import export_fmu as export_fmu
+    from fifthwheel.estimate.identify import Identification as Identification
+    from fifthwheel.estimate.identify import LogPosterior as LogPosterior
+    from fifthwheel.estimate.identify import OneStage as OneStage
+    from fifthwheel.estimate.identify import Posterior as Posterior
+    from fifthwheel.estimate.identify import Profile as Profile
+    from fifthwheel.estimate.identify import Verdict as Verdict
+    from fifthwheel.estimate.identify import log_posterior as log_posterior
+    from fifthwheel.estimate.identify.design import design_experiment as design_experiment
+    from fifthwheel.estimate.identify.design import predict_sigmas as predict_sigmas
+    from fifthwheel.estimate.identify.knowledge.information import Occasion as Occasion
+    from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge as Knowledge
+    from fifthwheel.estimate.identify.knowledge.load import with_payload as with_payload
+    from fifthwheel.estimate.identify.mass import GrossMass as GrossMass
+    from fifthwheel.estimate.identify.mass import gross_mass as gross_mass
+    from fifthwheel.estimate.identify.online import Learner as Learner
+    from fifthwheel.estimate.identify.online import LearnerSettings as LearnerSettings
+    from fifthwheel.data.logs import LiveMap as LiveMap
+    from fifthwheel.data.logs import SignalMap as SignalMap
+    from fifthwheel.data.logs import read_log as read_log
+    from fifthwheel.data.logs import write_record as write_record
+    from fifthwheel.estimate.observe import Observer as Observer
+    from fifthwheel.estimate.observe import ObserverSettings as ObserverSettings
+    from fifthwheel.estimate.observe import States as States
+    from fifthwheel.estimate.observe import Status as Status
+    from fifthwheel.estimate.observe import Uncertainty as Uncertainty
+    from fifthwheel.estimate.observe import time_to_lift as time_to_lift
+    from fifthwheel.base.pages.terminal import progress_bar as progress_bar
+    from fifthwheel.base.plots import Plot as Plot
+    from fifthwheel.data.record import Record as Record
+    from fifthwheel.data.record import SensorPrior as SensorPrior
+    from fifthwheel.results.report import write_report as write_report
+    from fifthwheel.apps.studies import Estimates as Estimates
+    from fifthwheel.apps.studies import Estimator as Estimator
+    from fifthwheel.apps.studies import SimulatedRun as SimulatedRun
+    from fifthwheel.apps.studies import StateEstimator as StateEstimator
+    from fifthwheel.apps.studies import StatesOf as StatesOf
+    from fifthwheel.apps.studies import exact_guess as exact_guess
+    from fifthwheel.apps.studies import study as study
+    from fifthwheel.estimate.time_bases import check_signals as check_signals
+    from fifthwheel.truck import Vehicle as Vehicle
 else:
     __getattr__, __dir__, __all__ = lazy_names(
         __name__, "assess", "evaluate", "fleet", "identify", "plot", "simulate", "vehicle"

@@ -1,5 +1,5 @@
 """`python -m fifthwheel` is the command line."""
 
-from fifthwheel.cli import main
+from fifthwheel.apps.cli import main
 
 main()

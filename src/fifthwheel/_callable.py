@@ -10,7 +10,7 @@ from typing import Any
 def make_callable(module: str, function: Callable[..., Any]) -> None:
     """Make a module callable as its main function, so that both can have the same name in the package.
 
-    Python sets `fifthwheel.identify` to the module when something imports it; the module is then called like the
+    Python sets `fifthwheel.estimate.identify` to the module when something imports it; the module is then called like the
     function of that name, and `help` shows the function first.
     """
     called, package = inspect.signature(function), sys.modules[module]

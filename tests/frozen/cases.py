@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.fleet.trips import log_knowledge
-from fifthwheel.identify.knowledge.combination import combine
-from fifthwheel.identify.sensor_errors import log_sensors
-from fifthwheel.manoeuvres.catalogue import course
-from fifthwheel.manoeuvres.open_loops import single_sine
-from fifthwheel.plant import Plant, Properties, Sensor, article_sensors
-from fifthwheel.plant.properties import with_changes
-from fifthwheel.workflow import run_identification
-from tests.fleet.synthetic import Synthetic
+from fifthwheel.apps.fleet.trips import log_knowledge
+from fifthwheel.estimate.identify.knowledge.combination import combine
+from fifthwheel.estimate.identify.sensor_errors import log_sensors
+from fifthwheel.model.manoeuvres.catalogue import course
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.model.plant import Plant, Properties, Sensor, article_sensors
+from fifthwheel.model.plant.properties import with_changes
+from fifthwheel.apps.workflow import run_identification
+from tests.apps.fleet.synthetic import Synthetic
 
 ROOT = Path(__file__).parents[2]
 DATA = Path(os.environ.get("FIFTHWHEEL_DATA", ROOT.parent / "shared" / "data"))
@@ -311,7 +311,7 @@ def samples(record: fw.Record) -> Iterator[dict[str, float]]:
 
 def exported(estimator: fw.Observer | fw.Learner) -> dict[str, str]:
     """The generated files."""
-    from fifthwheel.export.project import learner_texts, observer_texts
+    from fifthwheel.results.export.project import learner_texts, observer_texts
 
     return learner_texts(estimator) if isinstance(estimator, fw.Learner) else observer_texts(estimator)
 

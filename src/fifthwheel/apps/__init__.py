@@ -1,0 +1,1 @@
+"""What people and machines start: command line, workbench, live node, fleet, studies, the article."""

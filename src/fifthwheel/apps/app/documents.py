@@ -1,0 +1,113 @@
+"""The renderer of documents and plots for the pages of the workbench."""
+
+from typing import Any, Literal
+
+from nicegui import app, events, ui
+
+from fifthwheel.base import pages
+from fifthwheel.apps.app import layout
+from fifthwheel.apps.app.words import page_in_workbench
+from fifthwheel.base.pages import html
+from fifthwheel.base.plots import Plot
+from fifthwheel.base.plots.plotly_figure import figure
+
+Window = tuple[float, float]
+_UNUSED_BUTTONS = ["zoom2d", "select2d", "lasso2d", "toImage"]
+_CLEAR = "rgba(0,0,0,0)"
+CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _UNUSED_BUTTONS}
+
+
+def show(*blocks: pages.Block) -> None:
+    """Show blocks of a document in the page; a wide table scrolls."""
+    for block in blocks:
+        match block:
+            case pages.Headline():
+                ui.label(block.text).classes("text-weight-bold").props("role=status")
+                for column in block.columns:
+                    show(*column)
+            case pages.Heading():
+                layout.heading(block.title)
+            case pages.Items():
+                if block.lines and block.title:
+                    layout.heading(block.title)
+                if block.lines:
+                    ui.html(_rendered(pages.Items(block.lines)), sanitize=False).classes("fw-list")
+            case pages.Folded():
+                with ui.expansion(block.summary).classes("w-full"):
+                    show(*block.blocks)
+            case pages.Beside():
+                show(*block.blocks)
+            case pages.Plots():
+                for each in block.plots:
+                    show_plot(each.plot)
+            case _:
+                ui.html(_rendered(block), sanitize=False).classes("fw-scroll fw-table")
+
+
+def _rendered(block: pages.Block) -> str:
+    return page_in_workbench(html.blocks([block]))
+
+
+def show_plot(plot: Plot, *, height: int = 300, label: str = "", log: str | None = None) -> ui.plotly:
+    """Show a plot in the width of the page; the label is for screen readers, by default the title.
+
+    Plots over the time of one log have one cursor, and keep their zoom between pages.
+    """
+    element = ui.plotly(drawn(plot, height=height, log=log)).classes("w-full").style(f"height: {height}px")
+    element.props["role"] = "img"
+    element.props["aria-label"] = label or plot.title
+    if log is not None:
+        over_time(element, log)
+        element.on("plotly_relayout", lambda event: keep_zoom(log, zoomed(event)), args=ZOOM)
+    return element
+
+
+def over_time(element: ui.plotly, log: str) -> None:
+    """Let a plot share the time cursor of a log."""
+    element.classes("fw-time").props["data-log"] = log
+
+
+ZOOM = ["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"]
+"""Of the event plotly_relayout, what `zoomed` needs."""
+_KEPT = "zoom"
+
+
+def zoomed(event: events.GenericEventArguments) -> Window | Literal[False] | None:
+    """The window to which a user has zoomed, s; None for the whole log, False for another change."""
+    if event.args.get(ZOOM[2]):
+        return None
+    low, high = event.args.get(ZOOM[0]), event.args.get(ZOOM[1])
+    return False if low is None or high is None else (float(low), float(high))
+
+
+def keep_zoom(log: str, window: Window | Literal[False] | None) -> None:
+    """Keep the window of a log for other pages of this tab, s from the beginning of the axis; False changes nothing."""
+    if window is not False:
+        app.storage.tab[_KEPT] = {**app.storage.tab.get(_KEPT, {}), log: window}
+
+
+def kept_zoom(log: str) -> Window | None:
+    """The window of a log that this tab has zoomed to; None for the whole log."""
+    if not ui.context.client.has_socket_connection:
+        return None  # what a tab keeps is known when it is connected
+    kept = app.storage.tab.get(_KEPT, {}).get(log)
+    return (float(kept[0]), float(kept[1])) if kept else None
+
+
+def preload() -> None:
+    """Let the browser load plotly.js before the first plot, while a log is read."""
+    ui.plotly({"data": []}).style("position: absolute; width: 1px; height: 1px; visibility: hidden").props(
+        'aria-hidden="true"'
+    )
+
+
+def drawn(plot: Plot, *, height: int, log: str | None = None) -> dict[str, Any]:
+    """A plot as `ui.plotly` takes it; over the time of a log in the window that the tab has zoomed to."""
+    content = figure(plot)
+    own: dict[str, Any] = {"height": height, "autosize": True, "paper_bgcolor": _CLEAR, "plot_bgcolor": _CLEAR}
+    own["modebar"] = content["layout"]["modebar"] | {"bgcolor": _CLEAR, "color": "#999999", "activecolor": "#333333"}
+    if log is not None:
+        own["hovermode"] = False  # the time cursor shows the values
+        if window := kept_zoom(log):
+            own["xaxis"] = content["layout"]["xaxis"] | {"range": list(window), "autorange": False}
+    return content | {"layout": content["layout"] | own, "config": CONFIG}

@@ -1,0 +1,134 @@
+"""fifthwheel live"""
+
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from fifthwheel.apps.cli import options
+from fifthwheel.apps.cli.app import Only, command, quantity_option
+from fifthwheel.base.options import LiveOptions, ObserverOptions
+
+if TYPE_CHECKING:
+    from fifthwheel.apps.live.node import Output
+    from fifthwheel.apps.live.session import Session
+
+
+@command(
+    "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --page 8080",
+    "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --learn --state truck.json --trailer 'depot 1'",
+    "fifthwheel live --bus socketcan:can0 -s signals.toml -v truck.toml --learn --coach --page 8080",
+    "fifthwheel live --replay run.blf -s map.toml -v truck.toml --learn --coach --target semitrailer.yaw_inertia=5%",
+    "fifthwheel live --bus virtual:truck -s signals.toml -v truck.toml -i fifthwheel-out --send 0x500 --dbc states.dbc",
+    "fifthwheel live --replay log.blf --rate 0 -s signals.toml -v truck.toml --record states.parquet",
+)
+def live(
+    vehicle: options.VehicleOption,
+    signals: Annotated[
+        Path, typer.Option("--signals", "-s", help="Signal map (signals.toml) with columns of CAN messages.")
+    ],
+    allow_outside: options.AllowOutsideOption = False,
+    force: options.ForceFileOption = False,
+    *,
+    chosen: LiveOptions,
+    observer: Annotated[ObserverOptions, Only(("min_speed", "friction", "half_track"))],
+) -> None:
+    """Estimate states, and with --learn parameters, while the truck drives: CAN frames in, 100 states per second out.
+
+    The states go to a page, to a file and to the bus. Every output has a status: 0 ok, 1 coasting, 2 too slow, 3 input
+    missing, 4 inconsistent, 8 degraded: a fault limits the quality of the states, 9 failed. Ctrl-C ends the run; the
+    record is then complete and the estimates are saved. At the end a summary is printed.
+    """
+    from fifthwheel.base.extras import require
+
+    for package in ("can", "cantools"):  # the modules below import them
+        require(package, "live")
+    from fifthwheel.apps.live.setup import opened
+    from fifthwheel.apps.live.summary import Summary
+    from fifthwheel.base.pages.terminal import show
+
+    stop = threading.Event()
+    with _stopped_by_signals(stop), ExitStack() as stack:
+        run = opened(
+            vehicle,
+            signals,
+            chosen,
+            observer,
+            max_speed=quantity_option("--max-speed", chosen.max_speed, "m/s", "km/h"),
+            allow_outside=allow_outside,
+            force=force,
+            stop=stop,
+            say=lambda text: typer.echo(text, err=True),
+        )
+        session, states = stack.enter_context(run)
+        line, summary = _StatusLine(session), Summary(session)
+        session.views.append(summary)
+        for output in states:
+            session.handle(output)
+            line.show(output)
+        line.end()
+        show(summary.document())
+
+
+@contextmanager
+def _stopped_by_signals(stop: threading.Event) -> Iterator[None]:
+    """The first Ctrl-C or SIGTERM ends the run cleanly, the second one at once."""
+
+    previous: dict[int, Any] = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+
+    def end(number: int, _: object) -> None:
+        stop.set()
+        signal.signal(number, previous[number])
+
+    for number in previous:
+        signal.signal(number, end)
+    try:
+        yield
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)
+
+
+class _StatusLine:
+    """On a terminal one line that changes every second, otherwise a line for each new status but settling."""
+
+    def __init__(self, session: "Session") -> None:
+        self._session = session
+        self._terminal = sys.stderr.isatty()
+        self._next, self._last, self._change, self._advice = -1.0, "", "", ""
+
+    def show(self, output: "Output") -> None:
+        """Show an output, if it is time."""
+        if output.time < self._next:
+            return
+        self._next = output.time + 1.0
+        learning = self._session.learning
+        if learning is not None and learning.change != self._change:
+            self._change = learning.change
+            self._print(self._change)
+        coach = self._session.coach
+        if coach is not None and coach.advice.text != self._advice:
+            self._advice = coach.advice.text
+            self._print(f"{output.time:.1f} s  {self._advice}")
+        status = self._session.status_text(output)
+        if self._terminal:
+            print(
+                f"\r\x1b[K{output.time:8.1f} s  {status}  {self._session.state_text(output)}", end="", file=sys.stderr
+            )
+        elif status != self._last and not (self._last and output.status.name == "SETTLING"):  # which lasts 0.1 s
+            self._print(f"{output.time:.1f} s  {status}")
+            self._last = status
+        sys.stderr.flush()
+
+    def _print(self, text: str) -> None:
+        print(f"\r\x1b[K{text}" if self._terminal else text, file=sys.stderr)
+
+    def end(self) -> None:
+        """End the line."""
+        if self._terminal:
+            print(file=sys.stderr)

@@ -1,0 +1,105 @@
+"""Settings of an identification from the choices that a user makes."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import replace
+from typing import Any
+
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.estimate.identify import CommonSettings, OneStage
+from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.statement import combined, parse
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.settings import options_of
+from fifthwheel.truck import Vehicle
+
+
+def identification_settings(
+    vehicle: Vehicle,
+    chosen: IdentifyOptions,
+    *,
+    base: OneStage | None = None,
+) -> tuple[Vehicle, CommonSettings]:
+    """Vehicle and settings of an identification.
+
+    Args:
+        chosen: what a user chooses.
+        base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
+
+    Raises:
+        FifthwheelError: a statement that cannot be used (`identify.given`), or an option of another method.
+        VehicleError: a parameter that does not exist.
+    """
+    one_stage = chosen.method == "one-stage"
+    for name in ("passes",) if one_stage else _ONE_STAGE:
+        if getattr(chosen, name) != getattr(IdentifyOptions, name):
+            option = options_of(IdentifyOptions)[name].flags_of(name)[0]
+            other = "two-stage" if one_stage else "one-stage"
+            raise FifthwheelError(f"{option}: needs --method {other}; remove {option}, or choose that method")
+    if one_stage:
+        return chosen_one_stage(vehicle, chosen, base=base)
+    preset = article() if chosen.method == "article" else TwoStage()
+    given = {**preset.given, **combined(map(parse, chosen.statements))}
+    return applied(vehicle, replace(preset, check=chosen.check, passes=chosen.passes or preset.passes, given=given))
+
+
+def chosen_one_stage(
+    vehicle: Vehicle,
+    chosen: IdentifyOptions,
+    *,
+    base: OneStage | None = None,
+) -> tuple[Vehicle, OneStage]:
+    """The same for one stage, whatever the method."""
+    form: Any = chosen.form.replace("-", "_")
+    of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
+    base = base or OneStage()
+    given = {**base.given, **combined(map(parse, chosen.statements))}
+    return applied(vehicle, replace(base, given=given, **of_options))
+
+
+_ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")
+"""Options that belong to one stage."""
+
+
+def named_texts(option: str, texts: Iterable[str], expected: str) -> dict[str, str]:
+    """ "NAME=TEXT" as name: text; `expected` is the form of a text, for the message of the error."""
+    named = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        if not value:
+            raise FifthwheelError(f"{option} {text}: expected {expected}")
+        named[name] = value
+    return named
+
+
+def named_values(
+    option: str, texts: Iterable[str], expected: str, convert: Callable[[str, str], float]
+) -> dict[str, float]:
+    """ "NAME=VALUE" as name: value.
+
+    `expected` is the form of a text, for the message of the error; a ValueError of `convert` without a message stands
+    for another form.
+    """
+    values = {}
+    for text in texts:
+        name, _, value = text.partition("=")
+        try:
+            values[name] = convert(name, value)
+        except FifthwheelError as error:
+            raise FifthwheelError(f"{option} {text}: {error}") from None
+        except ValueError:
+            raise FifthwheelError(f"{option} {text}: expected {expected}") from None
+    return values
+
+
+def targets_of(texts: Iterable[str]) -> dict[str, float]:
+    """ "name=fraction" of `--target` as name: fraction, from 0 to below 1; it may be in per cent."""
+
+    def fraction(_: str, text: str) -> float:
+        value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
+        if not 0 <= value < 1:
+            given = text if text.endswith("%") else f"{text}, which is {100 * value:g}%"
+            raise FifthwheelError(f"expected 0% or more and below 100%, got {given}; write 5% or 0.05")
+        return value
+
+    return named_values("--target", texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)

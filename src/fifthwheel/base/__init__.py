@@ -1,0 +1,1 @@
+"""What knows nothing of trucks: errors, settings, units, numbers as text, files, pages and plots, machine code."""

@@ -1,0 +1,175 @@
+"""What a panel of a plot shows: lines, bands, points, bars, areas, labels, guides and spans.
+
+Values are in the units of the axes. NaN interrupts a line. A colour is "#rrggbb"; None takes the next of the palette.
+A line or band of more than `downsample.MAX_POINTS` points has only those that are drawn.
+"""
+
+from dataclasses import KW_ONLY, dataclass
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from fifthwheel.base.types import Array
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.plots import downsample
+from fifthwheel.base.plots.palette import DARK, GREY
+
+Dash = Literal["solid", "dash", "dot"]
+Marker = Literal["circle", "cross", "diamond", "square"]
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class _Item:
+    """What all items with arrays of the same length have."""
+
+    name: str = ""
+    """In the legend; "" for none."""
+    colour: str | None = None
+    _arrays: ClassVar[tuple[str, ...]]
+
+    def __post_init__(self) -> None:
+        length = None
+        for name in self._arrays:
+            if getattr(self, name) is None:
+                continue
+            values = np.atleast_1d(np.asarray(getattr(self, name), dtype=np.float64))
+            length = values.size if length is None else length
+            if values.shape != (length,):
+                raise FifthwheelError(
+                    f"{type(self).__name__}.{name}: expected {length} values, one for each of {self._arrays[0]}, "
+                    f"got shape {values.shape}; give arrays of the same length"
+                )
+            object.__setattr__(self, name, values)
+
+    def _keep(self, *arrays: Array) -> None:
+        """Keep only what is drawn of a long line, with NaN at its gaps: a report has a hundred lines of a long log."""
+        for name, values in zip((*self._arrays, "gaps"), (*arrays, False), strict=True):
+            object.__setattr__(self, name, values)
+
+
+@dataclass(frozen=True, eq=False)
+class Line(_Item):
+    """A line through points (n,)."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    width: float = 1.8
+    """Pixels."""
+    dash: Dash = "solid"
+    gaps: bool = False
+    """Interrupt the line where x, the time, has a gap of more than five typical steps."""
+    _arrays = ("x", "y")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        x, y = as_array(self.x), as_array(self.y)
+        if x.size > downsample.MAX_POINTS:
+            self._keep(*downsample.course(x, y, gaps=self.gaps))
+
+
+@dataclass(frozen=True, eq=False)
+class Band(_Item):
+    """The area between two lines over x (n,), such as an estimate ± 2 sigma; it has the colour of the next line."""
+
+    x: ArrayLike
+    lower: ArrayLike
+    upper: ArrayLike
+    _: KW_ONLY
+    opacity: float = 0.18
+    gaps: bool = False
+    """As of a `Line`."""
+    _arrays = ("x", "lower", "upper")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        x, lower, upper = as_array(self.x), as_array(self.lower), as_array(self.upper)
+        if x.size > downsample.MAX_POINTS:
+            self._keep(*downsample.band(x, lower, upper, gaps=self.gaps))
+
+
+@dataclass(frozen=True, eq=False)
+class Points(_Item):
+    """Points (n,), with error bars where a sigma is given."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    x_sigma: ArrayLike | None = None
+    y_sigma: ArrayLike | None = None
+    marker: Marker = "circle"
+    size: float = 7
+    """Pixels."""
+    texts: tuple[str, ...] = ()
+    """Of each point, shown when the cursor is on it."""
+    _arrays = ("x", "y", "x_sigma", "y_sigma")
+
+
+@dataclass(frozen=True, eq=False)
+class Bars(_Item):
+    """Bars of equal width around x (n,), from 0 to the heights (n,)."""
+
+    x: ArrayLike
+    heights: ArrayLike
+    _arrays = ("x", "heights")
+
+
+@dataclass(frozen=True, eq=False)
+class Area(_Item):
+    """A closed polygon of corners (n,)."""
+
+    x: ArrayLike
+    y: ArrayLike
+    _: KW_ONLY
+    opacity: float = 0.3
+    outline: float = 1.2
+    """Width of its edge, pixels."""
+    _arrays = ("x", "y")
+
+
+@dataclass(frozen=True)
+class Label:
+    """A text centred at a point."""
+
+    x: float
+    y: float
+    text: str
+    _: KW_ONLY
+    colour: str = DARK
+
+
+@dataclass(frozen=True, kw_only=True)
+class Guide:
+    """A straight line across the panel, vertical at x or horizontal at y, with a text."""
+
+    x: float | None = None
+    y: float | None = None
+    text: str = ""
+    colour: str = GREY
+    width: float = 1.2
+    dash: Dash = "dash"
+
+    def __post_init__(self) -> None:
+        if (self.x is None) == (self.y is None):
+            raise FifthwheelError(f"Guide: either x or y expected, got x = {self.x} and y = {self.y}; give one of them")
+
+
+@dataclass(frozen=True)
+class Span:
+    """A shaded interval of x."""
+
+    start: float
+    stop: float
+    _: KW_ONLY
+    colour: str = GREY
+    opacity: float = 0.15
+
+
+Item = Line | Band | Points | Bars | Area | Label | Guide | Span
+"""What a panel shows."""
+
+
+def as_array(values: ArrayLike) -> Array:
+    """Values of an item (n,), which its constructor has checked."""
+    return np.asarray(values, dtype=np.float64)

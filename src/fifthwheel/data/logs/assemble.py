@@ -1,0 +1,383 @@
+"""From the columns of a log and a signal map to a record on one time base."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import NamedTuple
+
+import numpy as np
+
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import STEER, is_input, is_of, si_unit
+from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.data.checks.samples import impossible_samples, spike_mask, spike_note
+from fifthwheel.base.errors import SignalError, UnitError, printable
+from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
+from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
+from fifthwheel.data.record.held import HeldSamples, Renewals
+from fifthwheel.data.record.record import EARLIEST_DATE, Record
+from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
+from fifthwheel.data.record.timestamps import implausible_timestamps, typical_step
+from fifthwheel.base.units import factor, quantity
+
+Window = tuple[float, float]
+"""First and last instant, s."""
+_MIN_EPOCH = 1e8
+"""s; a time that begins later counts from 1970."""
+_MAX_TIME = 1e100
+"""s; a larger magnitude is no timestamp, and differences would overflow."""
+_LOGGER = "logger"
+"""Name of the logger's own clock, where the steer angle has another one."""
+SAME_INSTANT = 1e-6
+"""s; timestamps closer than this are one instant."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Samples:
+    """A channel at its own instants."""
+
+    time: Array
+    """(n,) s."""
+    values: Array
+    """(n,) in SI."""
+    own_time: bool
+    """Whether its instants differ from those of the rows: it has a time base or a delay of its own, or is held."""
+
+
+_Key = tuple[str, str]
+"""Of a channel: "signals" or "reference", and the name of the signal."""
+
+
+def assemble(
+    log: LogSource,
+    signal_map: SignalMap,
+    *,
+    name: str,
+    exclude: Sequence[Window] = (),
+    progress: ReadProgress = no_progress,
+) -> Record:
+    """The record that a map makes of a log, without the samples whose timestamps are in the windows `exclude`.
+
+    A SignalError names a column that does not exist, holds no numbers, or has no usable time.
+    """
+    if not signal_map.signals and not signal_map.reference:
+        raise SignalError(f"{log.name}: no column is mapped to a signal; map columns in signals.toml")
+    parts = {"signals": signal_map.signals, "reference": signal_map.reference}
+    channels = {(part, signal): channel for part, mapped in parts.items() for signal, channel in mapped.items()}
+    sources = {key: _sources(log, signal_map, key[1], channel) for key, channel in channels.items()}
+    columns: dict[_Timestamps, dict[str, None]] = {}
+    for timestamps, column in (source for of_channel in sources.values() for source in of_channel):
+        columns.setdefault(timestamps, {})[column] = None
+    time_bases = {
+        timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
+    }
+    needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
+    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.chunks(needed):
+        for timestamps, time_base in time_bases.items():
+            if timestamps.clock == chunk.clock:
+                time_base.push(chunk)
+        progress(chunk.done)
+    unusable = [reason for column, reason in log.unusable.items() if column in needed]
+    if unusable:
+        raise SignalError("\n".join(unusable))
+    notes = [*log.notes, *(note for time_base in time_bases.values() for note in time_base.finish())]
+
+    rows = next((time_base for timestamps, time_base in time_bases.items() if timestamps.of_rows), None)
+    samples = {}
+    for key, channel in channels.items():
+        of_channel = [(time_bases[timestamps], column) for timestamps, column in sources[key]]
+        samples[key], of_samples = _samples(key[1], channel, log, of_channel, rows)
+        notes += of_samples
+    time, aligned = _align(rows.time if rows else None, samples, signal_map.rate)
+    origin = log.start
+    if time[0] > _MIN_EPOCH:
+        origin = start = float(np.floor(time[0]))
+        notes.append(f"time begins at {datetime.fromtimestamp(start, UTC):%Y-%m-%d %H:%M:%S} UTC, shifted to 0")
+        time = time - start
+    record = Record(
+        time=time,
+        signals={signal: values for (part, signal), values in aligned.items() if part == "signals"},
+        reference={signal: values for (part, signal), values in aligned.items() if part == "reference"},
+        name=name,
+        notes=tuple(dict.fromkeys(map(printable, notes))),
+        time_bases=_time_bases(log, channels),
+        sensors=_sensors(log, signal_map.signals),
+        date=None if origin is None or origin < EARLIEST_DATE else datetime.fromtimestamp(origin, UTC),
+    )
+    start, stop = signal_map.span
+    return record if (start, stop) == (-np.inf, np.inf) else record.cut(start, stop)
+
+
+def _outside(
+    log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
+) -> Iterator[Chunk]:
+    """The samples outside the windows; a SignalError if there are none."""
+    named = signal_map.time.column
+    rows, left = log.find(named) if named else log.row_time, False
+    for chunk in log.chunks({*columns, rows or ""} - {""}):
+        time = log.times(chunk, rows, signal_map.time.unit)
+        if time is None:
+            yield chunk
+            left = True
+            continue
+        kept = ~np.any([(time >= start) & (time <= stop) for start, stop in windows], axis=0)
+        left |= bool(kept.any())
+        values = {name: values[kept] for name, values in chunk.values.items()}
+        yield replace(chunk, values=values, time=None if chunk.time is None else chunk.time[kept])
+    if not left:
+        raise SignalError(f"{log.name}: all samples are in the windows that are excluded; exclude less")
+
+
+def _time_bases(log: LogSource, channels: Mapping[_Key, SignalSource]) -> dict[str, str]:
+    """Signal to the name of its time base, without those of the main one.
+
+    It is the clock of the map, else the column with the channel's own timestamps, else the clock in the file. The main
+    time base is that of a steer angle, else of speed, else of the first signal.
+    """
+    names = {
+        signal: channel.clock or channel.time or log.columns[log.find(channel.columns[0])].time_base
+        for (_, signal), channel in channels.items()
+    }
+    main = next((n for n in names if is_of(n, STEER)), "speed" if "speed" in names else None)
+    common = names[main] if main else next(iter(names.values()))
+    return {signal: name or _LOGGER for signal, name in names.items() if name != common}
+
+
+def _sensors(log: LogSource, channels: Mapping[str, SignalSource]) -> dict[str, SensorPrior]:
+    """What the file and the map state of the sensors, by signal; the map has priority."""
+    sensors = {}
+    for signal, channel in channels.items():
+        sensor, stored = channel.stated(signal), log.columns[log.find(channel.columns[0])].sensor
+        if stored:
+            try:
+                sensor = SensorPrior.loads(stored).updated(sensor)
+            except SignalError as error:
+                raise SignalError(f"{log.name}: {signal}: {error}; write the file again") from None
+        sensors[signal] = sensor
+    return sensors
+
+
+class _Timestamps(NamedTuple):
+    """Origin of timestamps: columns with the same origin share a time base."""
+
+    clock: str
+    """Time base in the file; empty for the rows of a table."""
+    column: str
+    """Column with the timestamps; empty where the file has them."""
+    signal: str
+    """The signal whose map names the column; empty where all signals share it."""
+
+    @property
+    def of_rows(self) -> bool:
+        """Whether they are the time of a table's rows."""
+        return bool(self.column) and not self.signal
+
+
+class _TimeBase:
+    """The columns with common timestamps, read in chunks."""
+
+    def __init__(self, log: LogSource, timestamps: _Timestamps, columns: Sequence[str], signal_map: SignalMap) -> None:
+        self.time = np.empty(0)
+        """(N,) s; complete after finish()."""
+        self.values: dict[str, Array] = {}
+        """(N,) values of every column; complete after finish()."""
+        self.held: dict[str, HeldSamples] = {}
+        """The columns that are held, which have no values between their renewals; complete after finish()."""
+        self._timestamps, self._columns, self._rate = timestamps, columns, signal_map.rate
+        self._label = f"{log.name}: {timestamps.column or timestamps.clock}"
+        mapped_unit = signal_map.time.unit if timestamps.of_rows else None
+        unit = mapped_unit or (log.columns[timestamps.column].unit if timestamps.column else None)
+        self._seconds = factor(unit or "s", "s")
+        self._stream = StreamDecimator(columns, rate=self._rate, time_base=self._label)
+        self._renewals = {name: Renewals() for name in columns}
+        self._last_time = np.nan
+
+    def push(self, chunk: Chunk) -> None:
+        """Add the next samples."""
+        values, column = chunk.values, self._timestamps.column
+        with np.errstate(over="ignore"):  # damaged values may overflow
+            time = values[column] * self._seconds if column else chunk.time
+        if time is None:
+            raise SignalError(f"{self._label}: no timestamps; name their column with time = ... in signals.toml")
+        time = np.where(np.abs(time) < _MAX_TIME, time, np.nan)
+        if self._timestamps.of_rows:
+            time = np.where(implausible_timestamps(time), np.nan, time)
+        elif column:  # a repeated timestamp marks a repeated sample
+            new = np.isfinite(time) & np.isfinite([values[name] for name in self._columns]).all(axis=0)
+            new_time = time[new]
+            new[new] = np.diff(new_time, prepend=self._last_time) != 0
+            self._last_time = float(new_time[-1]) if new_time.size else self._last_time
+            time, values = time[new], {name: values[name][new] for name in self._columns}
+        self._stream.push(time, values)
+        for name, renewals in self._renewals.items():
+            renewals.push(time, values[name])
+
+    def finish(self) -> list[str]:
+        """Join the samples; notes on rows left out and on decimation."""
+        self.time, self.values = self._stream.finish()
+        if self._timestamps.of_rows and not self.time.size:
+            raise SignalError(
+                f"{self._label}: no finite time in any row; name another column in [time] of signals.toml"
+            )
+        notes = []
+        if self._stream.rows_without_time:
+            count = self._stream.rows_without_time
+            notes.append(f"time: {count} row{'s' * (count > 1)} without a time left out")
+        if self._stream.decimated_from is not None:
+            label = self._timestamps.column or self._timestamps.clock
+            notes.append(f"{label}: {self._stream.decimated_from:.4g} samples/s decimated to {self._rate:g}")
+        for name, renewals in self._renewals.items():
+            held = renewals.finish()
+            if held is not None and held.rate <= DECIMATION_RATIO * self._rate:
+                self.held[name], self.values[name] = held, self._renewed(held)
+        return notes
+
+    def _renewed(self, held: HeldSamples) -> Array:
+        """A held column (N,): its renewals at the nearest rows, NaN elsewhere."""
+        time, values = held.time, held.values
+        if self._stream.decimated_from is not None:
+            time, values = snap_to_grid(time, values, self._rate)
+        result = np.full(self.time.size, np.nan)
+        result[np.searchsorted((self.time[1:] + self.time[:-1]) / 2, time)] = values
+        return result
+
+
+def _sources(
+    log: LogSource, signal_map: SignalMap, signal: str, channel: SignalSource
+) -> list[tuple[_Timestamps, str]]:
+    """Timestamps and name of every column of a channel."""
+    sources = []
+    for text in channel.columns:
+        column = log.find(text)
+        clock = log.columns[column].clock
+        if channel.time is not None:
+            timestamps = _Timestamps(clock, log.find(channel.time), signal)
+            if log.columns[timestamps.column].clock != clock:
+                raise SignalError(
+                    f"{signal}: the time column {timestamps.column!r} and {column!r} are in different groups; choose "
+                    "a time column of the same group, or delete `time` in signals.toml"
+                )
+        else:
+            timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
+        sources.append((timestamps, column))
+    return sources
+
+
+def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
+    """The column with the time of a table's rows."""
+    if signal_map.time.column is not None:
+        return log.find(signal_map.time.column)
+    column = log.row_time
+    if column is None:
+        raise SignalError(
+            f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
+            f'{", ".join(log.columns)}); give the time column in signals.toml:\n[time]\ncolumn = "..."'
+        )
+    return column
+
+
+def _samples(
+    signal: str, channel: SignalSource, log: LogSource, sources: Sequence[tuple[_TimeBase, str]], rows: _TimeBase | None
+) -> tuple[Samples, list[str]]:
+    """A channel in SI at its instants, and notes on samples left out and on one that is held."""
+    si = si_unit(signal) or "1"
+    first, column = sources[0]
+    delay = quantity(channel.delay, "s")
+    with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
+        try:
+            values = channel.converted(_on_first_time_base(log, sources), si)
+        except UnitError as error:
+            place = f"{signal}: column {column} of {log.name}"
+            unit = channel.unit or log.columns[column].unit
+            raise SignalError(f"{place}: {error}{relative_cure(signal, unit)}") from None
+    impossible = impossible_samples(signal, values)
+    notes = []
+    if impossible.any():
+        largest = f"{np.abs(values[impossible]).max():.1g} {si}"
+        count = int(impossible.sum())
+        notes.append(f"{signal}: {count} impossible sample{'s' * (count > 1)} left out, up to {largest}")
+        values = np.where(impossible, np.nan, values)
+    present = np.flatnonzero(np.isfinite(values))
+    spiky = spike_mask(signal, first.time[present], values[present])
+    if spiky.any():
+        start = np.floor(first.time[0]) if first.time[0] > _MIN_EPOCH else 0.0
+        notes.append(f"{signal}: {spike_note(signal, first.time[present] - start, values[present], spiky)}")
+        values = values.copy()
+        values[present[spiky]] = np.nan
+    time, held = first.time - delay, first.held.get(column)
+    if held is not None:
+        table = f"a table of {held.rate * held.repetitions:.4g} Hz"
+        notes.append(f"{signal}: held, {held.rate:.3g} Hz in {table}; only renewed values count as samples")
+        time, values = time[np.isfinite(values)], values[np.isfinite(values)]
+    return Samples(time=time, values=values, own_time=first is not rows or delay != 0 or held is not None), notes
+
+
+def _on_first_time_base(log: LogSource, sources: Sequence[tuple[_TimeBase, str]]) -> Iterator[tuple[Array, str | None]]:
+    """Values of a channel's columns on the time base of the first one, and their units."""
+    first = sources[0][0]
+    for number, (time_base, column) in enumerate(sources):
+        values = time_base.values[column]
+        if time_base is not first or (number and column in time_base.held):
+            present = np.isfinite(values)
+            values = (
+                interpolated(first.time, time_base.time[present], values[present])
+                if present.any()
+                else np.full(first.time.size, np.nan)
+            )
+        yield values, log.columns[column].unit
+
+
+def _align(rows: Array | None, channels: dict[_Key, Samples], rate: float) -> tuple[Array, dict[_Key, Array]]:
+    """Time (N,) s and channels on one time base: inputs are interpolated there, measurements keep their instants."""
+    if rows is not None and not any(samples.own_time for samples in channels.values()):
+        return rows, {key: samples.values for key, samples in channels.items()}
+    time = _union(rows, channels)
+    if time.size > 2 and (time.size - 1) / (time[-1] - time[0]) > DECIMATION_RATIO * rate:
+        rows = None if rows is None else np.unique(np.rint(rows * rate)) / rate
+        channels = {key: _snapped(key[1], samples, rate) for key, samples in channels.items()}
+        time = _union(rows, channels)
+    return time, {key: _placed(time, key[1], samples) for key, samples in channels.items()}
+
+
+def _union(rows: Array | None, channels: Mapping[_Key, Samples]) -> Array:
+    """Instants (N,) s of the rows and of the measurements with own instants, or of all channels if there are none."""
+    times = [] if rows is None else [rows]
+    times += [s.time[np.isfinite(s.values)] for (_, name), s in channels.items() if s.own_time and not is_input(name)]
+    instants = np.unique(np.concatenate(times or [s.time for s in channels.values()]))
+    time = instants[np.concatenate([[True], np.diff(instants) > SAME_INSTANT])] if instants.size else instants
+    if time.size < 2:
+        raise SignalError(
+            f"time: {time.size} instants in all channels together, at least 2 expected; check the time columns"
+        )
+    return time
+
+
+def _snapped(name: str, samples: Samples, rate: float) -> Samples:
+    """A measurement at the nearest multiples of 1 / rate; an input as it is."""
+    if is_input(name):
+        return samples
+    present = np.isfinite(samples.values)
+    time, values = snap_to_grid(samples.time[present], samples.values[present], rate)
+    return Samples(time=time, values=values, own_time=True)
+
+
+def _placed(time: Array, name: str, samples: Samples) -> Array:
+    """A channel (N,) on the common time: an input interpolated, a measurement at its instants and NaN elsewhere."""
+    if is_input(name) and samples.time.size:
+        return interpolated(time, samples.time, samples.values)
+    result = np.full(time.size, np.nan)
+    present = np.isfinite(samples.values)
+    nearest = np.searchsorted(time, samples.time[present] + SAME_INSTANT, side="right") - 1
+    result[nearest] = samples.values[present]
+    return result
+
+
+def interpolated(time: Array, sample_time: Array, values: Array) -> Array:
+    """Linear between samples; NaN outside, next to missing ones, and in gaps above 0.5 s and three typical steps."""
+    result = np.interp(time, sample_time, values, left=np.nan, right=np.nan)
+    if sample_time.size > 1:
+        steps = np.diff(sample_time)
+        after = np.clip(np.searchsorted(sample_time, time, side="left"), 1, sample_time.size - 1)
+        inside = (time - sample_time[after - 1] > SAME_INSTANT) & (sample_time[after] - time > SAME_INSTANT)
+        result[inside & (steps[after - 1] > max(0.5, 3 * typical_step(sample_time)))] = np.nan
+    return result

@@ -1,0 +1,82 @@
+"""The text of a signals.toml with some entries changed; comments and other entries stay."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import tomlkit
+from tomlkit.items import AbstractTable
+
+from fifthwheel.data.channels import SensorErrorName, split_header, split_reference
+from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
+from fifthwheel.base.units import split_statement
+
+
+def with_channel(text: str, signal: str, **keys: Any) -> str:
+    """The map with keys of a signal changed, such as sign, unit, delay; a key with its default value is left out.
+
+    The uncertainty of a number, as in "0.05 +- 2 %", stays. The table of the signal is added if it is missing. A
+    SignalError if the changed map is not accepted.
+    """
+    document = tomlkit.parse(text)
+    holder, key = _holder(document, signal)
+    entry = holder.get(key)
+    if isinstance(entry, str):
+        table: Any = tomlkit.inline_table()
+        table["column"] = str(entry)
+        holder[key] = table
+    elif entry is None:
+        holder[key] = tomlkit.table()
+    for name, given in keys.items():
+        default = SignalSource.model_fields[name].default
+        value = default if given is None else given
+        value = _with_sigma(holder[key].get(name), value, signal, name) or value
+        if value == default:
+            holder[key].pop(name, None)
+        else:
+            holder[key][name] = value
+    return _checked(document)
+
+
+def without_channel(text: str, signal: str) -> str:
+    """The map without a signal; if its column has the name of the signal, the column is ignored from then on."""
+    document = tomlkit.parse(text)
+    holder, key = _holder(document, signal)
+    entry = holder.pop(key, None)
+    column = entry.get("column") if isinstance(entry, Mapping) else entry
+    ignored = document.get("ignore", [])
+    if column is not None and split_reference(split_header(str(column))[0])[0] == signal:
+        document["ignore"] = [*ignored, signal]
+        if list(document)[-1] == "ignore":  # a key after a table would belong to it
+            moved = tomlkit.document()
+            moved["ignore"] = document.pop("ignore")
+            document = tomlkit.parse(tomlkit.dumps(moved) + tomlkit.dumps(document))
+    return _checked(document)
+
+
+def _holder(document: Any, signal: str) -> tuple[Any, str]:
+    """The table that has a signal, and its key there: "yaw_rate.tractor" may be written as nested tables."""
+    part = "reference" if signal in SignalMap.parse(tomlkit.dumps(document)).reference else "signals"
+    holder = document.setdefault(part, tomlkit.table(is_super_table=True))
+    rest = signal
+    while rest not in holder:
+        first, _, last = rest.partition(".")
+        if not last or not isinstance(holder.get(first), AbstractTable):
+            break
+        holder, rest = holder[first], last
+    return holder, rest
+
+
+def _with_sigma(old: Any, value: Any, signal: str, key: str) -> str | None:
+    """Another value with the "+- ..." of an old text; None where the old one has none, or the new one is a text."""
+    number, mark, sigma = split_statement(old) if isinstance(old, str) else ("", "", "")
+    if not mark or isinstance(value, str):
+        return None
+    without_unit = key == "gain" or number.replace(".", "").isdigit()
+    unit = "" if without_unit else f" {SensorErrorName(signal, key).unit}"
+    return f"{value:.12g}{unit} {mark} {sigma}".rstrip()
+
+
+def _checked(document: Mapping[str, Any]) -> str:
+    text = tomlkit.dumps(document)
+    SignalMap.parse(text)
+    return text

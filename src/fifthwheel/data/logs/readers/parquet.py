@@ -1,0 +1,116 @@
+"""Parquet, with units in the names of the columns or in the metadata of its fields."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from fifthwheel.data.channels import split_header
+from fifthwheel.base.errors import SignalError
+from fifthwheel.data.logs.readers.cells import Cells
+from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
+from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+
+_ROWS = 1 << 17
+_DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)
+
+
+def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
+    """A Parquet file. Only its footer is read now."""
+    try:
+        file = pq.ParquetFile(path, page_checksum_verification=True)
+        fields = list(file.schema_arrow)
+        names = [split_header(field.name)[0] for field in fields]
+        units = [split_header(field.name)[1] or _metadata(field, "unit") or None for field in fields]
+    except MemoryError:  # a kind of ArrowException too
+        raise
+    except _DAMAGE as error:
+        raise SignalError(
+            f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
+        ) from error
+    if not file.metadata.num_rows:
+        raise SignalError(f"{path.name}: columns but no rows; the log is empty")
+    if len(set(names)) < len(names):
+        raise SignalError(f"{path.name}: columns with the same name; rename all but one")
+    columns = {
+        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"), sensor=_metadata(field, "sensor"))
+        for name, unit, field in zip(names, units, fields, strict=True)
+    }
+    headers = {name: field.name for name, field in zip(names, fields, strict=True)}
+    return ParquetLog(path, file, columns, headers)
+
+
+class ParquetLog(LogSource):
+    """A Parquet file, read by batches of rows."""
+
+    def __init__(
+        self, path: Path, file: pq.ParquetFile, columns: Mapping[str, Column], headers: Mapping[str, str]
+    ) -> None:
+        super().__init__(path.name, columns)
+        self._file, self._headers, self._size = file, headers, path.stat().st_size
+        self._notes: list[str] = []
+
+    def sample(self) -> None:
+        """Read parts of a large file; row groups without a part are skipped."""
+        self.sampled = is_large(self._size)
+        if self.sampled:
+            self._notes = [sample_note(self._size)]
+            self.notes[:] = self._notes
+
+    def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
+        self.notes = [*self._notes]
+        cells = {name: Cells(source=self.name, name=name) for name in self.columns if name in columns}
+        rows, total = 0, self._file.metadata.num_rows
+        try:
+            for end, batch in self._batches([self._headers[name] for name in cells]):
+                batch.validate(full=True)
+                values = {name: cells[name].numbers(batch.column(self._headers[name])) for name in cells}
+                rows = end
+                yield Chunk(values=values, done=rows / total)
+        except MemoryError:  # a kind of ArrowException too
+            raise
+        except _DAMAGE as error:
+            if not rows:
+                raise SignalError(
+                    f"{self.name}: a Parquet file that is damaged in its first rows; copy it again"
+                ) from error
+            self.notes.append(f"broken after {rows} of {total} rows; the rows before are used")
+        self.notes += [note for c in cells.values() if (note := c.finish()) is not None]
+        self.unusable |= {c.name: c.fault for c in cells.values() if c.fault is not None}
+
+    def _batches(self, headers: Sequence[str]) -> Iterator[tuple[int, pa.RecordBatch]]:
+        """Number of the row after the batch, and the batch; of a sampled file those in its parts."""
+        metadata = self._file.metadata
+        if not self.sampled:
+            end = 0
+            for batch in self._file.iter_batches(_ROWS, columns=headers):
+                end += batch.num_rows
+                yield end, batch
+            return
+        parts, row = parts_of(metadata.num_rows, self._size), 0
+        for group in range(metadata.num_row_groups):
+            start, row = row, row + metadata.row_group(group).num_rows
+            inside = [(max(a, start), min(b, row)) for a, b in parts if a < row and b > start]
+            if inside:
+                yield from self._parts_of_group(group, start, inside, headers)
+
+    def _parts_of_group(
+        self, group: int, start: int, parts: Sequence[tuple[int, int]], headers: Sequence[str]
+    ) -> Iterator[tuple[int, pa.RecordBatch]]:
+        """The same of the parts in one row group, which begins with row `start`; it is decoded up to the last part."""
+        for batch in self._file.iter_batches(_ROWS, row_groups=[group], columns=headers):
+            end = start + batch.num_rows
+            for a, b in ((max(a, start), min(b, end)) for a, b in parts):
+                if a < b:
+                    yield b, batch.slice(a - start, b - a)
+            start = end
+            if start >= parts[-1][1]:
+                return
+
+    def close(self) -> None:
+        self._file.close()
+
+
+def _metadata(field: pa.Field, key: str) -> str:
+    return str((field.metadata or {}).get(key.encode(), b"").decode(errors="replace"))

@@ -1,0 +1,147 @@
+"""Timestamps: their typical step, their order, and the removal of corrupted ones."""
+
+from collections.abc import Hashable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from fifthwheel.base.types import Array
+from fifthwheel.base.errors import SignalError
+
+MAX_BACKWARD_STEP = 1.0
+"""s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""
+ENDS = 1.0
+"""s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
+_MAX_RESTARTS = 16
+"""Restarts of the time that a piece of samples may have."""
+
+
+def is_hour(step: float) -> bool:
+    """Whether a step between timestamps, s, is one hour back or forward, as clocks make it for daylight saving time."""
+    return abs(abs(step) - 3600.0) < 5.0
+
+
+def typical_step(time: Array) -> float:
+    """Typical step between increasing timestamps (n,), s; NaN for fewer than two.
+
+    The median of the mean over 20 consecutive steps. Gaps do not change it, nor do samples that come in bursts, as
+    messages on a bus do.
+    """
+    width = min(20, time.size - 1)
+    return float(np.median(time[width:] - time[:-width])) / width if width > 0 else float("nan")
+
+
+def require_increasing(time: Array, name: str = "time", rows_before: int = 0) -> Array:
+    """The timestamps (n,) themselves, s, if they are finite and strictly increasing.
+
+    Otherwise a SignalError names the first wrong row, counted from 1 after `rows_before` earlier ones.
+    """
+    if not np.isfinite(time).all():
+        row = int((~np.isfinite(time)).argmax()) + rows_before
+        raise SignalError(f"{name}: no finite value at row {row + 1}; give every row a time, or remove the row")
+    steps = np.diff(time)
+    if (steps <= 0).any():
+        row = int((steps <= 0).argmax()) + 1
+        at = f"{time[row]:.6g} s at row {row + rows_before + 1}"
+        if steps[row - 1] == 0:
+            raise SignalError(f"{name}: {at} occurs twice; keep one of the rows, or log the time with more digits")
+        cure = "sort the rows, or split the log there if it holds two runs or the clock was set"
+        if is_hour(steps[row - 1]):
+            cure = (
+                "the clock went back by one hour, as at the end of daylight saving time; export the time in UTC or "
+                "with its zone, or split the log there"
+            )
+        raise SignalError(f"{name}: goes back from {time[row - 1]:.6g} to {at}, increasing time expected; {cure}")
+    return time
+
+
+def implausible_timestamps(time: Array) -> NDArray[np.bool_]:
+    """Mask (n,) of single timestamps that are more than 1 s later than the next one, as after a bit error."""
+    mask = np.zeros(time.size, dtype=bool)
+    mask[1:-1] = (time[1:-1] - time[2:] > MAX_BACKWARD_STEP) & (time[2:] > time[:-2])
+    return mask
+
+
+class TimestampFilter:
+    """Selects the samples of several time bases whose timestamps increase, piece by piece, and counts the others."""
+
+    def __init__(self) -> None:
+        self._last: dict[Hashable, float] = {}
+        self._dropped: dict[Hashable, int] = {}
+
+    def keep(self, clock: Hashable, time: Array) -> NDArray[np.bool_]:
+        """Mask (n,) of the samples to keep: those later than all before them on this time base, also in earlier calls.
+
+        Timestamps that go back by more than 1 s and stay there begin again; the reader of the log decides about them.
+        """
+        last = self._last.get(clock, -np.inf)
+        if time.size and time[0] > last and np.isfinite(time).all() and (np.diff(time) > 0).all():
+            self._last[clock] = float(time[-1])
+            return np.ones(time.size, dtype=bool)
+        kept = np.isfinite(time)
+        rows = np.flatnonzero(kept)
+        kept[rows[implausible_timestamps(time[rows])]] = False
+        rows = np.flatnonzero(kept)
+        begin = 0
+        for _ in range(_MAX_RESTARTS):
+            remaining = time[rows[begin:]]
+            latest = np.maximum.accumulate(np.concatenate([[last], remaining]))[:-1]
+            late = remaining <= latest
+            backward = remaining < latest - MAX_BACKWARD_STEP
+            restarts = np.flatnonzero(backward[:-1] & backward[1:])  # two in a row: the time stays there
+            end = int(restarts[0]) if restarts.size else remaining.size
+            kept[rows[begin : begin + end]] = ~late[:end]
+            if not restarts.size:
+                last = float(np.max(remaining, initial=last))
+                break
+            begin += end
+            last = -np.inf
+        else:
+            last = float(time[rows[-1]])
+        self._last[clock] = last
+        self._dropped[clock] = self._dropped.get(clock, 0) + int((~kept).sum())
+        return kept
+
+    @property
+    def dropped(self) -> int:
+        """Samples left out, of all time bases."""
+        return sum(self._dropped.values())
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence for each time base that lost samples."""
+        return [
+            f"{count} sample{'s' * (count > 1)}{f' of {clock!r}' if clock else ''} left out: timestamps must increase"
+            for clock, count in self._dropped.items()
+            if count
+        ]
+
+
+def missing_steps(time: Array, values: Array) -> tuple[Array, Array]:
+    """Edges (n + 2,), s, of the steps between the n present samples of a channel (N,), and the time that is missing in
+    each, (n + 1,), s; n is at least 2.
+
+    Missing samples are counted against the channel's own sampling period, the 30 % quantile of its steps: a channel of
+    a lower rate than the rows, or one that is held, is complete. No sample is missing between two successive instants
+    of the record, nor within `ENDS` of its first and last instant.
+    """
+    rows = np.flatnonzero(np.isfinite(values))
+    period = float(np.quantile(np.diff(time[rows]), 0.3))
+    edges = np.concatenate([[time[0] - period], time[rows], [time[-1] + period]])
+    apart = np.diff(np.concatenate([[-1], rows, [time.size]])) > 1
+    steps = np.diff(edges)
+    missing = np.where(apart & (steps > 1.5 * period), steps - period, 0.0)
+    missing[[0, -1]] = np.maximum(missing[[0, -1]] - ENDS, 0.0)
+    return edges, missing
+
+
+def missing_fraction(time: Array, values: Array) -> float:
+    """Fraction of the time (N,), s, in which samples (N,) are missing, as `missing_steps` counts them; 1 with less than
+    2 samples.
+
+    >>> missing_fraction(np.arange(5.0), np.array([0.0, np.nan, 1.0, np.nan, 2.0]))
+    0.0
+    """
+    if np.isfinite(values).sum() < 2:
+        return 1.0
+    return float(missing_steps(time, values)[1].sum() / (time[-1] - time[0]))

@@ -1,0 +1,1 @@
+"""Filters, observers and identification: from records to parameters and states with their uncertainty."""

@@ -1,0 +1,162 @@
+"""One unknown of an identification, with its prior and bounds, and how each kind of it is made."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+import numpy as np
+
+from fifthwheel.data.channels import is_sensor_error
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.estimate.filters.scaling import Scaling
+from fifthwheel.base.formatting import percent
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.truck.quantities import quantity_of
+
+GUESS_TAIL = 3.0
+"""Beyond about this number of standard deviations the prior of a guess falls only exponentially: it may be far off."""
+BOUND_FACTOR = 8.0
+"""A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
+BOUND_SIGMAS = 8.0
+"""Any other unknown stays within this number of prior standard deviations of its mean."""
+
+
+class UnknownKind(Enum):
+    """What an identification does with an unknown."""
+
+    PARAMETER = "parameter"  # of the vehicle, its tyres or the road: estimated, with a verdict
+    UNCERTAIN = "uncertain"  # what else is uncertain of the vehicle and its model: estimated too
+    SENSOR = "sensor"  # an error of a sensor: estimated
+    CONSIDERED = "considered"  # keeps its prior mean; a learner has its effect in every sigma
+
+
+@dataclass(frozen=True, kw_only=True)
+class Unknown:
+    """One unknown: p = centre exp(scale z) or p = centre + scale z with the prior z ~ N(0, 1), within bounds.
+
+    A guess has the hyperbolic prior density exp(-c^2 (sqrt(1 + (z / c)^2) - 1)) with the tail c, a scale mixture of
+    normal densities (Barndorff-Nielsen 1977), which allows large errors.
+    """
+
+    name: str
+    centre: float  # prior mean (median if logarithmic), SI
+    scale: float  # prior standard deviation: of ln p if logarithmic, else of p
+    lower: float  # bounds of p
+    upper: float
+    kind: UnknownKind
+    possible: tuple[float, float] = (-math.inf, math.inf)  # range of p in any vehicle
+    logarithmic: bool = False
+    per_log: bool = False  # each log has its own
+    tail: float = math.inf  # where the exponential tail of its prior begins, in z; infinite: normal
+    moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
+    given: Mapping[str, float] = field(default_factory=dict)  # values of those that are above 0, SI
+
+    @property
+    def is_estimated(self) -> bool:
+        """Whether the logs change it; otherwise it keeps its prior mean."""
+        return self.kind is not UnknownKind.CONSIDERED
+
+    @property
+    def path(self) -> ParameterPath:
+        """Its parsed name."""
+        return ParameterPath.of(self.name)
+
+    @property
+    def is_sensor_error(self) -> bool:
+        """Whether it is an error of a sensor or of a time base."""
+        return is_sensor_error(self.name)
+
+    @property
+    def is_of_truck(self) -> bool:
+        """Whether it is a number of truck or road that all logs share."""
+        return not (self.is_sensor_error or self.per_log)
+
+    @property
+    def prior_sigma(self) -> float:
+        """Prior standard deviation of p, SI."""
+        return self.scale * (self.centre if self.logarithmic else 1.0)
+
+    @property
+    def slopes(self) -> Mapping[str, float]:
+        """The model parameters that it changes, each with its derivative with respect to p; by default its own."""
+        return self.moves or {self.name: 1.0}
+
+    def sigma(self, value: float, sigma_z: float) -> float:
+        """Standard deviation of p, SI, at a value of p: sigma_z dp/dz."""
+        return sigma_z * self.slope(value)
+
+    def change(self, deviation: float) -> float:
+        """Change of p, SI, from its prior mean by so many prior standard deviations."""
+        return self.centre * math.expm1(self.scale * deviation) if self.logarithmic else self.scale * deviation
+
+    def within(self, low: float, high: float) -> "Unknown":
+        """The unknown with bounds within the range that it can have, widened to its centre."""
+        possible = min(low, self.centre), max(high, self.centre)
+        lower, upper = max(self.lower, possible[0]), min(self.upper, possible[1])
+        return replace(self, lower=lower, upper=upper, possible=possible)
+
+    def reaching(self, largest: float) -> "Unknown":
+        """The unknown with bounds so many prior standard deviations away, within the range that it can have."""
+        lower, upper = (self.centre + self.change(z) for z in (-largest, largest))
+        return replace(self, lower=lower, upper=upper).within(*self.possible)
+
+    def slope(self, value: float) -> float:
+        """dp/dz at a value of p."""
+        return value * self.scale if self.logarithmic else self.scale
+
+
+def scaling(unknowns: Sequence[Unknown]) -> Scaling:
+    """The transformation between z and p for several unknowns."""
+    return Scaling(
+        logarithmic=tuple(u.logarithmic for u in unknowns),
+        **{field: np.array([getattr(u, field) for u in unknowns]) for field in ("centre", "scale", "lower", "upper")},
+    )
+
+
+def logarithmic_unknown(
+    name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
+) -> Unknown:
+    """A parameter above 0, with sigma as a fraction of its value; a VehicleError if the value is not above 0, or sigma
+    not below it."""
+    if value <= 0:
+        raise VehicleError(
+            f"{name}: expected above 0 to be estimated, got {value:g}; fix it, or give it a value above 0"
+        )
+    if sigma >= 1:
+        raise VehicleError(
+            f"{name}: expected a standard deviation below 100 % of the value, got {percent(sigma)}; give a smaller one"
+        )
+    lower, upper = value / BOUND_FACTOR, value * BOUND_FACTOR
+    return Unknown(
+        name=name, centre=value, scale=sigma, lower=lower, upper=upper, logarithmic=True, kind=kind, tail=tail
+    )
+
+
+def linear_unknown(
+    name: str,
+    mean: float,
+    sigma: float,
+    kind: UnknownKind = UnknownKind.PARAMETER,
+    *,
+    moves: Mapping[str, float] | None = None,
+    per_log: bool = False,
+) -> Unknown:
+    """An unknown with a normal prior, SI, within the bounds of its row: it may be 0 or negative.
+
+    An estimated position stays within two standard deviations: further away, an axle or a coupling would not support
+    its unit.
+    """
+    row = quantity_of(name)
+    reach = (2 if kind is UnknownKind.PARAMETER and row.is_position else BOUND_SIGMAS) * sigma
+    lower, upper = row.bounds or (mean - reach, mean + reach)
+    own = per_log or row.scope == "log"
+    return Unknown(
+        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind, moves=moves or {}, per_log=own
+    )
+
+
+def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
+    """An uncertain fraction, 0 to 1."""
+    unknown = linear_unknown(name, mean, sigma, UnknownKind.UNCERTAIN)
+    return replace(unknown, lower=0.0, upper=1.0).within(0.0, 1.0)

@@ -1,0 +1,233 @@
+"""The compiled step of an observer: a Kalman filter with reported outputs and a monitor of its consistency.
+
+A bank that is not estimated is considered (Schmidt 1966): measurements do not correct it, and its effect on all states
+is part of every variance. s is the change of the states by one standard deviation sigma of the bank b, with the gain K:
+
+    s- = F s + dx-/db sigma        s = s- - K (H s- + dh/db sigma)
+
+Every reported variance is multiplied by the excess of the NIS (`monitor.excess`), as the Birge ratio scales the
+uncertainty of a least-squares fit: innovations that are larger than the filter predicts show an error of the vehicle or
+of a sensor, which the state has too.
+
+A change of the parameters along a direction changes the filter's state by x', its sensitivity. The gain K of the filter
+stays as it is: its change acts on innovations only, which are small. It would change the rms of a sigma by a few
+percent, and needs ten times the operations.
+
+    x'- = F x' + dx-/dp p'                 prediction
+    x'  = x'- - K (H x'- + dh/dp p')       update, channel by channel
+"""
+
+import functools
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Generic, NamedTuple
+
+import casadi as ca
+
+from fifthwheel.data.channels import (
+    ARTICULATION,
+    LOAD_TRANSFER,
+    PREDICTED_LOAD_TRANSFER,
+    ROLL,
+    ROLL_RATE,
+    SIDESLIP,
+    YAW_RATE,
+)
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.steering import own_states
+from fifthwheel.model.dynamics.symbolic import Matrix
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.estimate.filters import kalman
+from fifthwheel.estimate.filters.kalman import ChannelUpdate
+from fifthwheel.estimate.filters.model import pack, packed_size, partitioned, sizes, split, unpack
+from fifthwheel.base.native import DirectionScan, Scan, compiled
+from fifthwheel.estimate.observe import monitor
+from fifthwheel.estimate.observe.observed_chain import ObservedChain
+from fifthwheel.truck import Vehicle
+
+
+def reported_signals(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
+    """Signals that an observer reports: with roll also roll angles, roll rates and, if the static axle loads are
+    determined, the load transfer ratio of each axle group, present and predicted; own states of the steering; the bank
+    of the road if estimated."""
+    units = [unit.name for unit in vehicle.units]
+    names = [f"{channel.quantity}.{u}" for channel in (SIDESLIP, YAW_RATE) for u in units]
+    names += [f"{ARTICULATION.quantity}.{u}" for u in units[1:]]
+    if roll:
+        names += [f"{channel.quantity}.{u}" for channel in (ROLL, ROLL_RATE) for u in units]
+        with suppress(VehicleError):  # the static loads are not determined
+            groups, ratios = vehicle.axle_loads(), (LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER)
+            names += [f"{channel.quantity}.{path}" for channel in ratios for path in groups]
+    names += own_states(vehicle)
+    return (*names, BANK) if bank else tuple(names)
+
+
+class ObserverLayout(NamedTuple):
+    """Numbers of elements of the parts of carry, sample and constant of `observer_step`."""
+
+    carry: tuple[int, ...]  # x, P, s
+    sample: tuple[int, ...]  # dt, d, y, weight
+    constant: tuple[int, ...]  # c, Q, R, gate^2, c of the report, sigma of a considered bank
+
+    @classmethod
+    def of(cls, model: ObservedChain, report: ObservedChain) -> "ObserverLayout":
+        """The layout of an observer."""
+        n_x, n_d, _, n_c, n_y = sizes(model)
+        n_P, considered = packed_size(n_x), not model.estimates_bank
+        return cls(
+            carry=(n_x, n_P, n_x * considered),
+            sample=(1, n_d, n_y, n_y),
+            constant=(n_c, n_P, n_y, 1, len(report.known), int(considered)),
+        )
+
+
+class FilterStep(NamedTuple, Generic[Matrix]):
+    """One step of the filter."""
+
+    after: Matrix  # state (n,)
+    covariance: Matrix  # P (n, n)
+    considered: Matrix  # s (n, 1); (n, 0) without a considered bank
+    channels: list[ChannelUpdate[Matrix]]
+    carry: Matrix  # of the next step, as in `ObserverLayout`
+    linearised: tuple[tuple[Matrix, Matrix], ...] = ()
+    """Of each channel of an extended Kalman filter: state (n,) of the linearisation, gain (n, 1)."""
+
+
+FilterFunction = Callable[[ObservedChain, ObserverLayout, Matrix, Matrix, Matrix], FilterStep[Matrix]]
+"""(model, layout, carry, sample, constant) -> one step of a filter."""
+
+
+def filter_step(
+    model: ObservedChain, layout: ObserverLayout, carry: Matrix, sample: Matrix, constant: Matrix
+) -> FilterStep[Matrix]:
+    """Prediction and update of the (extended) Kalman filter; carry, sample and constant as in `ObserverLayout`.
+
+    Each channel is linearised at the state that the channels before it have corrected. After a start with a wide
+    covariance, an accelerometer on saturating tyres then is linearised at the state that the gyros give.
+    """
+    x, P, s = split(carry, layout.carry)
+    dt, d, y, weight = split(sample, layout.sample)
+    c, q, r, limit, _, sigma = split(constant, layout.constant)
+    n, no_p = x.shape[0], type(x)(0, 1)
+    x, P, slopes = kalman.predict(model, x, unpack(P, n), dt, d, no_p, c, unpack(q, n))
+    s, channels, linearised = slopes @ _effects(s, n, sigma), [], []
+    for i in range(y.shape[0]):
+        predicted, slope = kalman.observe(model, x, d, no_p, c, slice(i, i + 1))
+        row, effect = slope[:, :n], slope[:, n:] @ ca.diag(sigma)
+        point, innovation = x, y[i] - predicted
+        x, P, s, channel, gain = kalman.correct_channel(x, P, innovation, row, weight[i], r[i], limit, s, effect)
+        channels.append(channel)
+        linearised.append((point, gain))
+    return FilterStep(x, P, s, channels, ca.vertcat(x, pack(P), ca.vec(s)), tuple(linearised))
+
+
+def _effects(s: Matrix, n: int, sigma: Matrix) -> Matrix:
+    """Change (n + 1, 1) of state and bank by one standard deviation of a considered bank; (n, 0) without one."""
+    return ca.vertcat(ca.reshape(s, n, sigma.shape[0]), ca.diag(sigma))
+
+
+@compiled(functools.partial(Scan, matrices=True))
+def observer_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step of an observer; see `monitored_step`."""
+    return monitored_step(model, report, filter_step, ca.MX)
+
+
+def monitored_step(
+    model: ObservedChain, report: ObservedChain, filter_step: FilterFunction[Matrix], kind: type[Matrix]
+) -> ca.Function:
+    """A filter of `model` with the outputs of `report`, their variances, and the monitor, with matrices of a type.
+
+    carry = [x, P, s, monitor]; sample = [dt, d, y, weight]; constant = [c, Q, R, gate^2, c of the report, sigma of a
+    considered bank, settings of the monitor]; output = [reported, their sigmas, innovation, variance, accepted,
+    settling, NIS, restart].
+    """
+    layout = ObserverLayout.of(model, report)
+    carry, filtered, monitored = partitioned("carry", sum(layout.carry), len(monitor.START), kind=kind)
+    sample, dt, d, _, weight = partitioned("sample", *layout.sample, kind=kind)
+    constant, numbers, monitor_settings = partitioned("constant", sum(layout.constant), 2, kind=kind)
+    _, _, _, limit, c_report, sigma = split(numbers, layout.constant)
+    step = filter_step(model, layout, filtered, sample, numbers)
+    effects = _effects(step.considered, len(model.states), sigma)
+    reported, variances = kalman.report_outputs(report, step.after, step.covariance, effects, d, c_report)
+    channels = kalman.channel_columns(step.channels)
+    arguments = [monitored, channels, weight, dt, d, limit, monitor_settings, reported, variances]
+    monitored, sigmas, findings = _findings(model, len(report.outputs)).call(arguments)
+    carried, output = ca.vertcat(step.carry, monitored), ca.vertcat(reported, sigmas, channels, findings)
+    return ca.Function("observer", [carry, sample, constant], [carried, output], {"cse": True})
+
+
+def _findings(model: ObservedChain, n_report: int) -> ca.Function:
+    """(carry of the monitor, `channel_columns`, weight, dt, d, gate^2, settings, reported signals, their variances) ->
+    (carry of the monitor, sigmas of the reported signals, [settling, NIS, restart])."""
+    k, m = len(model.inputs), len(model.outputs)
+    arguments = [ca.SX.sym("a", size) for size in (len(monitor.START), 3 * m, m, 1, 2 * k, 1, 2, n_report, n_report)]
+    carry, columns, weight, dt, d, limit, settings, reported, variances = arguments
+    channels = [ChannelUpdate(*ca.vertsplit(columns[i::m])) for i in range(m)]
+    sudden = monitor.sudden_change(model.inputs, d[:k], d[k:], dt)
+    carry, findings = monitor.monitor(carry, channels, weight, dt, sudden, limit, settings)
+    settling, nis, disagrees = ca.vertsplit(findings)
+    restart = ca.fmax(disagrees, monitor.diverged(reported, variances, dt))
+    raised = monitor.excess(nis) * variances
+    sigmas = ca.sqrt(ca.if_else(raised < 0, 0, raised))  # not a number remains so
+    return ca.Function("findings", arguments, [carry, sigmas, ca.vertcat(settling, nis, restart)], {"cse": True})
+
+
+class TrackedLayout(NamedTuple):
+    """Numbers of elements of the parts of an output of `tracked_step`."""
+
+    x: int  # state before the step
+    points: int  # states at which the channels are linearised
+    gains: int  # of the channels
+    after: int  # state after the step
+    of_bank: int  # variances of the reported signals that a considered bank causes
+
+    @classmethod
+    def of(cls, model: ObservedChain, report: ObservedChain) -> "TrackedLayout":
+        """The layout for an observer."""
+        n, _, _, _, m = sizes(model)
+        return cls(n, n * m, n * m, n, len(report.outputs))
+
+
+@compiled(functools.partial(Scan, matrices=True))
+def tracked_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step of the filter with what its sensitivities need: `TrackedLayout`.
+
+    carry, sample and constant are those of `observer_step` without those of the monitor.
+    """
+    layout = ObserverLayout.of(model, report)
+    carry, sample, constant = (ca.MX.sym(name, sum(part)) for name, part in zip(layout._fields, layout, strict=True))
+    step = filter_step(model, layout, carry, sample, constant)
+    (x, *_), (_, d, *_), (*_, c_report, sigma) = map(split, (carry, sample, constant), layout)
+    points, gains = (ca.vertcat(*[each[i] for each in step.linearised]) for i in (0, 1))
+    _, slopes = kalman.observe(report, step.after, d, ca.MX(0, 1), c_report)
+    effects = _effects(step.considered, len(model.states), sigma)
+    of_bank = kalman.variances_by(effects, slopes)
+    output = ca.densify(ca.vertcat(x, points, gains, step.after, of_bank))
+    return ca.Function("tracked", [carry, sample, constant], [step.carry, output], {"cse": True})
+
+
+@compiled(DirectionScan)
+def sensitivity_step(model: ObservedChain, report: ObservedChain) -> ca.Function:
+    """The compiled step of the change of a filter's state and reported signals along directions of the parameters.
+
+    No carry; sample = [dt, d, then x, points, gains and state after the step of `TrackedLayout`]; constant = [c, c of
+    the report]; no output; carry' = x'; constant' = [c', c' of the report]; output' = reported'.
+    """
+    layout, tracked = ObserverLayout.of(model, report), TrackedLayout.of(model, report)
+    n, m = tracked.x, len(model.outputs)
+    sample, dt, d, x, points, gains, after = partitioned("sample", *layout.sample[:2], *tracked[:-1])
+    sizes_of_c = layout.constant[0], layout.constant[4]
+    constant, c, c_report = partitioned("constant", *sizes_of_c)
+    constant_dot, c_dot, report_dot = partitioned("constant_dot", *sizes_of_c)
+    nothing, no_p, x_dot = ca.SX.sym("nothing", 0), ca.SX(0, 1), ca.SX.sym("x_dot", n)
+    later = ca.jtimes(model.transition(x, dt, d, no_p, c), ca.vertcat(x, c), ca.vertcat(x_dot, c_dot))
+    state = ca.SX.sym("state", n)
+    y = model.observation(state, d, no_p, c)
+    for i, (point, gain) in enumerate(zip(ca.vertsplit(points, n), ca.vertsplit(gains, n), strict=True) if m else ()):
+        y_dot = ca.jtimes(y[i], ca.vertcat(state, c), ca.vertcat(later, c_dot))
+        later = later - gain * ca.substitute(y_dot, state, point)
+    reported = report.observation(after, d, no_p, c_report)
+    reported_dot = ca.jtimes(reported, ca.vertcat(after, c_report), ca.vertcat(later, report_dot))
+    results = [ca.SX(0, 1), ca.SX(0, 1), later, reported_dot]
+    arguments = [nothing, sample, constant, x_dot, constant_dot]
+    return ca.Function("sensitivity", arguments, [ca.densify(result) for result in results], {"cse": True})

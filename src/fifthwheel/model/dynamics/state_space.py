@@ -1,0 +1,336 @@
+"""The linear model at one speed as a state-space system with named inputs, states and outputs.
+
+    x' = A x + B d,    y = C x + D d
+
+d are the steer angles, x the states of `chain`. Range: as the equations of motion, with constant speed.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from fifthwheel.base.arguments import expect
+from fifthwheel.base.extras import require
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import MODELLED, SignalName, si_unit
+from fifthwheel.model.dynamics import chain, sensors
+from fifthwheel.model.dynamics.analysis import matrices
+from fifthwheel.model.dynamics.kinematics import slip_angles
+from fifthwheel.model.dynamics.model import ChainModel, all_parameters, model
+from fifthwheel.model.dynamics.symbolic import Expressions, Stages
+from fifthwheel.model.dynamics.unit_equations import load_transfer_moment
+from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.native import Scan, compiled
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.steering import require_roll
+
+if TYPE_CHECKING:
+    from scipy import signal
+
+COG_ACCELERATION = "cog_acceleration"
+MAX_SPEED = 60.0
+"""m/s; a larger number is a speed in km/h."""
+STEER_SPEEDS = (10.0, 20.0)
+"""m/s; any two give the same L and K of `steady_steer`."""
+GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
+"""Outputs of an axle group, with their SI units."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearSystem:
+    """A linear time-invariant system with k inputs, n states and m outputs; all names are those of signals, all SI.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> system = fw.linear_system(fw.vehicle("cheng_cebon_2011"), 25.0, ["yaw_rate.tractor", "roll.semitrailer"])
+        >>> system.A.shape, system.C.shape
+        ((11, 11), (2, 11))
+        >>> system.units["roll.semitrailer"]
+        'rad'
+    """
+
+    vehicle: str
+    speed: float  # m/s
+    inputs: tuple[str, ...]  # (k,)
+    states: tuple[str, ...]  # (n,)
+    outputs: tuple[str, ...]  # (m,)
+    A: Array  # (n, n)
+    B: Array  # (n, k)
+    C: Array  # (m, n)
+    D: Array  # (m, k)
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self.inputs)} inputs, {len(self.states)} states, {len(self.outputs)} outputs"
+        return f"LinearSystem({self.vehicle!r} at {self.speed:g} m/s: {sizes})"
+
+    @property
+    def units(self) -> dict[str, str]:
+        """SI unit of every input, state and output, by name."""
+        return {name: _unit(name) for name in (*self.inputs, *self.states, *self.outputs)}
+
+    @property
+    def eigenvalues(self) -> NDArray[np.complex128]:
+        """Eigenvalues of A (n,), 1/s."""
+        return np.asarray(np.linalg.eigvals(self.A), dtype=np.complex128)
+
+    def frequency_response(self, frequency: ArrayLike) -> NDArray[np.complex128]:
+        """Complex gains from the k inputs to the m outputs at each of f frequencies, Hz: (f, m, k)."""
+        s = 2j * np.pi * np.atleast_1d(frequency)[:, None, None]
+        x = np.linalg.solve(s * np.eye(len(self.A)) - self.A, np.broadcast_to(self.B, (len(s), *self.B.shape)))
+        return np.asarray(self.C @ x + self.D)
+
+    def gain(self) -> Array:
+        """Gains of the steady state (m, k), if the system is stable."""
+        return np.asarray(self.frequency_response([0.0])[0].real)
+
+    def response(self, time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
+        """Outputs over time by name, (N,) each, from rest.
+
+        Exact for inputs that change linearly between the samples.
+
+        Args:
+            time: (N,), in equal steps, s.
+            inputs: steer angles by name, (N,) each, rad; those that are left out are 0.
+
+        Raises:
+            SignalError: an input does not exist.
+        """
+        from scipy import signal
+
+        for name in inputs:
+            self.input_index(name)
+        d = np.column_stack([inputs.get(name, np.zeros_like(time)) for name in self.inputs])
+        _, y, _ = signal.lsim(self.to_scipy(), d, time)
+        return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
+
+    def step(self, dt: float) -> tuple[Array, Array, Array]:
+        """Exact step of dt seconds for inputs that change linearly: x+ = F x + G d + H d+.
+
+        Van Loan (1978), Computing integrals involving the matrix exponential.
+
+        Returns:
+            F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
+        """
+        from scipy.linalg import expm
+
+        n, k = self.B.shape
+        M = np.zeros((n + 2 * k, n + 2 * k))
+        M[:n, :n], M[:n, n : n + k], M[n : n + k, n + k :] = self.A * dt, self.B * dt, np.eye(k)
+        E = expm(M)
+        H = E[:n, n + k :]
+        return E[:n, :n], E[:n, n : n + k] - H, H
+
+    def input_index(self, name: str) -> int:
+        """Index of an input; a SignalError where there is none."""
+        return _index(name, self.inputs, f"an input of {self.vehicle}")
+
+    def output_index(self, name: str) -> int:
+        """Index of an output; a SignalError where there is none."""
+        return _index(name, self.outputs, "an output of this system")
+
+    def to_scipy(self) -> "signal.StateSpace":
+        """The system for scipy.signal, without names."""
+        from scipy import signal
+
+        return signal.StateSpace(self.A, self.B, self.C, self.D)
+
+    def to_control(self) -> Any:
+        """The system for python-control. Its names contain "_" in place of ".", which python-control reserves.
+
+        Raises:
+            FifthwheelError: python-control is not installed.
+        """
+        control = require("control", "control")
+        names = {
+            key: [name.replace(".", "_") for name in getattr(self, key)] for key in ("inputs", "states", "outputs")
+        }
+        return control.ss(self.A, self.B, self.C, self.D, name=self.vehicle.replace(".", "_"), **names)
+
+
+def linear_system(
+    vehicle: Vehicle, speed: float, outputs: Iterable[str] | None = None, *, roll: bool = True
+) -> LinearSystem:
+    """The linear model of a vehicle at one speed.
+
+    An output is a state, a signal that `dynamics.model` has (an accelerometer's `lateral_acceleration.<unit>` contains
+    g times the roll angle), or one of
+
+        cog_acceleration.<unit>        m/s^2; v' + u r on the roll axis under the CoG, without gravity
+        slip_angle.<group>             rad; with a relaxation length, the lagged one
+        lateral_force.<group>          N; side force of all tyres of the group
+        load_transfer_moment.<group>   N m; half the track times the load of the right wheels less that of the left
+                                       ones; see `unit_equations.load_transfer_moment`, with the unsprung mass on the
+                                       roll axis, as in the equations of motion
+
+    <group> is the path of the axle group: tractor.drive, or semitrailer if the unit has one group.
+
+    Args:
+        vehicle: with its numbers.
+        speed: constant, m/s.
+        outputs: names, or one name; by default `default_outputs`.
+        roll: use the yaw-roll model, or the yaw model.
+
+    Raises:
+        SignalError: the model does not have an output.
+        VehicleError: `vehicle` is not one, or the speed is not above 0 and at most `MAX_SPEED`.
+
+    Example:
+        >>> import fifthwheel as fw
+        >>> truck = fw.vehicle("cheng_cebon_2011")
+        >>> fw.linear_system(truck, 25.0, ["lateral_force.tractor.drive"]).inputs[0]
+        'steer.tractor.front'
+    """
+    expect("vehicle", vehicle, Vehicle)
+    require_roll(vehicle.steering, roll)
+    if not isinstance(speed, int | float | np.number) or not 0 < speed <= MAX_SPEED:
+        raise VehicleError(
+            f"speed: expected a number of m/s above 0, up to {MAX_SPEED:g}, got {speed!r}; convert km/h to m/s"
+        )
+    if isinstance(outputs, str):
+        outputs = [outputs]
+    names = default_outputs(vehicle, roll=roll) if outputs is None else tuple(outputs)
+    m = matrices(vehicle, speed, roll=roll)
+    values = all_parameters(vehicle, [name for name in names if _is_sensor(name, m.states)])
+    scan = _output_function(model(vehicle, (), roll=roll), names)
+    _, both = scan(np.zeros(0), np.array([[speed]]), np.array(list(values.values())))
+    inputs = vehicle.steer_signals()
+    C, D = np.split(both.reshape(len(names), len(m.states) + len(inputs), order="F"), [len(m.states)], axis=1)
+    return LinearSystem(
+        vehicle=vehicle.name,
+        speed=speed,
+        inputs=inputs,
+        states=m.states,
+        outputs=names,
+        A=m.A,
+        B=m.B.reshape(len(m.states), len(inputs)),
+        C=C,
+        D=D,
+    )
+
+
+def default_outputs(vehicle: Vehicle, *, roll: bool) -> tuple[str, ...]:
+    """Sideslip, yaw rate, acceleration of the CoG and, with roll, the roll of every unit; all articulation angles."""
+    quantities = ("sideslip", "yaw_rate", COG_ACCELERATION, *(["roll"] if roll else []))
+    names = [unit.name for unit in vehicle.units]
+    return (*(f"{q}.{name}" for q in quantities for name in names), *(f"articulation.{name}" for name in names[1:]))
+
+
+def _is_sensor(name: str, states: tuple[str, ...]) -> bool:
+    """Whether an output comes from `sensors`."""
+    return name not in states and SignalName.of(name).quantity not in {COG_ACCELERATION, *GROUP_QUANTITIES}
+
+
+def _unit(name: str) -> str:
+    quantity = SignalName.of(name).quantity
+    if quantity in GROUP_QUANTITIES:
+        return GROUP_QUANTITIES[quantity]
+    return "m/s^2" if quantity == COG_ACCELERATION else si_unit(name) or "1"
+
+
+def steady_steer(vehicle: Vehicle, *, roll: bool = True) -> tuple[float, float]:
+    """L, m, and K, rad s^2/m, of the steer angle (L + K u^2) / R of a steady turn with radius R at speed u.
+
+    L is the wheelbase with the effect of axles that scrub in a bend, K the understeer gradient of the first unit
+    (ISO 4138). The first steered axle steers.
+
+    Args:
+        vehicle: with its numbers.
+        roll: yaw and roll, or yaw only.
+
+    Raises:
+        VehicleError: no axle is steerable.
+    """
+    steered = vehicle.with_logged_steering(vehicle.steer_signals(), vehicle.name)
+    output = f"yaw_rate.{vehicle.units[0].name}"
+    low, high = (speed / linear_system(steered, speed, [output], roll=roll).gain()[0, 0] for speed in STEER_SPEEDS)
+    gradient = (high - low) / (STEER_SPEEDS[1] ** 2 - STEER_SPEEDS[0] ** 2)
+    return float(low - gradient * STEER_SPEEDS[0] ** 2), float(gradient)
+
+
+def understeer_gradient(vehicle: Vehicle, *, roll: bool = True) -> float:
+    """Understeer gradient K of the first unit, rad s^2/m; positive for understeer. See `steady_steer`."""
+    return steady_steer(vehicle, roll=roll)[1]
+
+
+def frequency_response(
+    vehicle: Vehicle, speed: float, frequency: ArrayLike, *, roll: bool = True
+) -> NDArray[np.complex128]:
+    """Complex gains from the k steer angles to the n states at each of f frequencies, Hz: (f, n, k)."""
+    states = chain.state_names(vehicle, roll=roll)
+    return linear_system(vehicle, speed, states, roll=roll).frequency_response(frequency)
+
+
+def rearward_amplification(
+    vehicle: Vehicle, speed: float, frequency: Array | None = None, *, roll: bool = True
+) -> tuple[float, float]:
+    """Rearward amplification and its frequency, Hz: ISO 14791, section 7.6, in the frequency domain.
+
+    It is the largest gain from the lateral acceleration of the first unit's CoG to that of the last unit's CoG, with
+    steering at the first steered axle.
+
+    Args:
+        vehicle: with its numbers.
+        speed: m/s.
+        frequency: (f,) Hz; 0.05 to 1.5 Hz by default.
+        roll: yaw and roll, or yaw only.
+    """
+    frequency = np.linspace(0.05, 1.5, 291) if frequency is None else np.asarray(frequency)
+    ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (vehicle.units[0], vehicle.units[-1])]
+    system = linear_system(vehicle, speed, ends, roll=roll)
+    first, last = np.abs(system.frequency_response(frequency)[:, :, 0]).T
+    gain = last / first
+    best = int(np.argmax(gain))
+    return float(gain[best]), float(frequency[best])
+
+
+@compiled(Scan)
+def _output_function(structure: ChainModel, outputs: tuple[str, ...]) -> ca.Function:
+    """sample = speed; constant = parameters; output = [C, D], by columns. There is no carry."""
+    vehicle, roll, states = structure.vehicle, structure.roll, structure.states
+    names = tuple(all_parameters(vehicle, [name for name in outputs if _is_sensor(name, states)]))
+    symbols, u, nothing = ca.SX.sym("p", len(names)), ca.SX.sym("u"), ca.SX.sym("nothing", 0)
+    p = dict(zip(names, ca.vertsplit(symbols), strict=True))
+    x, d = ca.SX.sym("x", len(states)), ca.SX.sym("d", len(vehicle.steer_signals()))
+    equations = chain.equations(p, vehicle, roll=roll)
+    stages = Stages()
+    sensed = sensors.sensor_inputs(p, vehicle, equations, x, u, d, roll=roll, stages=stages)
+    slip = slip_angles(p, vehicle, sensed.motion, sensed.steer)
+    y = [x[states.index(name)] if name in states else _output(name, sensed, slip) for name in outputs]
+    stacked = stages.expanded(ca.vertcat(*y)) if y else ca.SX(0, 1)
+    both = ca.vec(ca.densify(ca.jacobian(stacked, ca.vertcat(x, d))))
+    return ca.Function("outputs", [nothing, u, symbols], [nothing, both], {"cse": True})
+
+
+def _output(name: str, sensed: sensors.SensorInputs, slip: Expressions) -> ca.SX:
+    """An output that is not a state."""
+    parsed = SignalName.of(name)
+    if parsed.quantity == COG_ACCELERATION:
+        return sensed.acceleration[_index(parsed.unit, [u.name for u in sensed.vehicle.units], f"a unit ({name})")][0]
+    if parsed.quantity in GROUP_QUANTITIES:
+        i, group = sensors.axle_group(sensed.vehicle, name)
+        path = sensed.vehicle.units[i].group_path(group)
+        if parsed.quantity == "slip_angle":
+            return slip[path]
+        if parsed.quantity == "lateral_force":
+            return sensed.side_force[path]
+        if not sensed.roll:
+            raise SignalError(f"{name}: the yaw-only model has no roll; set roll=True or omit the output")
+        height = sensed.p[f"{sensed.vehicle.units[i].name}.roll_axis_height"]  # where the model has all masses
+        motion, force = sensed.motion, sensed.side_force[path]
+        return load_transfer_moment(sensed.p, path, motion.roll[i], motion.roll_rate[i], force, height)
+    known = sorted({*[channel.quantity for channel in MODELLED], COG_ACCELERATION, *GROUP_QUANTITIES})
+    if parsed.quantity not in known:
+        raise SignalError(f"{name}: no such quantity in the linear model; {suggestion(parsed.quantity, known)}")
+    sensors.require_available(sensed.vehicle, name, roll=sensed.roll)
+    return sensors.sensor_output(sensed, name)
+
+
+def _index(name: str, known: Iterable[str], kind: str) -> int:
+    known = list(known)
+    if name not in known:
+        raise SignalError(f"{name}: not {kind}; {suggestion(name, known)}")
+    return known.index(name)

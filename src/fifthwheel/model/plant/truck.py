@@ -1,0 +1,327 @@
+"""The nonlinear truck: MuJoCo integrates the bodies, a compiled step computes the tyre forces, a driver steers."""
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from fifthwheel.base.extras import require
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import SignalName
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.model.manoeuvres import Course
+from fifthwheel.model.plant import tyre_forces
+from fifthwheel.model.plant.bodies import SprungBody, sprung_bodies
+from fifthwheel.model.plant.driver import Driver, Pose
+from fifthwheel.model.plant.mujoco_model import SIDES, model_xml
+from fifthwheel.model.plant.powered import (
+    LONGITUDINAL,
+    STEPS_PER_COMMAND,
+    TIME_STEP,
+    PoweredWheels,
+    SpeedController,
+    brake_limited,
+    gravity,
+    matched,
+)
+from fifthwheel.model.plant.powertrain import DrivenTruck
+from fifthwheel.model.plant.properties import Properties
+from fifthwheel.model.plant.rough_road import RoughRoad
+from fifthwheel.model.plant.sensors import Sensor, article_sensors, bus_sensors, measure
+from fifthwheel.model.plant.truth import ROLLOVER_ANGLE, true_signals
+from fifthwheel.data.record import Record
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.steering import require_no_steering
+
+Progress = Callable[[str, int, int], None]
+"""Called with a title, the steps done and all steps."""
+
+SETTLING_TIME = 2.0
+"""Straight driving before time 0, s."""
+REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation", "grade", "gear")
+"""Quantities that a record holds as reference by default."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlantRun:
+    """The true signals of one run."""
+
+    vehicle: Vehicle
+    properties: Properties
+    time: Array
+    """(N,) s, regular, from 0."""
+    truth: dict[str, Array] = field(repr=False)
+    """(N,) SI, by signal; see truth.py."""
+    name: str
+    driven: DrivenTruck | None = None
+    """The powertrain, with the errors of its sensors."""
+
+    def record(self, sensors: Mapping[str, Sensor] | None = None, *, seed: int = 0, everything: bool = False) -> Record:
+        """The measured signals, with true signals as reference.
+
+        Args:
+            sensors: by signal; None: those of the article, and of a truck with a powertrain those of its bus, see
+                sensors.py.
+            seed: seed of the sensor noise.
+            everything: all true signals as reference, not only `REFERENCE_QUANTITIES`.
+        """
+        if sensors is None:
+            sensors = article_sensors(self.vehicle)
+            sensors |= bus_sensors(self.vehicle, self.driven) if self.driven else {}
+        reference = {
+            name: values
+            for name, values in self.truth.items()
+            if everything or SignalName.of(name).quantity in REFERENCE_QUANTITIES
+        }
+        signals = measure(self.time, self.truth, sensors, seed=seed)
+        return Record(time=self.time, signals=signals, reference=reference, name=self.name)
+
+
+@dataclass(frozen=True, eq=False)
+class Plant:
+    """A nonlinear multibody truck.
+
+    Raises:
+        VehicleError: the vehicle has no steered axle on its first unit, its axles are heavier than their unit allows,
+            or a property names an unknown axle group.
+    """
+
+    vehicle: Vehicle
+    """Units, axles, masses, stiffnesses and payload; all of them are used without simplification."""
+    properties: Properties = field(default_factory=Properties)
+    """Properties that a vehicle file does not have."""
+
+    def __post_init__(self) -> None:
+        require_no_steering(self.vehicle.steering, "the nonlinear truck")
+        sprung_bodies(self.vehicle, self.properties)
+
+    @cached_property
+    def multibody(self) -> "Multibody":
+        """The compiled model; the first use compiles it. A FifthwheelError if MuJoCo is not installed."""
+        return Multibody(self.vehicle, self.properties)
+
+    def drive(
+        self,
+        course: Course,
+        *,
+        rate: float = 100.0,
+        driven: DrivenTruck | None = None,
+        seed: int = 0,
+        name: str | None = None,
+        progress: Progress | None = None,
+        until_rollover: bool = False,
+    ) -> PlantRun:
+        """Drive along a course.
+
+        Args:
+            course: path or open loop.
+            rate: sampling rate of the result, Hz; 1000 Hz divided by a whole number.
+            driven: engine, gears and driver that accelerate and brake the truck, with the hills and the wind; its mass,
+                tyres, drag and rolling resistance are those of the vehicle and its properties. None: a controller
+                keeps the speed, on a level road without wind.
+            seed: seed of the profile of a rough road, and of hills and gusts, which a truck without `driven` lacks.
+            name: name of the run; by default that of the course.
+            progress: called once per second of the run.
+            until_rollover: the run ends before a unit rolls over, which then is no error.
+
+        Raises:
+            FifthwheelError: MuJoCo is not installed.
+            SignalError: the rate does not divide 1000 Hz; the truck rolls over, jackknifes or stops; it rolls over in
+                its first second.
+        """
+        steps = round(1 / (rate * TIME_STEP))  # per sample
+        if steps < 1 or not math.isclose(steps * rate * TIME_STEP, 1):
+            raise SignalError(f"rate: expected 1000 Hz divided by a whole number, such as 50, 100 or 200, got {rate:g}")
+        simulation = Simulation(self, course, driven, seed)
+        layout = self.multibody.layout
+        count = math.floor(course.duration / TIME_STEP / steps) + 1
+        sensed = np.full((count, simulation.measured.size), np.nan)
+        wheels = np.full((count, layout.wheel_outputs), np.nan)
+        longitudinal = np.full((count, len(LONGITUDINAL)), np.nan)
+        for k in range(-round(SETTLING_TIME / TIME_STEP), (count - 1) * steps + 1):
+            if k % STEPS_PER_COMMAND == 0:
+                simulation.command(max(k, 0) * TIME_STEP, settling=k < 0)
+                if progress and k % 1000 == 0:
+                    progress("simulating", max(k, 0), count * steps)
+            simulation.sense()
+            if until_rollover and simulation.rolls_over:
+                count = max(k // steps, 0)
+                break
+            if k >= 0 and k % steps == 0:
+                sensed[k // steps] = simulation.measured
+                wheels[k // steps] = simulation.wheel_outputs
+                if simulation.powered:
+                    longitudinal[k // steps] = simulation.powered.row
+            simulation.step()
+        if count < rate:
+            raise SignalError(f"{course.name}: expected a run of 1 s or more, the truck rolls over; reduce its speed")
+        time = np.arange(count, dtype=np.float64) * (steps * TIME_STEP)
+        truth = true_signals(time, sensed[:count], wheels[:count], self.vehicle, self.properties, layout)
+        if driven:
+            names = (f"braking.{self.vehicle.units[0].name}" if name == "braking" else name for name in LONGITUDINAL)
+            truth |= dict(zip(names, longitudinal[:count].T, strict=True))
+        return PlantRun(
+            vehicle=self.vehicle,
+            properties=self.properties,
+            time=time,
+            truth=truth,
+            name=name or course.name,
+            driven=driven,
+        )
+
+
+class Multibody:
+    """A truck as compiled for the simulation: MuJoCo's model, and the step of the tyre forces with its constants."""
+
+    def __init__(self, vehicle: Vehicle, properties: Properties) -> None:
+        bodies = sprung_bodies(vehicle, properties)
+        self.axles = tuple(axle for body in bodies for axle in body.axles)
+        self.model = _compiled(vehicle, bodies, properties)
+        self.layout = _layout(self.model, bodies)
+        self.forces = tyre_forces.forces(self.layout, bodies, properties)
+        self.constants = tyre_forces.constants(bodies, properties, TIME_STEP)
+
+
+def _compiled(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Properties) -> Any:
+    """MuJoCo's model; a VehicleError if a body cannot be rigid."""
+    model = mujoco().MjModel
+    try:
+        return model.from_xml_string(model_xml(vehicle, bodies, properties, TIME_STEP))
+    except ValueError as error:
+        reason = " ".join(str(error).removeprefix("Error: ").split())
+        raise VehicleError(
+            f"{vehicle.name}: no rigid body has these masses and inertias ({reason}); correct mass, sprung.mass, "
+            "yaw_inertia, sprung.roll_inertia and sprung.roll_yaw_product of that unit"
+        ) from None
+
+
+def mujoco() -> Any:
+    """The module mujoco, which may not be installed. A run that diverges ends with an error of our own."""
+    module = require("mujoco", "plant")
+    module.set_mju_user_warning(lambda _: None)  # by default it writes MUJOCO_LOG.TXT into the folder of the user
+    return module
+
+
+def _layout(model: Any, bodies: tuple[SprungBody, ...]) -> tyre_forces.StepLayout:
+    body_type = mujoco().mjtObj.mjOBJ_BODY
+
+    def row(name: str) -> int:
+        return int(mujoco().mj_name2id(model, body_type, name))
+
+    axles = [axle for body in bodies for axle in body.axles]
+    rows = [row(axle.name) for axle in axles]
+    return tyre_forces.StepLayout(
+        bodies=tuple(row(body.name) for body in bodies),
+        axles=tuple(rows),
+        carriers=tuple(int(model.body_parentid[k]) for k in rows),
+        wheels=tuple(row(f"{axle.name}.{side}") for axle in axles for side in SIDES),
+        rows=model.nbody,
+        steered=tuple(i for i, axle in enumerate(axles) if axle.steered),
+    )
+
+
+class Simulation:
+    """The state of one run; `command`, `sense` and `step` advance it."""
+
+    def __init__(self, plant: Plant, course: Course, driven: DrivenTruck | None = None, seed: int = 0) -> None:
+        multibody = plant.multibody
+        forces, layout = multibody.forces, multibody.layout
+        self.plant, self.model = plant, multibody.model
+        self.data = mujoco().MjData(self.model)
+        self._step1, self._step2 = mujoco().mj_step1, mujoco().mj_step2
+        self._run_forces = forces.single
+        self.driver = Driver(course, plant.vehicle)
+        self.carry = np.zeros(forces.n_carry)
+        self.sample = np.zeros(forces.n_sample)
+        self.output = np.zeros(forces.n_output)
+        self.wheel_outputs = self.output[forces.n_output - layout.wheel_outputs :]
+        self._pointers = [a.ctypes.data for a in (self.carry, self.sample, multibody.constants, self.output)]
+        self.measured, self._road_inputs = np.split(self.sample, [layout.sensed + len(layout.steered)])
+        self._sensed, self._steer = np.split(self.measured, [layout.sensed])
+        self._wrench = self.output[: 6 * layout.rows].reshape(-1, 6)
+        self._steer_increment = np.zeros(len(layout.steered))  # per time step, rad
+        self._bodies = list(layout.bodies)
+        self._spin = [self._address(f"{axle.name}.{side}") for axle in multibody.axles for side in SIDES]
+        self._torques = np.zeros(len(self._spin))  # of the wheels, N m
+        self._is_braking = False
+        self._start_speed = float(course.speed[0])
+        vehicle, properties = plant.vehicle, plant.properties
+        self.speed_controller = SpeedController(vehicle, properties, multibody.axles, self._start_speed)
+        self.powered = None
+        if driven:
+            truck = matched(driven, vehicle, properties)
+            commands = math.ceil((SETTLING_TIME + course.duration) / (STEPS_PER_COMMAND * TIME_STEP)) + 1
+            self.powered = PoweredWheels(truck, self.speed_controller, self._start_speed, commands, seed)
+        self.data.qvel[0] = self._start_speed
+        self.data.qvel[self._spin] = self._start_speed / properties.wheel_radius
+        self.model.dof_armature[self._spin] = 0.0  # a former run may have left its engine
+        self.model.opt.gravity[:] = gravity(0.0, properties.bank, 0.0)
+        self.road = self._rough_road(list(layout.axles), seed) if properties.roughness else None
+        self._road_ahead = iter(())
+
+    def _rough_road(self, axles: list[int], seed: int) -> RoughRoad:
+        properties = self.plant.properties
+        mujoco().mj_kinematics(self.model, self.data)
+        return RoughRoad(properties.roughness, 2 * properties.half_track, self.data.xpos[axles, 0].copy(), seed)
+
+    def _address(self, joint: str) -> int:
+        number = mujoco().mj_name2id(self.model, mujoco().mjtObj.mjOBJ_JOINT, joint)
+        return int(self.model.jnt_dofadr[number])
+
+    def command(self, time: float, *, settling: bool) -> None:
+        """Set steer rate, wheel torques and the road until the next command, and the direction of gravity on a slope.
+
+        While settling, the truck goes straight ahead at the initial speed of the course.
+        """
+        pose = self.pose()
+        steer, speed = (0.0, self._start_speed) if settling else self.driver(time, pose)
+        self._steer_increment[0] = (steer - self._steer[0]) / STEPS_PER_COMMAND
+        if self.road:
+            self._road_ahead = iter(self.road.ahead(pose.speed, TIME_STEP, STEPS_PER_COMMAND))
+        if self.powered is None:
+            self._torques = self.speed_controller(speed - pose.speed)
+        else:
+            self._torques = self.powered(speed, pose.speed, self.data.qvel[self._spin])
+            self.data.qfrc_applied[0] = self.powered.wind_force * math.cos(pose.heading)
+            self.data.qfrc_applied[1] = self.powered.wind_force * math.sin(pose.heading)
+            self.model.dof_armature[self._spin] = self.powered.armature
+        self.data.qfrc_applied[self._spin] = self._torques
+        self._is_braking = bool(self._torques.min() < 0)
+        if self.powered or self.plant.properties.bank:
+            grade = self.powered.grade if self.powered else 0.0
+            self.model.opt.gravity[:] = gravity(grade, self.plant.properties.bank, pose.heading)
+
+    def pose(self) -> Pose:
+        """Pose of the first unit."""
+        x, y = self.data.qpos[:2]
+        w, i, j, k = self.data.qpos[3:7]
+        heading = math.atan2(2 * (w * k + i * j), 1 - 2 * (j * j + k * k))
+        c, s = math.cos(heading), math.sin(heading)
+        u, v = self.data.qvel[:2]
+        cog = self.plant.vehicle.units[0].cog
+        return Pose(x + c * cog, y + s * cog, heading, c * u + s * v, float(self.data.qvel[5]))
+
+    def sense(self) -> None:
+        """Update the sensed values and the tyre forces."""
+        self._step1(self.model, self.data)
+        self._sensed[:] = self.data.sensordata
+        if self.road:
+            self._road_inputs[:] = next(self._road_ahead)
+        self._run_forces(1, 1, *self._pointers)
+
+    @property
+    def rolls_over(self) -> bool:
+        """Whether the vertical axis of a unit is inclined by more than the rollover angle."""
+        return bool(self.data.xmat[self._bodies, 8].min() < math.cos(ROLLOVER_ANGLE))
+
+    def step(self) -> None:
+        """Integrate one time step."""
+        if self._is_braking:
+            rim_speed = self.plant.properties.wheel_radius * self.data.qvel[self._spin]
+            self.data.qfrc_applied[self._spin] = brake_limited(self._torques, rim_speed)
+        self.data.xfrc_applied[:] = self._wrench
+        self._step2(self.model, self.data)
+        self._steer += self._steer_increment

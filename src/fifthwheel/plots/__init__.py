@@ -1,7 +1,0 @@
-"""Plots as data: panels of lines, bands, points and guides, drawn by plotly or by matplotlib."""
-
-from fifthwheel.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, Span
-from fifthwheel.plots.panels import Axis, Panel
-from fifthwheel.plots.plot import Plot
-
-__all__ = ["Area", "Axis", "Band", "Bars", "Guide", "Item", "Label", "Line", "Panel", "Plot", "Points", "Span"]

@@ -1,0 +1,25 @@
+"""Evaluation of a measured log by a test method of ISO: measures with sigma, conditions of the test, diagrams.
+
+A test method is a function of a `MeasuredMotion` that gives `MethodResult`, one module each; `METHODS` lists them.
+"""
+
+from fifthwheel._callable import make_callable
+from fifthwheel.results.evaluate.curves import ComparedCurve
+from fifthwheel.results.evaluate.evaluate import METHODS, Method, evaluate
+from fifthwheel.results.evaluate.evaluation import Condition, EvaluatedMeasure, Evaluation
+from fifthwheel.results.evaluate.validation import ComparedMeasure, Validation, validate
+
+__all__ = [
+    "METHODS",
+    "ComparedCurve",
+    "ComparedMeasure",
+    "Condition",
+    "EvaluatedMeasure",
+    "Evaluation",
+    "Method",
+    "Validation",
+    "evaluate",
+    "validate",
+]
+
+make_callable(__name__, evaluate)

@@ -1,0 +1,205 @@
+"""The generated part of a learner in C: names and sizes for its header, functions and numbers for its sources."""
+
+import math
+import zlib
+from collections.abc import Sequence
+
+from fifthwheel.base.errors import SignalError
+from fifthwheel.results.export import c_text
+from fifthwheel.results.export import learner_functions as functions
+from fifthwheel.results.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
+from fifthwheel.estimate.filters.joint import MAX_STATE
+from fifthwheel.estimate.filters.model import pack_array
+from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
+from fifthwheel.estimate.identify import doubts
+from fifthwheel.estimate.identify.estimates import sensor_error_unit
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
+from fifthwheel.estimate.identify.online.start import discrepancy_variances
+from fifthwheel.estimate.identify.online.steering import Excitation
+from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
+from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.base.native import c_code
+from fifthwheel.estimate.observe.monitor import CHANCE, START
+from fifthwheel.truck.quantities import unit_of
+
+NO_CHANNEL, ABSENT_CHANNEL = -1, -2
+"""In place of the index of a channel: none is needed; it is not measured."""
+
+
+def reported(learner: Learner) -> list[Unknown]:
+    """The unknowns whose estimates C code can read: the estimated ones, then parameters that are not identifiable."""
+    setup = learner.live.setup
+    estimated = (u for u in setup.estimated_unknowns if u.is_sensor_error or u.is_of_truck)
+    return [*estimated, *(u for u in setup.considered_unknowns if u.name in setup.estimated)]
+
+
+def texts_of(learner: Learner) -> dict[str, str]:
+    """Texts that replace the marks in the files of a learner."""
+    if not learner.live.considered.is_prior:
+        raise SignalError("learner: begins with the information of earlier logs, which C code lacks; make it without")
+    linearisation = functions.linearisation(learner.live)
+    model, source = _sizes_and_limits(learner, len(linearisation.places)), _source(learner, linearisation)
+    return {
+        "ENUMERATIONS": _header(learner),
+        "MODEL": model,
+        "SOURCE": source,
+        "IDENTITY": f"0x{zlib.crc32((model + source).encode()):08x}u",  # of what a saved state means
+        "BYTES": str(_memory(learner)),
+    }
+
+
+def _header(learner: Learner) -> str:
+    """Enumerations of signals, states and estimates, and sizes, for the public header."""
+    live = learner.live
+    setup, layout, relinearisation = live.setup, live.filter.layout, live.learner.relinearisation
+    estimates = {u.name: sensor_error_unit(u.name) if u.is_sensor_error else unit_of(u.name) for u in reported(learner)}
+    saved = layout.size - layout.estimate.start + 2 * len(setup.outputs)
+    sizes = {
+        "STEER_COUNT": (len(setup.inputs) - 1, "steered axles"),
+        "Z_COUNT": (layout.n_z, "estimated unknowns"),
+        "CARRY_COUNT": (layout.size, "numbers in the state of a filter"),
+        "ROW_COUNT": (live.filter.scan.n_sample - layout.n_z, "numbers of a sample of the filter"),
+        "MAX_PASSES": (relinearisation.max_passes, "over a segment with excitation"),
+        "SEGMENT_COUNT": (relinearisation.samples, "samples of a segment"),
+        "SAVED_COUNT": (saved, "numbers in a saved state"),
+        "HEALTH_COUNT": (len(START), "numbers that its health remembers"),
+    }
+    return c_text.header(live.stream.settings, live.view.names, sizes, ESTIMATE=estimates)
+
+
+def _sizes_and_limits(learner: Learner, slopes: int) -> str:
+    """Sizes, settings and the declarations of tables and functions, for the private header."""
+    live = learner.live
+    setup, layout, limits = live.setup, live.filter.layout, live.learner
+    settings, relinearisation, vehicle = setup.settings, limits.relinearisation, setup.vehicle
+    chain = live.model.chain
+    excitation = Excitation(vehicle, len(vehicle.steer_signals()), limits, tyres=settings.tyre_law)
+    sizes = {
+        "X_COUNT": layout.n_x,
+        "BANKS": int(chain.bank),
+        "BANK_STATE": live.view.bank or 0,
+        "DISCREPANCIES": live.model.discrepancies,
+        "P_COUNT": layout.n_z + layout.n_c,
+        "CONSIDERED": layout.n_c,
+        "MODEL_INPUT_COUNT": len(chain.inputs),
+        "SLOPES": slopes,
+        "LAG": relinearisation.lag,
+    }
+    parts = ("P", "V", "z", "Pz", "B", "gradient", "information")
+    sizes |= {f"AT_{name.upper()}": getattr(layout, name).start for name in parts}
+    numbers = {
+        "SMALLEST_PLAY": SMALLEST_PLAY,
+        "MAX_STATE": MAX_STATE,
+        "BANK_SIGMA": live.setup.bank_sigma if chain.bank else 0.0,
+        "WHEELBASE": excitation.wheelbase,
+        "UNDERSTEER": excitation.understeer,
+        "START_EXCITATION": limits.start_excitation,
+        "STOP_EXCITATION": limits.stop_excitation,
+        "EXCITATION_WINDOW": limits.excitation_window,
+        "HIGH_PASS_TIME": limits.high_pass_time,
+        "MAX_LATERAL_ACCELERATION": excitation.largest,
+        "MAX_SPEED_RATE": excitation.largest_rate,
+        "FIRST_PASS_LIMIT": relinearisation.first_pass_limit,
+        "PASS_LIMIT": relinearisation.pass_limit,
+        "INNOVATION_WINDOW": limits.innovation_window,
+        "AUTOCORRELATION_WINDOW": WINDOWS * limits.innovation_window,
+        "AVERAGING_TIME": AVERAGING_TIME,
+        "MAX_INNOVATION": min(settings.gate, math.sqrt(functions.LARGEST_GATE)),
+        "MAX_NIS": live.monitor.max_nis,
+        "CHANCE": CHANCE,
+        "MAX_INNOVATION_RATIO": limits.max_innovation_ratio,
+        "MAX_AUTOCORRELATION": limits.max_autocorrelation,
+        "EXCITED": settings.excited,
+        "STRONG_SCORE": doubts.STRONG_SCORE,
+        "UNUSUAL_SENSOR_ERROR": doubts.UNUSUAL_SENSOR_ERROR,
+        "UNUSUAL_ESTIMATE": doubts.UNUSUAL_ESTIMATE,
+        "ABOUT_AS_LIKELY": doubts.ABOUT_AS_LIKELY,
+        "HARMFUL_SHIFT": doubts.HARMFUL_SHIFT,
+    }
+    times = {"SETTLING_TIME": limits.settling_time, "MAX_STEER_DROPOUT": limits.max_steer_dropout}
+    stream = stream_definitions(live.stream.settings, vehicle, roll=True)
+    return "\n".join([*definitions(sizes, numbers, times), *stream])
+
+
+def _source(learner: Learner, linearisation: functions.Slopes) -> str:
+    """Tables and functions of the vehicle."""
+    live = learner.live
+    step_results = ("later", "f", "first", "last", "predicted", "h", "direct")
+    equations = {
+        "linearise": (linearisation.function, ("state", "z", "row"), step_results),
+        "correct": (functions.channel_update(live), ("carry", "channel"), ("next", "out")),
+        "health": (functions.health(live), ("carry", "sample"), ("next", "out")),
+        "report": (functions.report(live), ("state", "z", "inputs"), ("value", "slope")),
+        "start_matrices": (functions.start_matrices(live), ("inputs", "p"), ("a", "b", "steer", "bank")),
+        "start_slopes": (functions.start_slopes(live), ("inputs", "p", "state"), ("f", "slope")),
+    }
+    return "\n".join(
+        [
+            *_tables(live),
+            *_unknown_tables(learner),
+            integers("slope_place", linearisation.places.tolist()),
+            *(c_code.function(f, f"fw_{name}", *names, static=False) for name, (f, *names) in equations.items()),
+        ]
+    )
+
+
+def _memory(learner: Learner) -> int:
+    """Bytes of a `fw_learner` in double precision, about."""
+    live = learner.live
+    relinearisation = live.learner.relinearisation
+    inputs, outputs, size = len(live.setup.inputs), len(live.setup.outputs), live.filter.layout.size
+    numbers = 8 + 3 * inputs + 4 * (inputs - 1) + 3 * outputs + len(START) + size
+    if relinearisation.max_passes:
+        row = live.filter.scan.n_sample - live.filter.layout.n_z
+        numbers += 3 * size + live.filter.layout.n_z + relinearisation.samples * row
+    return 8 * numbers + 32
+
+
+def _tables(live: LiveFilter) -> list[str]:
+    """Numbers of the filter and of its start."""
+    joint, discrepancy = live.filter, discrepancy_variances(live.setup, live.learner)
+    tables = {
+        "process": pack_array(joint.noise.process),
+        "noise": joint.noise.measurement,
+        "walk": joint.walk,
+        "discrepancy_variance": discrepancy if len(discrepancy) else [0.0],
+    }
+    return [
+        *(table(name, values, static=False) for name, values in tables.items()),
+        *stream_tables(live.stream.settings, live.setup.vehicle, roll=True, static=False),
+    ]
+
+
+def _unknown_tables(learner: Learner) -> list[str]:
+    """Scaling and properties of the unknowns."""
+    live = learner.live
+    setup, inputs = live.setup, live.setup.inputs
+    names, estimated = [u.name for u in setup.unknowns], [u.name for u in setup.estimated_unknowns]
+    plays = [f"{name}.play" for name in inputs[1:]]
+    scaling, considered = setup.scaling, setup.considered_unknowns
+    errors = [gross_error(u) or GrossError(1.0, 1.0) for u in considered]
+    gross = {
+        "possible_change": [largest_possible(u) for u in considered],
+        "gross_variance": [error.size**2 - 1 for error in errors],
+        "gross_odds": [error.prior_odds for error in errors],
+    }
+    return [
+        *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),
+        *(table(name, values or [0.0], static=False) for name, values in gross.items()),
+        integers("logarithmic", [int(u.logarithmic) for u in setup.unknowns]),
+        integers("sensor_error", [int(u.is_sensor_error) for u in setup.unknowns]),
+        integers("roll_channel", [_roll_channel(u, setup.outputs) for u in setup.unknowns]),
+        texts("estimate_names", [u.name for u in reported(learner)]),
+        integers("reported", [names.index(u.name) for u in reported(learner)]),
+        integers("play", [estimated.index(name) if name in estimated else -1 for name in plays]),
+    ]
+
+
+def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
+    """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
+    if unknown.is_sensor_error or unknown.kind is UnknownKind.UNCERTAIN or not lacks_roll_rate(unknown.name, ()):
+        return NO_CHANNEL
+    name = f"roll_rate.{unknown.path.unit}"
+    return channels.index(name) if name in channels else ABSENT_CHANNEL

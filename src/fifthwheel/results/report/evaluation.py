@@ -1,0 +1,88 @@
+"""The page of an evaluation by a test method or of a validation, and its result on a terminal."""
+
+from pathlib import Path
+
+import fifthwheel
+from fifthwheel.base import pages
+from fifthwheel.results.evaluate import Evaluation, Validation
+from fifthwheel.base.pages import page
+from fifthwheel.results.report.provenance import Provenance
+from fifthwheel.results.report.words import counted
+
+EXPLANATION = (
+    "Sigma is that of the log: sensor noise, and the scatter of segments or repetitions. Scale errors of sensors are "
+    "not in it. A log does not show track, wind, load and tyres, which ISO 15037-2 requires to be reported too."
+)
+
+OF_A_VALIDATION = (
+    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma; "
+    "for the points of curves, three sigma, and 95 % of them. "
+    "Undecided: sigma is too large, the histories have other steer angles, or the results cover less than half of a "
+    "curve. The default tolerances are ours, and of no standard: state those of your standard or contract. "
+    "Sigma is that of noise and repetitions; scale errors of sensors are not in it."
+)
+
+
+def write_evaluation_report(
+    path: Path, evaluation: Evaluation | Validation, *, provenance: Provenance | None = None, figures: str | None = None
+) -> list[Path]:
+    """Write the page of an evaluation or a validation as one HTML file; arguments, result and errors as of
+    `write_report`."""
+    if isinstance(evaluation, Validation):
+        document, of_log = validation_document(evaluation), evaluation.log
+    else:
+        document, of_log = evaluation_document(evaluation), evaluation
+    plots = [
+        pages.CaptionedPlot(caption, plot, group=of_log.test, path=(of_log.log, of_log.test, caption))
+        for caption, plot in evaluation.plots().items()
+    ]
+    blocks = [
+        *document.blocks,
+        pages.Heading("Diagrams", key="diagrams"),
+        pages.Plots(plots),
+        *(provenance.blocks() if provenance is not None else ()),
+    ]
+    subtitle = f"{of_log.standard}, fifthwheel {fifthwheel.__version__}"
+    return page.write(path, pages.Document(document.title, blocks, subtitle), images=figures)
+
+
+def evaluation_document(evaluation: Evaluation) -> pages.Document:
+    """Headline, measures, conditions and notes."""
+    blocks: list[pages.Block] = [
+        pages.Headline(headline(evaluation), all(c.met is not False for c in evaluation.conditions)),
+        pages.Heading("Measures", key="measures"),
+        evaluation.table(),
+        pages.Heading("Conditions of ISO 15037-2", key="conditions"),
+        evaluation.condition_table(),
+        pages.Items([*evaluation.notes, EXPLANATION], "Notes"),
+    ]
+    return pages.Document(f"{evaluation.title}, {evaluation.log}", blocks)
+
+
+def headline(evaluation: Evaluation) -> str:
+    """The first measure of the test, and the conditions that the log does not meet."""
+    missed = [c.name for c in evaluation.conditions if c.met is False]
+    first, others = evaluation.measures[0], len(evaluation) - 1
+    text = f"{evaluation.log} by {evaluation.standard}: {first.title} {first.text()}"
+    text += f", and {counted(others, 'other measure')}." if others else "."
+    return f"{text} Not met: {', '.join(missed)}." if missed else f"{text} It meets the conditions that a log shows."
+
+
+def validation_document(validation: Validation) -> pages.Document:
+    """Headline, measures, curves and notes."""
+    log, verdict = validation.log, validation.verdict
+    verdicts = {m.title: m.verdict for m in validation.measures} | {c.title: c.verdict for c in validation.curves}
+    names = [title for title, of_title in verdicts.items() if of_title == verdict]
+    text = f"{verdict}, {len(names)} of {len(verdicts)} measures and curves"
+    text += "" if verdict == "inside" else f", such as the {names[0][0].lower()}{names[0][1:]}"
+    blocks: list[pages.Block] = [
+        pages.Headline(f"{log.title}, {validation.results.log} against {log.log}: {text}.", verdict == "inside"),
+        pages.Heading("Measures", key="measures"),
+        validation.table(),
+        pages.Heading("Curves", key="curves"),
+        validation.curve_table(),
+        pages.Heading("Conditions of ISO 15037-2, log", key="conditions"),
+        log.condition_table(),
+        pages.Items([*validation.notes, OF_A_VALIDATION], "Notes"),
+    ]
+    return pages.Document(f"Validation, {validation.results.log} against {log.log}", blocks)

@@ -1,0 +1,285 @@
+"""The pages in a browser: from a dropped log to a map whose faults are found and mended."""
+
+import re
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.apps.app.workspace import Workspace
+from fifthwheel.data.logs import SignalMap, write_record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from tests.apps.app.buses import write_can_mf4, write_candump
+from tests.apps.app.served import chromium, served, tab
+
+pytestmark = pytest.mark.slow
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+TRUCK = get("cheng_cebon_2011")
+TRAILER = "yaw_rate.semitrailer"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as started:
+        yield started
+
+
+@contextmanager
+def opened(browser, folder, *files, **size):
+    """The first page of a new workspace with dropped files, the first of which is read."""
+    with served(folder) as address, tab(browser, address, **size) as page:
+        drop(page, *files)
+        yield page
+
+
+def drop(page, *files):
+    """Drop files, the first of which is read; none is called refused, and the list of the uploader is empty again."""
+    page.set_input_files("input[type=file]", [str(file) for file in files])
+    page.get_by_text(re.compile(r"\d+ channels")).first.wait_for()
+    assert page.get_by_text("Refused").count() == 0
+    page.locator(".q-uploader__file").first.wait_for(state="detached")
+
+
+def signals(page):
+    """Go to the page Signals, and wait for its evidence."""
+    page.get_by_role("link", name="2 Signals").click()
+    page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
+
+
+def section(page, signal):
+    return page.get_by_role("region", name=signal, exact=True)
+
+
+def explained(page, signal):
+    """Percentage that the prediction explains, when it is no longer computed."""
+    page.get_by_role("status", name="Computing").wait_for(state="hidden")
+    text = section(page, signal).get_by_text("The prediction explains").inner_text()
+    return float(re.search(r"explains ([\d.]+)", text)[1])
+
+
+def mapped(folder):
+    return SignalMap.load(folder / "signals.toml").signals
+
+
+def example(folder):
+    return EXAMPLES / "lane_changes.csv"
+
+
+def german(folder):
+    return EXAMPLES / "messy.csv"
+
+
+def mf4_with_can(folder):
+    return write_can_mf4(simulate(TRUCK, count=2, seed=1), folder / "bus.mf4")
+
+
+def j1939(folder):
+    return write_candump(simulate(TRUCK, count=2, seed=1), folder / "bus.log")
+
+
+@pytest.mark.parametrize("log", [example, german, mf4_with_can, j1939])
+def test_a_log_of_each_kind_comes_to_a_map_without_errors(browser, tmp_path, log):
+    with opened(browser, tmp_path / "w", log(tmp_path)) as page:
+        signals(page)
+        assert explained(page, TRAILER) > 90
+        assert page.locator(".fw-finding.error").count() == 0
+    assert {"speed", "steer.tractor.front", "yaw_rate.tractor", TRAILER} <= set(mapped(tmp_path / "w"))
+
+
+def test_an_inverted_sign_is_found_and_mended(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        section(page, TRAILER).get_by_role("button", name="−", exact=True).click()
+        page.get_by_role("button", name=f"Mend {TRAILER}").wait_for()
+        assert explained(page, TRAILER) < 10
+        assert mapped(tmp_path / "w")[TRAILER].sign == -1
+        page.get_by_role("button", name=f"Mend {TRAILER}").click()
+        page.get_by_text("Nothing speaks against the map.").wait_for()
+        assert explained(page, TRAILER) > 95
+    assert mapped(tmp_path / "w")[TRAILER].sign == 1
+
+
+def test_a_clock_offset_is_found_and_mended_by_one_click(browser, tmp_path):
+    record = simulate(TRUCK, count=2, seed=1)
+    values = np.interp(record.time - 0.35, record.time, record.signals[TRAILER])
+    write_record(record.with_signals({TRAILER: values}), tmp_path / "late.csv")
+    folder = tmp_path / "w"
+    folder.mkdir()
+    (folder / "vehicle.toml").write_text(TRUCK.to_toml())
+    (folder / "signals.toml").write_text(f'[signals]\nspeed = "speed"\n"{TRAILER}" = "{TRAILER}"\n')
+    with opened(browser, folder, tmp_path / "late.csv") as page:
+        signals(page)
+        assert explained(page, TRAILER) < 80
+        page.get_by_role("button", name=re.compile(f"Correct the delay of {TRAILER} by 0.3")).click()
+        section(page, TRAILER).get_by_text(re.compile("explains (9[5-9]|100)")).wait_for()
+        assert explained(page, TRAILER) > 95
+    assert mapped(tmp_path / "w")[TRAILER].delay == pytest.approx(0.35, abs=0.05)
+
+
+def test_a_reload_loses_nothing_and_changes_are_undone_by_keys(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        field = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True)
+        field.fill("0.2")
+        page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.2")).wait_for()
+        page.reload()
+        section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
+        assert section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.2"
+        page.get_by_role("button", name="Propose a map").focus()
+        page.keyboard.press("Control+z")
+        page.get_by_role("button", name=re.compile(f"Redo: {TRAILER}")).wait_for()
+        assert mapped(tmp_path / "w")[TRAILER].delay == 0.0
+        page.locator("#main").focus()
+        page.keyboard.press("Control+y")
+        page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}")).wait_for()
+    assert mapped(tmp_path / "w")[TRAILER].delay == 0.2
+
+
+def test_a_decimal_comma_is_a_decimal_point(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        field = section(page, TRAILER).get_by_label(f"Gain of {TRAILER}", exact=True)
+        field.press("ControlOrMeta+a")
+        field.press_sequentially("0,054")
+        page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 0.054")).wait_for()
+        too_large = re.compile(r"The prediction is (18|19) times too large")
+        section(page, TRAILER).get_by_text(too_large).wait_for(timeout=60_000)
+        page.get_by_role("listitem").get_by_text(too_large).wait_for()
+        assert page.get_by_text("Nothing speaks against the map.").count() == 0
+        field.press("Tab")
+        page.wait_for_timeout(300)
+        assert field.input_value() == "0.054"
+        field.fill("1.234,5")
+        page.get_by_text("expected a number without separators of thousands").wait_for()
+        delay = section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True)
+        delay.fill("-3566")
+        page.get_by_text("expected at most 60 s, got -3566 s").first.wait_for()
+        delay.press("Tab")
+        page.wait_for_function("document.querySelector('[aria-label=\"Delay of yaw_rate.semitrailer\"]').value == '0'")
+    assert (mapped(tmp_path / "w")[TRAILER].gain, mapped(tmp_path / "w")[TRAILER].delay) == (0.054, 0.0)
+
+
+def test_a_field_shows_the_file_after_a_refusal_which_stays_until_the_next_change(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        before = mapped(tmp_path / "w")
+        row = section(page, TRAILER)
+        unit, column = (row.get_by_label(f"{key} of {TRAILER}", exact=True) for key in ("Unit", "Column"))
+        kept = unit.input_value()
+        unit.fill("kg")
+        unit.press("Tab")
+        row.get_by_role("alert").get_by_text("kg").wait_for()
+        assert unit.input_value() == kept
+        column.fill("yaw_rate.tractor")
+        page.get_by_role("option", name="yaw_rate.tractor", exact=True).click()
+        row.get_by_role("alert").get_by_text("yaw_rate.tractor").wait_for()
+        page.wait_for_timeout(1000)
+        assert column.input_value() == TRAILER
+        assert mapped(tmp_path / "w") == before
+        row.get_by_role("button", name="−", exact=True).click()
+        row.get_by_role("alert").wait_for(state="hidden")
+
+
+def test_a_log_that_cannot_be_read_is_not_used(browser, tmp_path):
+    broken = tmp_path / "broken.csv"
+    broken.write_bytes(b"\x00\x01" * 5000)
+    with served(tmp_path / "w") as address, tab(browser, address) as page:
+        page.set_input_files("input[type=file]", str(broken))
+        page.get_by_role("alert").filter(has_text="broken.csv").wait_for()
+        page.get_by_role("button", name="Undo: leave out broken.csv").wait_for()
+        assert not page.get_by_label("Use broken.csv").is_checked()
+    assert not Workspace(tmp_path / "w").choices().of("broken.csv").use
+
+
+def test_a_second_tab_shows_the_change_of_the_first(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        signals(page)
+        with tab(browser, page.url) as other:
+            # the second tab of another session of the browser is a tab like any other
+            other.get_by_label(f"Delay of {TRAILER}", exact=True).wait_for()
+            section(page, TRAILER).get_by_label(f"Delay of {TRAILER}", exact=True).fill("0.1")
+            other.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: delay 0.1")).wait_for()
+            assert other.get_by_label(f"Delay of {TRAILER}", exact=True).input_value() == "0.1"
+            other.get_by_label(f"Gain of {TRAILER}", exact=True).fill("2")
+            page.get_by_role("button", name=re.compile(f"Undo: {TRAILER}: gain 2")).wait_for()
+    channel = mapped(tmp_path / "w")[TRAILER]
+    assert (channel.delay, channel.gain) == (0.1, 2.0)
+
+
+def test_windows_are_excluded_by_mouse_and_by_keyboard(browser, tmp_path):
+    with opened(browser, tmp_path / "w", example(tmp_path)) as page:
+        page.get_by_role("button", name="Select", exact=True).click()
+        page.wait_for_timeout(1000)
+        panel = page.locator("[role=img] .nsewdrag").first.bounding_box()
+        low, high = panel["x"] + 0.25 * panel["width"], panel["x"] + 0.5 * panel["width"]
+        page.mouse.move(low, panel["y"] + 20)
+        page.mouse.down()
+        page.mouse.move(high, panel["y"] + 40, steps=8)
+        page.mouse.up()
+        page.wait_for_timeout(1000)
+        assert float(page.get_by_label("From, s").input_value()) == pytest.approx(0.25 * 17, abs=0.3)
+        page.get_by_role("button", name="Exclude", exact=True).click()
+        page.get_by_text("excluded: 4.").wait_for()
+        page.get_by_label("From, s").fill("12")
+        page.get_by_label("To, s").fill("13.5")
+        page.get_by_label("To, s").press("Tab")
+        for _ in range(3):
+            page.keyboard.press("Tab")
+        page.keyboard.press("Shift+Tab")
+        assert page.evaluate("document.activeElement.innerText").strip() == "Exclude"
+        page.keyboard.press("Enter")
+        page.get_by_text("excluded: 12.00 to 13.50 s").wait_for()
+        page.reload()
+        page.get_by_text("excluded: 12.00 to 13.50 s").wait_for()
+    text = (tmp_path / "w" / "workspace.toml").read_text()
+    assert "12.0" in text
+    assert "13.5" in text
+
+
+def test_names_from_files_are_text(browser, tmp_path):
+    evil = "<img src=x onerror=alert(1)>"
+    folder = tmp_path / "<b>evil<b>"
+    folder.mkdir()
+    log = folder / f"{evil}.csv"
+    lines = [f"time [s],{evil} [{evil}],<script>alert(2)</script>", *(f"{k / 10},{k % 7},{k % 3}" for k in range(200))]
+    log.write_text("\n".join(lines))
+    with opened(browser, tmp_path / "w", log) as page:
+        page.on("dialog", lambda dialog: pytest.fail(f"a script ran: {dialog.message}"))
+        page.get_by_text(evil).first.wait_for()
+        page.wait_for_timeout(1500)
+        page.get_by_role("link", name="2 Signals").click()
+        page.wait_for_timeout(3000)
+        assert page.locator("img[src=x]").count() == 0
+        assert page.locator("#main script").count() == 0
+
+
+def test_a_file_that_is_too_large_or_no_log_is_refused(browser, tmp_path):
+    large, broken = tmp_path / "large.csv", tmp_path / "broken.csv"
+    large.write_text("time,x\n" + "1,2\n" * 400_000)
+    broken.write_bytes(b"\x00\x01" * 5000)
+    with served(tmp_path / "w", "--max-file", "0.001") as address, tab(browser, address, faults=False) as page:
+        page.set_input_files("input[type=file]", str(large))
+        page.get_by_text("Refused: too large").wait_for()
+        page.set_input_files("input[type=file]", str(broken))
+        page.get_by_role("alert").filter(has_text="broken.csv").wait_for()
+    assert [path.name for path in (tmp_path / "w" / "logs").iterdir()] == ["broken.csv"]
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_no_page_is_wider_than_the_window_and_every_control_has_a_label(browser, tmp_path, width):
+    with opened(browser, tmp_path / "w", example(tmp_path), width=width) as page:
+        for name in ("1 Log", "2 Signals"):
+            page.get_by_role("link", name=name).click()
+            page.wait_for_timeout(2500)
+            assert page.evaluate("document.documentElement.scrollWidth") <= width
+            assert page.evaluate(UNLABELLED) == []
+
+
+UNLABELLED = """[...document.querySelectorAll('#main button, #main input, #main [role=checkbox], #main a')]
+  .filter(e => e.offsetParent && !e.closest('.modebar') && !(e.innerText || '').trim()
+    && !e.getAttribute('aria-label') && !e.labels?.length && !e.closest('label')
+    && !e.closest('[aria-label]') && !e.getAttribute('title'))
+  .map(e => e.outerHTML.slice(0, 200))"""

@@ -1,0 +1,312 @@
+"""What the pages compute of a workspace, without a browser."""
+
+import re
+import subprocess
+import sys
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from fifthwheel.apps.app import inputs, runs
+from fifthwheel.apps.app.layout import typed_number
+from fifthwheel.apps.app.pages import explore
+from fifthwheel.apps.app.pages.identify import plain_name
+from fifthwheel.apps.app.pages.signals import objections
+from fifthwheel.apps.app.workspace import Choices, LogChoice, Workspace
+from fifthwheel.results.diagnose import LogPrediction
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
+from fifthwheel.data.logs import SignalMap, write_record
+from fifthwheel.base.pages import Code, Plots
+from fifthwheel.base.pages.html import cell
+from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.model.simulate import simulate
+from fifthwheel.estimate.time_bases.evidence import signal_evidence
+from fifthwheel.truck import get
+from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
+from tests.results.report.conftest import NASTY, result
+
+__all__ = ["result"]
+
+TRUCK = get("cheng_cebon_2011")
+FRONT = "tractor.front.cornering_stiffness"
+
+
+@pytest.fixture
+def workspace(tmp_path) -> Workspace:
+    """Two logs and a vehicle."""
+    made = Workspace(tmp_path / "w")
+    for seed, name in enumerate(("first", "second")):
+        write_record(simulate(TRUCK, count=1, seed=seed), made.folder / "logs" / f"{name}.csv")
+    made.write({"vehicle.toml": TRUCK.to_toml()}, "a truck")
+    return made
+
+
+@dataclass
+class ReachedError(Exception):
+    """Ends an identification when its inputs are known."""
+
+    records: object
+    truck: object
+    settings: object
+    validate: object
+    knowledge: object
+    occasion: object
+
+
+@pytest.fixture
+def identified(workspace, monkeypatch):
+    """What `runs.identify` would identify with some choices."""
+
+    def stop(starts, records, *, validate, progress):
+        (start,) = starts
+        used = [records[path] for path in start.logs]
+        raise ReachedError(used, start.vehicle, start.settings, validate, start.knowledge, start.occasion)
+
+    monkeypatch.setattr(runs, "run_loads", stop)
+
+    def inputs_of(choices):
+        workspace.write_choices(choices, "choose")
+        with pytest.raises(ReachedError) as reached:
+            runs.identify(workspace.folder, "run-1", lambda *_: None)
+        return reached.value
+
+    return inputs_of
+
+
+def test_excluded_windows_and_unused_logs_are_honoured(identified):
+    choices = Choices(logs={"first.csv": LogChoice(exclude=((2.0, 4.0),)), "second.csv": LogChoice(use=False)})
+    found = identified(choices)
+    (record,) = found.records
+    assert record.name == "first"
+    assert not ((record.time >= 2.0) & (record.time <= 4.0)).any()
+    assert found.validate == []
+
+
+def test_the_settings_are_those_of_the_options(identified):
+    found = identified(
+        Choices(
+            identify={"statements": [f"{FRONT}=exact", "roll_stiffness=+- 5 %"], "validate": ["second.csv"], "old": 1}
+        )
+    )
+    assert [record.name for record in (*found.records, *found.validate)] == ["first", "second"]
+    assert found.settings.given[FRONT] == "exact"
+    path = "semitrailer.roll_stiffness"
+    assert found.truck.stated[path] == pytest.approx(0.05 * found.truck.parameters()[path])
+
+
+def test_a_failed_run_leaves_no_result(workspace, identified):
+    identified(Choices())
+    assert runs.results(workspace) == []
+    assert runs.next_name(workspace) == "run-1"
+
+
+def test_a_cancelled_run_leaves_only_what_the_user_put_there(workspace):
+    for name in ("new", "own"):
+        work = workspace.folder / "runs" / name / ".fifthwheel" / "new"
+        work.mkdir(parents=True)
+        (work / "states.parquet").write_text("half")
+    (workspace.folder / "runs" / "own" / "notes.txt").write_text("mine")
+    for name in ("new", "own", "none"):
+        runs.discard_empty(workspace.folder, name)
+    assert [path.name for path in workspace.runs()] == ["own"]
+
+
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        ("0,054", 0.054),
+        ("0.054", 0.054),
+        (" -1,5e-3 ", -1.5e-3),
+        ("7", 7.0),
+        (",5", 0.5),
+        ("\u22122", -2.0),
+        ("", None),
+    ],
+)
+def test_a_number_in_a_field(text, number):
+    assert typed_number(text) == number
+
+
+@pytest.mark.parametrize("text", ["1.234,5", "1,234,567", "0,054 m", "nan", "inf", "1e999", "--1", "5 4"])
+def test_a_text_that_is_no_number_is_refused(text):
+    with pytest.raises(FifthwheelError, match="expected a number without separators of thousands"):
+        typed_number(text)
+
+
+def test_what_speaks_against_a_map(workspace):
+    record = simulate(TRUCK, count=2, seed=1)
+    trailer = "yaw_rate.semitrailer"
+    columns = {name: name for name in ("speed", "steer.tractor.front", "yaw_rate.tractor", trailer)}
+    signal_map = SignalMap(signals=columns | {"roll_rate.semitrailer": "roll_rate.semitrailer"})
+
+    def against(record, signal_map=signal_map):
+        return objections(signal_evidence(record, TRUCK), signal_map, TRUCK)
+
+    assert against(record) == []
+    (text,) = against(record.with_signals({trailer: record.signals[trailer] / 18}))
+    assert text.startswith(f"{trailer}: The prediction is 18 times too large: correct unit or gain")
+    late = np.interp(record.time - 0.16, record.time, record.signals[trailer])
+    (text,) = against(record.with_signals({trailer: late}))
+    assert re.search(r"; 0\.1\d ± 0\.0\d s late\.$", text), text
+    texts = against(record, SignalMap(signals={"yaw_rate.tractor": "r"}))
+    assert [text.partition(":")[0] for text in texts] == [
+        "speed", "steer.tractor.front", "yaw_rate.semitrailer or articulation.semitrailer", "roll_rate.semitrailer",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("question", QUESTIONS, ids=lambda question: question.key)
+def test_each_question_without_choices_has_an_example_that_answers_it(question):
+    assert question.choices or question.parse(question.example)
+
+
+def test_only_predicted_logs_are_refused(workspace):
+    choices = Choices(identify={"validate": ["first.csv", "second.csv"]})
+    with pytest.raises(FifthwheelError, match="no log to identify on"):
+        runs.logs(workspace, choices)
+
+
+def test_without_a_vehicle_the_page_to_go_to_is_named(tmp_path):
+    with pytest.raises(FifthwheelError, match="page Truck"):
+        runs.vehicle(Workspace(tmp_path / "empty"))
+
+
+def test_the_stamp_follows_what_counts(workspace):
+    first = runs.stamp(workspace)
+    workspace.write_choices(Choices(explore={"speed": 60.0}, truck={"wheelbase": "3 m"}), "look")
+    assert runs.stamp(workspace) == first
+    workspace.write_choices(Choices(identify={"any_load": True}), "set")
+    assert runs.stamp(workspace) != first
+
+
+def test_the_command_line_of_a_run(workspace):
+    choices = Choices(
+        logs={"first.csv": LogChoice(exclude=((2.0, 4.0),))},
+        identify={"statements": [f"{FRONT}=exact"], "method": "two-stage", "validate": ["second.csv"], "check": False},
+    )
+    assert runs.command(workspace, choices, "a b") == [
+        "identify", "logs/first.csv", "--vehicle", "vehicle.toml", "--out", "runs/a b", "--validate=logs/second.csv",
+        "--exclude=first=2..4", "--method=two-stage", f"--set={FRONT}=exact", "--no-check",
+    ]  # fmt: skip
+
+
+@pytest.fixture
+def known(workspace) -> str:
+    """A result of another log in the workspace."""
+    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
+    identify([simulate(TRUCK, count=1, seed=5)], TRUCK, settings).save(workspace.folder / "runs" / "before")
+    return "before"
+
+
+def test_an_identification_begins_with_the_knowledge_of_a_result(workspace, identified, known):
+    found = identified(Choices(identify={"knowledge": known, "trailer": "T 17", "load": ["steel"]}))
+    assert len(found.knowledge.logs) == 1
+    assert (found.occasion.trailer, found.occasion.load) == ("T 17", "steel")
+    assert found.occasion.date is not None
+    assert runs.command(workspace, workspace.choices(), "b")[-3:] == [
+        "--knowledge=runs/before", "--trailer=T 17", "--load=steel",
+    ]  # fmt: skip
+
+
+def test_the_history_of_the_truck_in_a_result(workspace, known):
+    (workspace.folder / "runs" / "old").mkdir()
+    (workspace.folder / "runs" / "old" / "identification.json").write_text("{}")
+    assert runs.known_results(workspace) == [known]
+    assert not [block for block in runs.history(workspace.folder, known).blocks if isinstance(block, Plots)]
+    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
+    earlier = Knowledge.load(workspace.run(known) / "knowledge.json")
+    later = identify([simulate(TRUCK, count=1, seed=6)], TRUCK, settings, knowledge=earlier)
+    later.save(workspace.folder / "runs" / "later")
+    blocks = runs.history(workspace.folder, "later").blocks
+    (plots,) = [block.plots for block in blocks if isinstance(block, Plots)]
+    assert [plot.plot.title for plot in plots] == ["Front tyres, cornering stiffness (truck)"]
+
+
+def test_a_check_refuses_the_knowledge_of_another_truck(workspace, known):
+    workspace.write({"vehicle.toml": TRUCK.to_toml().replace('"tractor"', '"lorry"')}, "another truck")
+    workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
+    with pytest.raises(FifthwheelError, match="truck whose first unit is tractor"):
+        runs.check(workspace.folder, lambda *_: None)
+
+
+def test_a_check_begins_with_the_knowledge(workspace, known):
+    alone = runs.check(workspace.folder, lambda *_: None)
+    workspace.write_choices(Choices(identify={"knowledge": known}), "choose")
+    found = runs.check(workspace.folder, lambda *_: None)
+    (before,), (after,) = ([p.sigma for p in a.parameters if p.name == FRONT] for a in (alone, found))
+    assert after < before
+
+
+@pytest.mark.parametrize("name", ["", " ", "..", "../up", "a/b", "a\\b", ".hidden", "x" * 81])
+def test_a_name_that_leads_elsewhere_is_refused(name):
+    with pytest.raises(FifthwheelError, match="name: expected"):
+        plain_name(name)
+
+
+def test_results_side_by_side_and_over_a_log(workspace, result):
+    for name in ("a", "b"):
+        result.identification.save(workspace.folder / "runs" / name)
+    (workspace.folder / "runs" / "killed").mkdir()
+    assert sorted(runs.results(workspace)) == ["a", "b"]
+    assert runs.interrupted(workspace) == ["killed"]
+    found = runs.comparison(workspace.folder, ["b", "a"])
+    assert found.runs == ("b", "a")
+    plot = runs.overlay(workspace.folder, ["b", "a"], "first.csv")
+    assert [item.name for item in plot.panels[0].items] == ["measured", "b", "a"]
+    with pytest.raises(FifthwheelError, match="no such run"):
+        runs.comparison(workspace.folder, ["a", "../runs/a"])
+
+
+def test_a_log_that_does_not_exist_is_refused(workspace):
+    with pytest.raises((FifthwheelError, SignalError), match="no such log"):
+        inputs.record(workspace.folder, "../vehicle.toml")
+
+
+STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]
+"""Of the vehicle file and of the sliders, as the page Explore explains them."""
+
+
+def test_predictions_have_the_styles_of_the_linear_model():
+    fits = LogPrediction.of(simulate(TRUCK, count=1), TRUCK).fits({})
+    measured, *predicted = explore.fit_plot(fits, fits).panels[0].items
+    assert measured.colour == GREY
+    assert [(line.colour, line.dash) for line in predicted] == STYLES
+
+
+@pytest.mark.parametrize("kind", explore.KINDS)
+def test_a_changed_number_moves_the_line_of_the_sliders(kind):
+    name = "semitrailer.cornering_stiffness" if kind != "handling diagram" else FRONT
+    softer = TRUCK.replace({name: 0.7 * TRUCK.parameters()[name]})
+    plot = explore.model_plot(kind, TRUCK, softer, 22.0, simulate(TRUCK, count=1))
+    lines = [item for item in plot.panels[-1].items if getattr(item, "name", "") in ("vehicle file", "sliders")]
+    assert [line.name for line in lines] == ["vehicle file", "sliders"]
+    assert [(line.colour, line.dash) for line in lines] == STYLES
+    assert np.ptp(np.asarray(lines[0].y) - np.asarray(lines[1].y)) + np.ptp(
+        np.asarray(lines[0].x) - np.asarray(lines[1].x)
+    ) > 1e-3 * np.ptp(lines[0].y)
+
+
+def test_texts_are_escaped():
+    html = cell(Code(f"{NASTY} tractor.front.cornering_stiffness 1.5 m"))
+    assert "<b>" not in html
+    assert "</script>" not in html
+    assert "tractor.<wbr/>front.<wbr/>cornering_<wbr/>stiffness 1.5 m" in html
+
+
+@pytest.mark.slow
+def test_a_run_is_that_of_the_command_line(workspace):
+    """The same numbers as `fifthwheel identify` in the folder, from the command that the report shows."""
+    choices = Choices(identify={"statements": [f"{FRONT}=exact"]}, logs={"first.csv": LogChoice(exclude=((6.5, 7.5),))})
+    workspace.write_choices(choices, "choose")
+    runs.identify(workspace.folder, "page", lambda *_: None)
+    command = runs.command(workspace, choices, "line")
+    subprocess.run(
+        [sys.executable, "-m", "fifthwheel", *command], cwd=workspace.folder, check=True, capture_output=True
+    )
+    page, line = (Identification.load(workspace.run(name)) for name in ("page", "line"))
+    assert page.to_json() == line.to_json()
+    assert sorted(path.name for path in workspace.run("page").iterdir() if path.name[0] != ".") == [
+        "identification.json", "knowledge.json", "report.html", "run.json", "states.parquet", "vehicle.toml",
+    ]  # fmt: skip

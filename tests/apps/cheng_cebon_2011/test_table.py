@@ -1,0 +1,133 @@
+"""The comparison against numbers computed by hand, and the tables."""
+
+import csv
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+from fifthwheel.apps.cheng_cebon_2011 import table
+from fifthwheel.apps.cheng_cebon_2011.comparison import QUANTITIES, VariantErrors, compare, percent_error
+from fifthwheel.apps.cheng_cebon_2011.experiments import DRIVE, FRONT, RESULTS, ROLL_INERTIA, TRAILER, YAW_INERTIA
+from fifthwheel.base.pages.terminal import show
+from tests.apps.cheng_cebon_2011.conftest import synthetic_experiment, synthetic_outcome
+
+
+@pytest.fixture(scope="module")
+def rows(simulation):
+    return compare(*simulation)
+
+
+def select(rows, quantity, arm):
+    """The row of a quantity, and its result of an arm."""
+    row = next(row for row in rows if row.quantity == quantity)
+    return row, next(result for result in row.arms if result.arm == arm)
+
+
+def test_mean_spread_worst_and_verdicts(rows):
+    row, result = select(rows, YAW_INERTIA, "article")
+    assert row.published.value == 4.24e5
+    assert row.reference == (413700, 413700)
+    assert result.mean == pytest.approx(1.04 * 413700)
+    assert result.deviation == pytest.approx(np.std([1.05, 1.06, 1.01], ddof=1) * 413700)
+    assert result.error == pytest.approx(4)
+    assert (result.worst, result.worst_error) == (pytest.approx(1.06 * 413700), pytest.approx(6))
+    assert (result.converged, result.seeds) == (2, 3)
+
+
+def test_worse_than_published(rows):
+    _, article = select(rows, YAW_INERTIA, "article")
+    assert article.factor == pytest.approx(4 / 2.5)
+    assert article.worse_seeds == 2
+    _, default = select(rows, YAW_INERTIA, "default")
+    assert default.factor == pytest.approx(1 / 2.5)
+    assert default.worse_seeds == 0
+
+
+def test_error_of_stiffness_is_the_distance_from_the_range(rows):
+    _, inside = select(rows, TRAILER, "article")
+    assert inside.error == 0
+    row, outside = select(rows, FRONT, "article")
+    assert row.reference == (440e3, 460e3)
+    assert outside.error == pytest.approx(100 * 15 / 460)
+    assert outside.factor is None
+    assert percent_error(430e3, (440e3, 460e3)) == pytest.approx(-100 * 10 / 440)
+
+
+def test_worst_seed_is_outside_the_range():
+    made = synthetic_experiment("simulation")
+    outcomes = [
+        replace(outcome, estimates={**outcome.estimates, DRIVE: outcome.estimates[DRIVE]._replace(value=value)})
+        for seed, value in enumerate((741e3, 781e3))
+        for outcome in [synthetic_outcome(made, "article", seed)]
+    ]
+    _, result = select(compare({made.name: made}, outcomes), DRIVE, "article")
+    assert result.worst == 781e3
+
+
+def test_states_have_rms_errors(rows):
+    row, result = select(rows, "sideslip.semitrailer", "default")
+    assert row.reference is None
+    assert (result.mean, result.worst) == (pytest.approx(0.002), 0.003)
+    assert result.error is None
+
+
+def test_every_published_number_has_a_row():
+    made = {name: synthetic_experiment(name) for name in table.HEADINGS}
+    rows = compare(made, [synthetic_outcome(e, arm.name, 0) for e in made.values() for arm in e.arms])
+    published = {(row.experiment, row.quantity) for row in rows if row.published}
+    repeated = {("test vehicle with errors", p.quantity) for p in RESULTS if p.case == "test vehicle"}
+    assert published == {(p.case, p.quantity) for p in RESULTS} | repeated
+    assert {row.quantity for row in rows} == set(QUANTITIES)
+    assert list(dict.fromkeys(row.experiment for row in rows)) == list(made)
+    point = next(row for row in rows if row.experiment == "point payload" and row.quantity == ROLL_INERTIA)
+    assert point.reference[0] == pytest.approx(33308, abs=1)
+
+
+def test_fixed_front_stiffness_of_the_test_vehicle():
+    made = synthetic_experiment("test vehicle", ("default", "default, front fixed"))
+    rows = compare({made.name: made}, [synthetic_outcome(made, arm.name, 0) for arm in made.arms])
+    row, fixed = select(rows, FRONT, "default, front fixed")
+    assert row.published is None
+    assert (fixed.fixed, fixed.converged, fixed.deviation) == (True, None, None)
+    assert "| default, front fixed | 440.0 kN/rad |  | within | fixed | fixed | – |" in table.markdown(rows)
+
+
+def test_markdown(rows):
+    variant = VariantErrors(name="twice as many", values={YAW_INERTIA: 1.25, FRONT: -3.0}, seeds=4)
+    text = table.markdown(rows, [variant], ["Six repetitions only."])
+    assert "- Six repetitions only." in text
+    assert "article: **1 of 4**: I_2zz (1.6 times)" in text
+    assert "default: none of 4" in text
+    line = next(line for line in text.splitlines() if line.startswith("| trailer yaw inertia"))
+    assert "424\u202f000 kg m² (+2.5 %) | article |" in line
+    assert line.endswith("| +4.0 % | 438\u202f500 kg m² (+6.0 %) | 2 of 3 | **1.6 times**, 2 of 3 seeds |")
+    assert "| Change | Seeds | `C_α1f` | `I_2zz` |" in text
+    assert "| twice as many | 4 | −3.0 % | +1.2 % |" in text
+    widths = {line.count("|") for line in text.split("## Sensitivity")[0].splitlines() if line.startswith("|")}
+    assert widths == {len(table.HEAD) + 1}
+
+
+def test_markdown_without_variants(rows):
+    assert "## Sensitivity" not in table.markdown(rows)
+
+
+def test_csv_has_a_line_for_each_quantity_and_arm(rows):
+    lines = list(csv.DictReader(io.StringIO(table.as_csv(rows))))
+    assert len(lines) == sum(len(row.arms) for row in rows) == 2 * 10
+    line = next(line for line in lines if (line["quantity"], line["arm"]) == (YAW_INERTIA, "article"))
+    assert float(line["error_percent"]) == pytest.approx(4)
+    assert float(line["error_by_published"]) == pytest.approx(1.6)
+    assert (line["seeds_worse_than_published"], line["fixed"]) == ("2", "0")
+
+
+def test_terminal(rows):
+    file = io.StringIO()
+    show(table.document(rows), Console(file=file, width=80))
+    text = file.getvalue()
+    assert text.isascii()
+    assert max(map(len, text.splitlines())) <= 80
+    assert "+4.0 % x 1.6" in text
+    assert "-1.0 %    no" in text

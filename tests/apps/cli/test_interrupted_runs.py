@@ -1,0 +1,198 @@
+"""Commands that are refused, killed, terminated, or run out of disk: no file is lost, and results do not mix."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from fifthwheel.base.atomic import MANIFEST
+from fifthwheel.data.logs import write_record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from tests.apps.cli.test_cli import FILES, TRUCK, refused, run  # noqa: F401 - a fixture
+
+NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+
+
+@pytest.fixture
+def place(run, tmp_path):  # noqa: F811
+    """The working folder with a log and a vehicle file."""
+    write_record(simulate(get(TRUCK), count=1, seed=1), tmp_path / "log.csv")
+    get(TRUCK).save(tmp_path / "truck.toml")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        "signals log.csv --out log.csv",
+        "signals log.csv --out link.csv",
+        "signals log.csv --out truck.toml",
+        "signals log.csv --signals map.toml --save log.csv",
+        "simulate log.csv",
+        "check log.csv -v truck.toml --plot truck.toml",
+        "weigh log.csv -v truck.toml --out truck.toml",
+        "design -v truck.toml --out log.csv",
+        "identify log.csv -v truck.toml --out .",
+        "states log.csv -v truck.toml --out .",
+    ],
+)
+def test_no_file_is_replaced_without_force(command, place, run):  # noqa: F811
+    (place / "link.csv").symlink_to("log.csv")
+    for name in ("mine.png", "vehicle.toml", "report.html"):
+        (place / name).write_text("mine")
+    (place / "map.toml").write_text("[signals]\nspeed = 'speed'\n")
+    before = {path.name: path.read_bytes() for path in place.iterdir()}
+    outcome = run(*command.split())
+    refused(outcome, r".*: (exists; |not written by an earlier)")
+    assert "--force" in outcome.err
+    assert {path.name: path.read_bytes() for path in place.iterdir()} == before
+
+
+def test_force_replaces_a_file(place, run):  # noqa: F811
+    (place / "signals.toml").write_text("mine")
+    assert run("signals", "log.csv", "--out", "signals.toml", "--force").code == 0
+    assert (place / "signals.toml").read_text() != "mine"
+
+
+def test_results_are_replaced_by_the_same_command_only(place, run):  # noqa: F811
+    states = ("states", "log.csv", "-v", "truck.toml", "-o", "out")
+    for _ in range(2):
+        assert run(*states).code == 0
+    manifest = json.loads((place / "out" / MANIFEST).read_text())
+    assert (manifest["command"], sorted(manifest["files"])) == (
+        "states",
+        ["report.html", "states.json", "states.parquet"],
+    )
+    (place / "out" / "notes.txt").write_text("mine")
+    refused(run("identify", *states[1:]), r"out: contains the results of fifthwheel states; ")
+    (place / "out" / "report.html").write_text("edited")
+    refused(run(*states), r"out/report\.html: not written by an earlier fifthwheel states, or changed since")
+    assert (place / "out" / "notes.txt").read_text() == "mine"
+
+
+def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, run):  # noqa: F811
+    assert run("identify", "log.csv", "-v", "truck.toml", "-o", "out", "--tyres", "linear").code == 0
+    assert sorted(path.name for path in (place / "out").iterdir()) == sorted([*FILES, MANIFEST])
+    both = ("log.csv", "-v", "out/vehicle.toml", "-i", "out/identification.json")
+    refused(run("states", *both, "-o", "out"), r"out: contains the results of fifthwheel identify")
+    refused(run("identify", *both[:3], "-o", "out"), r"out/vehicle\.toml: is an input of this command")
+    (place / "out" / "vehicle.toml").write_text((place / "truck.toml").read_text())
+    refused(run("states", *both), r"out/vehicle\.toml: has changed since fifthwheel identify wrote it")
+    assert run("states", *both[:3]).code == 0  # alone it is any vehicle file
+
+
+def test_a_full_disk(place, run, monkeypatch):  # noqa: F811
+    """The error names the file that is too large, and nothing is left of it."""
+    write_bytes, states = Path.write_bytes, ("states", "log.csv", "-v", "truck.toml", "-o", "out")
+
+    def full(path: Path, data: bytes) -> int:
+        if "report.html" in path.name:
+            write_bytes(path, data[:1000])
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        return write_bytes(path, data)
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    message = r"out/report\.html: No space left on device; check path, permissions and free space"
+    refused(run(*states), message)
+    assert not (place / "out").exists()
+    monkeypatch.undo()
+    monkeypatch.chdir(place)
+    assert run(*states).code == 0
+    before = {path.name: path.read_bytes() for path in (place / "out").iterdir()}
+    monkeypatch.setattr(Path, "write_bytes", full)
+    refused(run(*states), message)
+    assert {path.name: path.read_bytes() for path in (place / "out").iterdir()} == before
+
+
+def started(code: str, place: Path, *arguments: str) -> subprocess.Popen[str]:
+    """A process of its own session that runs the command line after some code, when it has printed a line."""
+    (place / "program.py").write_text(f"{code}\nif __name__ == '__main__':\n    main()\n")
+    command = [sys.executable, "program.py", *arguments]
+    process = subprocess.Popen(
+        command, cwd=place, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline().strip() == "ready"
+    return process
+
+
+WRITING = """
+import time
+from fifthwheel.apps.cli import main
+from fifthwheel.estimate.observe import states
+import fifthwheel.apps.workflow.results as results
+
+def write_states(*arguments):
+    states.write_states(*arguments)
+    print("ready\\n", end="", flush=True)  # in one piece, because several processes may print
+    time.sleep(60)
+
+results.write_states = write_states
+"""
+
+
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
+def test_a_signal_removes_temporary_files(number, code, place):
+    process = started(WRITING, place, "states", "log.csv", "-v", "truck.toml", "-o", "out")
+    assert (place / "out/.fifthwheel/new/states.parquet").exists()
+    process.send_signal(number)
+    out, err = process.communicate(timeout=30)
+    assert (process.returncode, out) == (code, "")
+    assert err == "interrupted; files written before the interrupt are complete\n"
+    assert sorted(path.name for path in place.iterdir()) == ["log.csv", "program.py", "truck.toml"]
+
+
+WORKERS = """
+import sys, time
+from fifthwheel.apps.cli import main
+from fifthwheel.apps.cheng_cebon_2011 import outcomes
+import importlib
+study = importlib.import_module("fifthwheel.apps.cheng_cebon_2011.reproduce")
+
+def outcome(*arguments, **options):
+    print("ready\\n", end="", flush=True)  # in one piece, because several processes may print
+    time.sleep(60)
+
+class Experiment:
+    arms = (None,)
+
+study.outcome = outcome
+study.simulate = lambda *_: ({"one": Experiment()}, {})
+"""
+
+
+def left(session: int) -> set[int]:
+    """Processes of a session that have not ended."""
+    found = set()
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            state, _, _, own = path.read_text().rpartition(")")[2].split()[:4]
+        except OSError:
+            continue
+        found |= {int(path.parent.name)} if int(own) == session and state != "Z" else set()
+    return found
+
+
+@NEEDS_PROC
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL])
+def test_workers_end_with_their_parent(number, place):
+    process = started(WORKERS, place, "reproduce", "--quick", "-o", "out")
+    assert len(left(process.pid)) > 1
+    process.send_signal(number)
+    process.communicate(timeout=30)  # the workers hold the pipes too
+    deadline = time.monotonic() + 20
+    while (workers := left(process.pid)) and time.monotonic() < deadline:
+        time.sleep(0.02)
+    for worker in workers:
+        os.kill(worker, signal.SIGKILL)
+    assert not workers
+    assert (place / "out").exists() == (number == signal.SIGKILL)

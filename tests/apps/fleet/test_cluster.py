@@ -1,0 +1,136 @@
+"""Runs on a Dask cluster: workers that are killed, a run that is killed, an object store."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from fifthwheel.apps.cluster import AHEAD, Lost, connected, run_on
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.apps.fleet import report, run
+from fifthwheel.apps.fleet.dataset import TripDataset
+from tests.apps.fleet.make import FAST, make_fleet
+
+pytestmark = pytest.mark.slow
+dask = pytest.importorskip("dask")
+pytest.importorskip("distributed")
+
+
+def kill_once(folder, task):
+    """End the worker at the first attempt of task 1, and at every attempt of task 2."""
+    attempts = Path(folder) / f"{task}"
+    attempts.write_text(attempts.read_text() + "x" if attempts.exists() else "x")
+    if task == 2 or (task == 1 and attempts.read_text() == "x"):
+        os.kill(os.getpid(), signal.SIGKILL)
+    return task**2
+
+
+def test_tasks_of_a_killed_worker_are_tried_again(tmp_path) -> None:
+    with dask.config.set({"distributed.scheduler.allowed-failures": 1}), connected(jobs=2) as client:
+        address = client.scheduler.address
+        results = dict(run_on(client, kill_once, str(tmp_path), (0, 1, 3)))
+        lost = dict(run_on(client, kill_once, str(tmp_path), (2,)))
+    assert address.startswith("tcp://127.0.0.1:")
+    assert results == {0: 0, 1: 1, 3: 9}
+    assert isinstance(lost[2], Lost)
+    assert len((tmp_path / "1").read_text()) > 1
+
+
+def square(_, task):
+    return task**2
+
+
+def test_tasks_wait_here_and_not_at_the_scheduler() -> None:
+    """However many tasks there are, the scheduler holds a few for each worker."""
+    taken = 0
+
+    def tasks():
+        nonlocal taken
+        for k in range(100):
+            taken += 1
+            yield k
+
+    with connected(jobs=2) as client:
+        for done, (task, result) in enumerate(run_on(client, square, None, tasks())):
+            assert result == task**2
+            assert taken - done <= 2 * AHEAD
+    assert taken == 100
+
+
+def test_a_scheduler_that_does_not_answer(monkeypatch) -> None:
+    monkeypatch.setattr("fifthwheel.apps.cluster.TIMEOUT", 0.5)
+    with pytest.raises(FifthwheelError, match="does not answer"), connected("tcp://127.0.0.1:9"):
+        pass
+
+
+def test_a_killed_run_loses_only_running_trips(tmp_path) -> None:
+    """kill -9 of the whole run; the next run continues, and its workers end with it."""
+    manifest, out = make_fleet(tmp_path, trucks=2, trips=10), tmp_path / "out"
+    code = (
+        "from fifthwheel.apps.fleet import run\nfrom tests.apps.fleet.make import FAST\n"
+        f"if __name__ == '__main__':\n    run({str(manifest)!r}, {str(out)!r}, settings=FAST, jobs=2)\n"
+    )
+    script = tmp_path / "script.py"
+    script.write_text(code)
+    paths = os.pathsep.join([str(Path(__file__).parents[3]), *sys.path])
+    process = subprocess.Popen([sys.executable, str(script)], env=os.environ | {"PYTHONPATH": paths})
+    deadline = time.monotonic() + 120
+    while len(list(out.glob("trips/trip-*.parquet"))) < 4 and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait()
+    time.sleep(3)
+    kept = len(TripDataset(str(out)).known()[0])
+    time.sleep(1)
+    assert kept == len(TripDataset(str(out)).known()[0]), "workers end with the run"
+    assert 4 <= kept < 20
+    result = run(manifest, out, settings=FAST, jobs=1)
+    assert (result.unchanged, result.new, result.failed) == (kept, 20 - kept, 0)
+
+
+@pytest.fixture
+def store(monkeypatch):
+    """A bucket of moto's local server."""
+    server_module = pytest.importorskip("moto.server")
+    s3fs = pytest.importorskip("s3fs")
+    server = server_module.ThreadedMotoServer(ip_address="127.0.0.1", port=0)
+    server.start()
+    host, port = server.get_host_and_port()
+    for name, value in {
+        "AWS_ENDPOINT_URL": f"http://{host}:{port}",
+        "AWS_ACCESS_KEY_ID": "test",
+        "AWS_SECRET_ACCESS_KEY": "test",
+        "AWS_DEFAULT_REGION": "us-east-1",
+    }.items():
+        monkeypatch.setenv(name, value)
+    s3fs.S3FileSystem.clear_instance_cache()
+    system = s3fs.S3FileSystem()
+    system.mkdir("depot")
+    yield system
+    s3fs.S3FileSystem.clear_instance_cache()
+    server.stop()
+
+
+def test_manifest_logs_and_data_set_in_an_object_store(tmp_path, store) -> None:
+    """The same tables as with local files; a missing log is an error of its trip."""
+    manifest = make_fleet(tmp_path / "local", trucks=1, trips=3)
+    with manifest.open("a", encoding="utf-8") as file:
+        file.write("logs/none.parquet,truck 0,A,truck.toml,steel,2026-02-01\n")
+    store.put(str(tmp_path / "local"), "depot/fleet", recursive=True)
+    local = run(manifest, tmp_path / "out", settings=FAST, jobs=1)
+    remote = run("s3://depot/fleet/manifest.csv", "s3://depot/out", settings=FAST, jobs=2)
+    assert (remote.new, remote.failed) == (local.new, local.failed) == (3, 1)
+    assert "no such file" in remote.errors[0][1]
+    for name in ("trucks", "trailers"):
+        here, there = (
+            pq.read_table(source).to_pandas()
+            for source in (tmp_path / "out" / f"{name}.parquet", store.open(f"depot/out/{name}.parquet"))
+        )
+        assert here.equals(there)
+    assert run("s3://depot/fleet/manifest.csv", "s3://depot/out", settings=FAST, jobs=1).unchanged == 3
+    assert [item.kind for item in report("s3://depot/out", tmp_path / "fleet.html")] == ["not processed"]

@@ -1,0 +1,196 @@
+"""The coach in a live session: advice, obstacles, terminal, journal, page and summary."""
+
+import json
+import math
+import re
+import time
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+
+import pytest
+from typer.testing import CliRunner
+
+from fifthwheel.apps.cli import app
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.apps.live import coach as coaching
+from fifthwheel.apps.live.checkpoint import make_learning
+from fifthwheel.apps.live.coach import Coach
+from fifthwheel.apps.live.node import Output
+from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
+from fifthwheel.apps.live.page.snapshots import Snapshots
+from fifthwheel.apps.live.session import Session
+from fifthwheel.apps.live.setup import completed_map, make_node
+from fifthwheel.apps.live.status import LiveFault, NodeStatus
+from fifthwheel.apps.live.summary import Summary
+from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, write_candump, write_files
+
+FRONT, INERTIA = "tractor.front.cornering_stiffness", "semitrailer.yaw_inertia"
+FEW = replace(coaching.DRIVEN, speeds=(88 / 3.6,), frequencies=(0.4,), accelerations=(1.0,))
+
+
+@pytest.fixture(autouse=True)
+def few_candidates(monkeypatch):
+    monkeypatch.setattr(coaching, "DRIVEN", FEW)
+
+
+@pytest.fixture
+def session(tmp_path):
+    """A session with a coach, which has two targets."""
+    learning = make_learning(TRUCK, SIGNALS)
+    node = make_node(completed_map(write_files(tmp_path)), learning)
+    coach = Coach(learning, {FRONT: 0.1, INERTIA: 0.02})
+    return Session(node=node, writer=BackgroundWriter(), learning=learning, coach=coach)
+
+
+def output(now, status=NodeStatus.OK, speed=20.0, problems=None):
+    sample = {"time": now, "speed": speed}
+    return Output(
+        time=now,
+        bus_time=now,
+        status=status,
+        faults=LiveFault.NONE,
+        problems=problems or {},
+        states={"learning": 0.0},
+        samples=(sample,),
+    )
+
+
+def test_the_advice_follows_a_drive(session):
+    """Lane changes, as asked: the first target is reached, the second one is not within reach."""
+    snapshots, summary, coach = Snapshots(session), Summary(session), session.coach
+    session.views = [snapshots, summary]
+    assert coach.advice.next.startswith("88 km/h: ")
+    assert " to the left" in coach.advice.next
+    assert [p.reached for p in coach.advice.progress] == [False, False]
+    seen = []
+    for frame in frames(driven(64.0)):
+        for result in session.node.receive(frame):
+            session.handle(result)
+            if coach.advice not in seen[-1:]:
+                seen.append(coach.advice)
+    assert seen[-1].done
+    assert sorted({advice.manoeuvres for advice in seen}) == list(range(seen[-1].manoeuvres + 1))
+    assert 2 <= seen[-1].manoeuvres <= 8
+    assert any(" to the right" in advice.next for advice in seen if advice.manoeuvres == 1)
+    assert seen[-1].driven == pytest.approx(8 * seen[-1].manoeuvres, abs=2)
+    left = [advice.worthwhile for advice in seen]
+    assert left[0] > left[-1]
+    assert seen[0].remaining == 8.0 * left[0]
+    first, second = seen[-1].progress
+    assert first.reached
+    assert first.sigma <= 0.1
+    assert not second.reached
+    assert second.note.startswith("limited by the ")
+    shown = json.loads(snapshots.history()[1])[-1]["coach"]
+    assert shown["headline"] == "done: 1 min; more driving does not help"
+    assert [target["reached"] for target in shown["targets"]] == [True, False]
+    assert shown["targets"][1]["ratio"] == pytest.approx(second.sigma / 0.02, rel=1e-5)
+    texts = str(summary.document())
+    assert "Coach: done: 1 min; more driving does not help (1 of 2 targets" in texts
+    assert "Trailer, yaw inertia: " in texts
+    session.close()
+
+
+@pytest.mark.parametrize(
+    ("given", "obstacle"),
+    [
+        ({"status": NodeStatus.TOO_SLOW, "speed": 0.0}, "standing"),
+        ({"status": NodeStatus.TOO_SLOW, "speed": 3.0}, "too slow for the model"),
+        ({"status": NodeStatus.INPUT_MISSING, "speed": math.nan}, "speed or steer angle missing"),
+        ({"problems": {"Tractor.yaw": LiveFault.SIGNAL_MISSING}}, "Tractor.yaw: signal missing"),
+        ({}, ""),
+    ],
+)
+def test_obstacles(session, given, obstacle):
+    coach = session.coach
+    coach.update(output(1.0, **given))
+    assert coach.advice.obstacle == obstacle
+    assert coach.advice.headline == (obstacle or coach.advice.next)
+    coach.update(output(2.5))
+    assert coach.advice.obstacle == ""
+
+
+def test_too_much_steering_is_an_obstacle(session):
+    learning, obstacles = session.learning, set()
+    for k in range(400):
+        steer = 0.0 if k < 100 else 0.15
+        sample = {"time": 0.01 * k, **dict.fromkeys(SIGNALS, 0.0), "speed": 22.0, "steer.tractor.front": steer}
+        learning.push(sample)
+        session.coach.update(output(0.01 * k))
+        obstacles.add(session.coach.advice.obstacle)
+    assert "steer less: the lateral acceleration is too large for the model" in obstacles
+
+
+def test_a_reached_target_ends_the_coaching_at_once():
+    coach = Coach(make_learning(TRUCK, SIGNALS), {FRONT: 0.5})
+    assert coach.advice.done
+    assert coach.advice.next.startswith("done")
+
+
+def test_a_pool_computes_the_manoeuvres_again(tmp_path):
+    learning = make_learning(TRUCK, SIGNALS)
+    node = make_node(completed_map(write_files(tmp_path)), learning)
+    with ThreadPoolExecutor(1) as pool:
+        coach = Coach(learning, {FRONT: 0.05}, pool=pool)
+        before = coach._candidates
+        for frame in frames(driven(8.0)):
+            for result in node.receive(frame):
+                coach.update(result)
+        for k in range(100):
+            coach.update(output(20.0 + 2 * k))
+            if coach._candidates is not before:
+                break
+            time.sleep(0.1)
+        assert coach.advice.manoeuvres == 1
+        assert coach._candidates is not before
+
+
+@pytest.mark.parametrize(
+    ("targets", "message"),
+    [
+        ({"semitrailer.mass": 0.05}, "semitrailer.mass: not a parameter that is learned; did you mean 'semi"),
+        ({"nothing": 0.05}, "nothing: not a parameter that is learned; available: tractor.front.cornering_stiffness"),
+        ({FRONT: 0.0}, "expected a sigma above 0, got 0; give one such as 5%"),
+    ],
+)
+def test_wrong_targets(targets, message):
+    with pytest.raises(FifthwheelError, match=message):
+        Coach(make_learning(TRUCK, SIGNALS), targets)
+
+
+@pytest.fixture
+def live(tmp_path, monkeypatch):
+    """The command, in a folder with a trace of three lane changes."""
+    write_files(tmp_path)
+    write_candump(tmp_path / "run.log", frames(driven(24.0)))
+    monkeypatch.chdir(tmp_path)
+    files = ["live", "--signals", "signals.toml", "--vehicle", "cheng_cebon_2011", "--replay", "run.log", "--rate", "0"]
+    return lambda *options: CliRunner().invoke(app, [*files, *options])
+
+
+def test_the_command_says_what_to_drive(live, tmp_path):
+    done = live("--learn", "--coach", "--target", f"{INERTIA}=4%", "--max-speed", "80", "--record", "run.parquet")
+    assert done.exit_code == 0, done.output
+    assert "80 km/h: " in done.stderr
+    assert re.search(r"\(0 of 1 target, 0 manoeuvres driven, at least \d+ left, \d+ s\)", done.stderr)
+    assert "1 manoeuvre driven" in done.stderr
+    assert "Coach: " in done.stdout
+    lines = [json.loads(line) for line in (tmp_path / "run.parquet.events.jsonl").read_text().splitlines()]
+    advice = [line["advice"] for line in lines if line["event"] == "advice"]
+    assert len(advice) == len(set(advice)) > 1
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--coach",), "--coach: is for --learn; add it"),
+        (("--learn", "--target", f"{INERTIA}=5%"), "--target: is for --coach; add it"),
+        (("--learn", "--coach", "--target", "semitrailer.yaw_inertias=5%"), "did you mean 'semitrailer.yaw_inertia'"),
+        (("--learn", "--coach", "--max-speed", "10km/h"), "--max-speed: expected road speeds of 18 to 144 km/h"),
+        (("--learn", "--coach", "--target", f"{INERTIA}=5"), "below 100%, got 5, which is 500%; write 5% or 0.05"),
+    ],
+)
+def test_refused_options(live, options, message):
+    done = live(*options)
+    assert done.exit_code != 0
+    assert message in " ".join(f"{done.output} {done.exception}".split())

@@ -1,0 +1,234 @@
+"""The command as a process: Ctrl-C, kill -9 at any time, and restart."""
+
+import json
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from types import SimpleNamespace
+
+import pyarrow.parquet as pq
+import pytest
+from typer.testing import CliRunner
+
+from fifthwheel.apps import cli
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.apps.live.node import Output
+from fifthwheel.apps.live.outputs.journal import Journal
+from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
+from fifthwheel.apps.live.status import LiveFault, NodeStatus
+from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
+
+
+@pytest.fixture
+def folder(tmp_path):
+    write_files(tmp_path)
+    write_candump(tmp_path / "run.log", frames(driven(16.0)))
+    return tmp_path
+
+
+@pytest.fixture
+def long_folder(folder):
+    """With a log of which several pieces are recorded."""
+    write_candump(folder / "run.log", frames(driven(40.0)))
+    return folder
+
+
+def command(*options):
+    files = ["--signals", "signals.toml", "--vehicle", "cheng_cebon_2011"]
+    return [sys.executable, "-m", "fifthwheel", "live", *files, *options]
+
+
+def start(folder, *options):
+    """A process that has given its first states."""
+    log = folder / "process.log"
+    with log.open("w") as file:
+        process = subprocess.Popen(command(*options), cwd=folder, stderr=file)
+    while " s  " not in log.read_text():
+        assert process.poll() is None, log.read_text()
+        time.sleep(0.02)
+    return process
+
+
+def run(folder, *options):
+    """A run to its end, in this process."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        return CliRunner().invoke(cli.app, command(*options)[3:])
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_the_run_with_a_complete_record(folder, number):
+    process = start(folder, "--replay", "run.log", "--record", "run.parquet", "--page", "0")
+    time.sleep(0.5)
+    process.send_signal(number)
+    assert process.wait(60) == 0
+    assert 20 < pq.read_table(folder / "run.parquet").num_rows < 1600
+    assert not (folder / "run.parquet.parts").exists()
+
+
+def test_the_journal_says_what_happened(folder):
+    """Beside the record: the start, a change of status, what was learned, and the end; a later run appends."""
+    options = ("--replay", "run.log", "--rate", "max", "--record", "run.parquet", "--learn", "--force")
+    for _ in range(2):
+        assert run(folder, *options).exit_code == 0
+    lines = [json.loads(line) for line in (folder / "run.parquet.events.jsonl").read_text().splitlines()]
+    first = lines[: len(lines) // 2]
+    assert [line["event"] for line in lines[len(first) :]] == [line["event"] for line in first]
+    assert [line["event"] for line in (first[0], first[-1])] == ["start", "end"]
+    assert first[0]["vehicle"] == "cheng_cebon_2011"
+    assert first[0]["signals"]["speed"]
+    statuses = [line["status"] for line in first if line["event"] == "status"]
+    assert statuses[-1] == "OK"
+    learned = [line for line in first if line["event"] == "learned"]
+    assert learned[-1]["samples"] > 100
+    assert len(learned[-1]["estimates"]["tractor.front.cornering_stiffness"]) == 3
+    assert [line["at"] for line in lines] == sorted(line["at"] for line in lines)
+    counts = [line["outputs"] for line in (*learned, first[-1])]
+    assert sum(sum(count.values()) for count in counts) == 1600
+    assert not any(line["refused"] for line in (*learned, first[-1]))
+
+
+def test_the_journal_counts_what_was_refused(tmp_path):
+    """A gyro that freezes in the middle of a run is at fault at each output from 3 s later on."""
+    writer = BackgroundWriter()
+    journal = Journal(tmp_path / "events.jsonl", SimpleNamespace(writer=writer, learning=None, coach=None), {})
+    problems = {"yaw_rate.tractor": LiveFault.FROZEN}
+    for k in range(10):
+        journal.show(
+            Output(
+                time=0.01 * k,
+                bus_time=0.01 * k,
+                status=NodeStatus.DEGRADED,
+                faults=LiveFault.FROZEN,
+                problems=problems if k >= 3 else {},
+                states={},
+                samples=(),
+            )
+        )
+    journal.close()
+    writer.close()
+    end = json.loads((tmp_path / "events.jsonl").read_text().splitlines()[-1])
+    assert end["outputs"] == {"DEGRADED": 10}
+    assert end["refused"] == {"yaw_rate.tractor: frozen": 7}
+
+
+def test_a_replay_as_fast_as_possible_records_everything(folder):
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--record", "run-%Y.parquet", "--send", "0x500")
+    assert done.exit_code == 0, done.stderr
+    (record,) = folder.glob("run-2*.parquet")
+    assert pq.read_table(record).num_rows == 1600
+    assert (folder / "fifthwheel-live.dbc").exists()
+
+
+WRONG = {
+    "neither bus nor replay": ([], "--bus or --replay"),
+    "both": (["--bus", "virtual:a", "--replay", "run.log"], "--bus or --replay"),
+    "no such trace": (["--replay", "none.log"], "no such file"),
+    "rate": (["--replay", "run.log", "--rate", "fast"], "--rate fast"),
+    "id": (["--replay", "run.log", "--send", "high"], "--send high"),
+    "id of a mapped message": (["--replay", "run.log", "--send", "0xFF"], "id of a mapped message"),
+    "state without learn": (["--replay", "run.log", "--state", "x.json"], "--learn"),
+    "record that exists": (["--replay", "run.log", "--record", "old.parquet"], "exists"),
+    "identification": (["--replay", "run.log", "--learn", "-i", "out"], "without --learn"),
+    "record": (["--replay", "run.log", "--record", "x.csv"], "no format"),
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+def test_wrong_options_are_refused_with_the_cure(folder, name, capsys, monkeypatch):
+    options, message = WRONG[name]
+    monkeypatch.chdir(folder)
+    (folder / "old.parquet").touch()
+    monkeypatch.setattr(sys, "argv", ["fifthwheel", *command(*options)[3:]])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 2
+    assert message in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_killed_process_loses_at_most_ten_seconds(long_folder):
+    folder = long_folder
+    options = ["--replay", "run.log", "--learn", "--state", "truck.json", "--trailer", "a", "--record", "run.parquet"]
+    state, parts = folder / "truck.json", folder / "run.parquet.parts"
+    process = start(folder, *options)
+    began = time.monotonic()
+    while not (state.exists() and len(list(parts.glob("0*"))) >= 2):
+        assert time.monotonic() - began < 40
+        time.sleep(0.1)
+    process.kill()
+    process.wait()
+    age = time.time() - state.stat().st_mtime
+    assert age < 10
+    learner = Learner.load(state)
+    before = learner["semitrailer.cornering_stiffness"]
+    pieces = sorted(parts.glob("0*"))
+    assert all(pq.read_table(piece).num_rows == 1000 for piece in pieces)
+    assert not (folder / "run.parquet").exists()
+    again = run(folder, *options, "--rate", "0")
+    assert again.exit_code == 0, again.stderr
+    assert pq.read_table(folder / "run.parquet").num_rows == 4000 + 1000 * len(pieces)
+    assert Learner.load(state)["semitrailer.cornering_stiffness"].sigma < before.sigma
+
+
+@pytest.mark.slow
+def test_files_are_whole_whenever_the_process_is_killed(long_folder):
+    folder = long_folder
+    options = ["--replay", "run.log", "--rate", "20", "--record", "run.parquet"]
+    for wait in (0.0, 0.05, 0.2, 0.5, 0.9):
+        process = start(folder, *options)
+        time.sleep(wait)
+        os.kill(process.pid, signal.SIGKILL)
+        process.wait()
+        for piece in (folder / "run.parquet.parts").glob("0*"):
+            assert pq.read_table(piece).num_rows == 1000
+
+
+def test_a_file_that_cannot_be_written_is_said_and_the_states_go_on(folder):
+    """A limit of the size of files stands for a full disk."""
+    done = subprocess.run(
+        command("--replay", "run.log", "--rate", "0", "--record", "run.parquet"),
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (2_000, 2_000)),
+    )
+    assert done.returncode == 2, done.stderr
+    assert "not recorded" in done.stderr
+    assert "File too large" in done.stderr
+    assert not (folder / "run.parquet").exists()
+
+
+def test_the_end_has_a_summary(folder):
+    done = run(folder, "--replay", "run.log", "--rate", "max")
+    assert re.search(r"^16\.0 s of bus time, 1600 samples: \d+ % ok, [\d.]+ % settling\.$", done.stdout, re.MULTILINE)
+    assert "Verdict" not in done.stdout
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--learn")
+    assert re.search(r"Parameter +Value +± % +Verdict", done.stdout.replace("+-", "±"))
+    assert "Add --state FILE to keep them" in done.stdout
+    done = run(folder, "--replay", "run.log", "--rate", "max", "--learn", "--state", "truck.json")
+    assert "Verdict" in done.stdout
+    assert "--state" not in done.stdout
+
+
+def test_a_run_that_is_interrupted_has_a_summary(folder):
+    command_line = command("--replay", "run.log", "--learn")
+    with subprocess.Popen(command_line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        while " s  " not in run.stderr.readline():
+            assert run.poll() is None
+        run.send_signal(signal.SIGINT)
+        printed, _ = run.communicate(timeout=60)
+    assert run.returncode == 0
+    assert " s of bus time, " in printed
+
+
+def test_a_page_is_announced_only_after_the_bus_is_open(folder):
+    done = run(folder, "--bus", "socketcan:none7", "--page", "0")
+    assert done.exit_code != 0
+    assert "cannot be opened" in str(done.exception)
+    assert "Page:" not in done.stderr

@@ -1,0 +1,106 @@
+"""The record: pieces and the whole file, a full disk, and a process that was killed."""
+
+import json
+
+import pyarrow.parquet as pq
+import pytest
+from mcap.reader import make_reader
+
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.apps.live.outputs import recorder
+from fifthwheel.apps.live.outputs.recorder import KIND, PIECE, BackgroundWriter, Recorder
+
+SUFFIXES = [".parquet", ".mcap"]
+
+
+def row(k):
+    return {
+        "time": 0.01 * k,
+        "bus_time": 1.7e9 + 0.01 * k,
+        "status": 0.0,
+        "roll.tractor": float("nan") if k < 5 else 0.1,
+    }
+
+
+def times(path):
+    if path.suffix == ".parquet":
+        return pq.read_table(path)["time"].to_pylist()
+    with path.open("rb") as file:
+        return [json.loads(message.data)["time"] for _, _, message in make_reader(file).iter_messages()]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_a_run_gives_one_file(tmp_path, suffix):
+    writer, path = BackgroundWriter(), tmp_path / f"run{suffix}"
+    record = Recorder(path, writer)
+    for k in range(2 * PIECE + 10):
+        record.add(row(k))
+    record.close()
+    writer.close()
+    assert not writer.errors
+    assert times(path) == [row(k)["time"] for k in range(2 * PIECE + 10)]
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_pieces_of_a_killed_run_are_readable_and_the_next_run_adds_to_them(tmp_path, suffix):
+    path = tmp_path / f"run{suffix}"
+    first = Recorder(path, writer := BackgroundWriter())
+    for k in range(PIECE + 500):
+        first.add(row(k))
+    writer.close()  # the last 500 rows are lost, as with kill -9
+    assert not path.exists()
+    (piece,) = first.parts.iterdir()
+    assert len(times(piece)) == PIECE
+    again = Recorder(path, writer := BackgroundWriter())
+    again.add(row(5000))
+    again.close()
+    writer.close()
+    assert times(path) == [*(row(k)["time"] for k in range(PIECE)), 50.0]
+
+
+def test_new_columns_are_empty_before_they_appear(tmp_path):
+    record = Recorder(tmp_path / "run.parquet", writer := BackgroundWriter())
+    record.add(row(0))
+    record.flush()
+    record.add(row(1) | {"more": 1.0})
+    record.close()
+    writer.close()
+    assert pq.read_table(tmp_path / "run.parquet")["more"].to_pylist() == [None, 1.0]
+
+
+def test_a_full_disk_is_survived_and_said(tmp_path, monkeypatch):
+    writer, path = BackgroundWriter(), tmp_path / "run.parquet"
+    record = Recorder(path, writer)
+
+    def full(rows, path):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(record, "_write", full)
+    record.add(row(0))
+    record.flush()
+    writer._jobs.put(("other", lambda: None))
+    while not writer._jobs.empty():
+        pass
+    assert "No space left" in writer.errors[KIND]
+    monkeypatch.undo()
+    record.add(row(1))
+    record.close()
+    writer.close()
+    assert "rows that are not recorded: 1 (" in writer.errors[KIND]  # at the end too, when the disk has space again
+    assert "No space left" in writer.errors[KIND]
+    assert times(path) == [0.01]
+
+
+def test_files_of_the_user_are_not_touched(tmp_path):
+    path = tmp_path / "run.parquet"
+    path.write_text("mine")
+    with pytest.raises(FifthwheelError, match="no format"):
+        Recorder(tmp_path / "run.csv", None)
+    other = Recorder(path, writer := BackgroundWriter())
+    (other.parts / "notes.txt").write_text("mine too")
+    other.add(row(0))
+    other.close()
+    writer.close()
+    assert (other.parts / "notes.txt").exists()
+    assert recorder.PIECE == 1000

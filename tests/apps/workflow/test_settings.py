@@ -1,0 +1,70 @@
+"""Settings from the options of a user."""
+
+import pytest
+
+from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.truck import get
+from fifthwheel.apps.workflow import chosen_one_stage, identification_settings
+
+TRUCK = get("cheng_cebon_2011")
+
+
+def chosen(**choices):
+    """Vehicle and settings of the options."""
+    return chosen_one_stage(TRUCK, IdentifyOptions(**choices))
+
+
+def test_without_choices_they_are_the_defaults():
+    assert chosen() == (TRUCK, OneStage())
+
+
+def test_a_fraction_is_a_stated_sigma():
+    vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=+- 20 %",))
+    assert vehicle.stated == {"semitrailer.roll_stiffness": pytest.approx(0.2 * 2.7e6)}
+    assert settings == OneStage(given={"semitrailer.roll_stiffness": "+- 20 %"})
+    vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=exact",))
+    assert vehicle.stated == {"semitrailer.roll_stiffness": 0.0}
+    assert settings.given == {"semitrailer.roll_stiffness": "exact"}
+
+
+def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():
+    statements = ("tractor.yaw_inertia=free", "semitrailer.payload.height=exact")
+    vehicle, settings = chosen(statements=statements, tyres="linear", check=False)
+    assert estimated_parameters(vehicle, settings) == [
+        "tractor.front.cornering_stiffness",
+        "tractor.drive.cornering_stiffness",
+        "semitrailer.cornering_stiffness",
+        "semitrailer.yaw_inertia",
+        "tractor.yaw_inertia",
+    ]
+    assert not settings.check
+
+
+def test_any_load_estimates_the_laden_body():
+    vehicle, settings = chosen(statements=("tractor.yaw_inertia=free",), any_load=True)
+    assert not settings.uniform_payload
+    estimated = estimated_parameters(vehicle, settings)
+    assert {"semitrailer.sprung.cog_height", "semitrailer.sprung.roll_inertia", "tractor.yaw_inertia"} < {*estimated}
+    assert "semitrailer.payload.height" not in estimated
+
+
+def test_statements_replace_those_of_the_base():
+    base = OneStage(given={"sensors": "exact", "road.bank": "+- 1 deg"})
+    _, settings = chosen_one_stage(TRUCK, IdentifyOptions(statements=("road.bank=exact",)), base=base)
+    assert settings.given == {"sensors": "exact", "road.bank": "exact"}
+
+
+def test_the_article_keeps_its_own_statements():
+    options = IdentifyOptions(method="article", statements=("tractor.front.cornering_stiffness=exact",))
+    _, settings = identification_settings(TRUCK, options)
+    assert settings.given == {"sensors": "exact", "tractor.front.cornering_stiffness": "exact"}
+
+
+def test_wrong_choices_are_refused():
+    with pytest.raises(FifthwheelError, match="steer_lag"):
+        chosen(statements=("steer_lag=+- 0.1 s",))
+    with pytest.raises(VehicleError, match=r"tractor\.colour"):
+        chosen(statements=("tractor.colour=exact",))

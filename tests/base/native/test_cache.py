@@ -1,0 +1,398 @@
+"""The cache of machine code: valid entries are used, all others are ignored."""
+
+import errno
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import llvmlite
+import numpy as np
+import pytest
+from llvmlite import binding
+
+from fifthwheel.base.native import Scan, cache, scan
+from tests.base.native.conftest import times
+
+KEY, OTHER = bytes(range(32)), bytes(range(1, 33))
+CODE = b"machine code " * 20
+posix = pytest.mark.skipif(not hasattr(os, "getuid"), reason="needs POSIX permissions")
+
+
+def entry(folder: Path, key: bytes = KEY) -> Path:
+    return folder / f"{key.hex()}.o"
+
+
+def result(factor: float = 2.0, name: str = "times") -> float:
+    """Result of a new Scan for the samples 1, 2, 3: six times the factor."""
+    return Scan(times(factor, name))(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item()
+
+
+@pytest.fixture
+def loaded(monkeypatch: pytest.MonkeyPatch) -> list[bytes]:
+    """All object code that engines load during the test."""
+    recorded: list[bytes] = []
+    real = scan.llvm.ObjectFileRef.from_data
+    monkeypatch.setattr(
+        scan.llvm.ObjectFileRef, "from_data", staticmethod(lambda code: (recorded.append(code), real(code))[1])
+    )
+    return recorded
+
+
+@pytest.fixture
+def compiled(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """All sources that are compiled during the test."""
+    recorded: list[str] = []
+    real = scan._compile
+    monkeypatch.setattr(scan, "_compile", lambda source, level: (recorded.append(source), real(source, level))[1])
+    return recorded
+
+
+def test_entry_is_read_back(cache_folder: Path) -> None:
+    assert cache.read(KEY) is None
+    cache.write(KEY, CODE)
+    assert cache.read(KEY) == CODE
+    assert cache.read(OTHER) is None
+    assert os.listdir(cache_folder) == [entry(cache_folder).name]
+    cache.write(KEY, b"")
+    assert cache.read(KEY) == b""
+
+
+@posix
+def test_folder_and_entry_are_private(cache_folder: Path) -> None:
+    before = os.umask(0)
+    try:
+        cache.write(KEY, CODE)
+    finally:
+        os.umask(before)
+    assert cache_folder.stat().st_mode & 0o777 == 0o700
+    assert entry(cache_folder).stat().st_mode & 0o777 == 0o600
+
+
+def test_second_scan_compiles_nothing(cache_folder: Path, compiled: list[str], loaded: list[bytes]) -> None:
+    assert result() == 12
+    assert (len(compiled), len(list(cache_folder.iterdir()))) == (1, 1)
+    assert result() == 12
+    assert len(compiled) == 1
+    assert loaded[0] == loaded[1]
+    assert result(3.0) == 18
+    assert (len(compiled), len(list(cache_folder.iterdir()))) == (2, 2)
+
+
+def test_numbers_of_lanes_have_separate_entries(cache_folder: Path) -> None:
+    step = times(2.0)
+    for lanes in (1, 4, 8):
+        Scan(step, lanes).batch(np.zeros((3, 1)), np.ones((2, 1)), np.ones((3, 1)))
+    assert len(list(cache_folder.iterdir())) == 3
+    assert result(name="another_name") == 12  # the key does not depend on the name
+    assert len(list(cache_folder.iterdir())) == 3
+
+
+def test_another_compiler_or_processor_has_separate_entries(
+    compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result()
+    *machine, identity = scan._platform()
+    monkeypatch.setattr(scan, "_platform", lambda: (*machine, identity + b"another"))
+    assert result() == 12
+    assert len(compiled) == 2
+
+
+def test_key_identifies_compiler_and_processor() -> None:
+    identity = scan._platform()[-1].decode().split("\n")
+    assert llvmlite.__version__ in identity
+    assert ".".join(map(str, binding.llvm_version_info)) in identity
+    assert binding.get_process_triple() in identity
+    assert binding.get_host_cpu_name() in identity
+    assert binding.get_host_cpu_features().flatten() in identity
+
+
+def test_second_process_compiles_nothing(cache_folder: Path) -> None:
+    assert result() == 12
+    program = """
+import sys
+import casadi as ca, numpy as np
+from fifthwheel.base.native import Scan, scan
+def never(*_):
+    raise AssertionError("compiled")
+scan._compile = never
+carry, sample, constant = (ca.SX.sym(word) for word in ("carry", "sample", "constant"))
+step = ca.Function("times", [carry, sample, constant], [carry + 2.0 * constant * sample, carry])
+print(Scan(step)(np.zeros(1), np.array([[1.0], [2], [3]]), np.ones(1))[0].item())
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "12.0\n", "")
+    assert len(list(cache_folder.iterdir())) == 1
+
+
+def test_every_changed_byte_is_detected(cache_folder: Path) -> None:
+    cache.write(KEY, CODE)
+    path = entry(cache_folder)
+    good = path.read_bytes()
+    for i in range(len(good)):
+        path.write_bytes(good[:i] + bytes([good[i] ^ 1]) + good[i + 1 :])
+        assert cache.read(KEY) is None, i
+    for length in (0, 1, 31, 32, 63, 64, 65, len(good) - 1):
+        path.write_bytes(good[:length])
+        assert cache.read(KEY) is None, length
+    path.write_bytes(good + b"\0")
+    assert cache.read(KEY) is None
+    path.write_bytes(good)
+    assert cache.read(KEY) == CODE
+
+
+def test_entry_with_a_changed_byte_is_compiled_and_written_again(
+    cache_folder: Path, compiled: list[str], loaded: list[bytes]
+) -> None:
+    result()
+    (path,) = cache_folder.iterdir()
+    good = path.read_bytes()
+    indices = [0, 31, 32, 63, 64, 65, *range(66, len(good), len(good) // 5), len(good) - 1]
+    for i in indices:
+        path.write_bytes(good[:i] + bytes([good[i] ^ 0x80]) + good[i + 1 :])
+        assert result() == 12
+        assert path.read_bytes() == good
+    assert len(compiled) == 1 + len(indices)
+    assert set(loaded) == {good[64:]}
+
+
+def with_header(key: bytes, code: bytes) -> bytes:
+    return key + cache.DIGEST(key + code).digest() + code
+
+
+@pytest.fixture
+def foreign(cache_folder: Path) -> tuple[Path, bytes, bytes]:
+    """Path of this step's entry, which does not exist; its key; and the object code of another step."""
+    result(999.0)
+    (path,) = cache_folder.iterdir()
+    code = path.read_bytes()[64:]
+    path.unlink()
+    result()
+    (path,) = cache_folder.iterdir()
+    key = bytes.fromhex(path.stem)
+    path.unlink()
+    return path, key, code
+
+
+def test_valid_entry_with_foreign_code_is_run(foreign: tuple[Path, bytes, bytes]) -> None:
+    """This code would run without the checks that the tests below cover."""
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    assert result() == 999 * 6
+
+
+@pytest.mark.parametrize("kind", ["bare code", "another step's entry", "digest of the code alone", "garbage", "empty"])
+def test_foreign_file_is_ignored_and_rewritten(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], kind: str
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(
+        {
+            "bare code": code,
+            "another step's entry": with_header(OTHER, code),
+            "digest of the code alone": key + cache.DIGEST(code).digest() + code,
+            "garbage": b"\x7fELF" + bytes(1000),
+            "empty": b"",
+        }[kind]
+    )
+    assert result() == 12
+    assert code not in loaded
+    assert path.read_bytes() == with_header(key, loaded[0])
+    assert result() == 12
+
+
+def test_entry_under_the_name_of_another_key_is_ignored(cache_folder: Path, loaded: list[bytes]) -> None:
+    result()
+    (path,) = cache_folder.iterdir()
+    good = path.read_bytes()
+    result(3.0)
+    (other,) = set(cache_folder.iterdir()) - {path}
+    shutil.copy(other, path)
+    loaded.clear()
+    assert result() == 12
+    assert loaded == [good[64:]]
+    assert path.read_bytes() == good
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666, 0o777])
+def test_entry_that_others_can_write_is_not_run(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    path.chmod(mode)
+    assert cache.read(key) is None
+    assert result() == 12
+    assert code not in loaded
+    assert path.stat().st_mode & 0o777 == 0o600  # a new file
+    assert cache.read(key) == loaded[0]
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o720, 0o702, 0o777, 0o1777])
+def test_folder_that_others_can_write_is_not_used(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], mode: int
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    path.parent.chmod(mode)
+    with pytest.warns(
+        RuntimeWarning, match=rf"{path.parent}: not used .*other users can write.*chmod 700 {path.parent}"
+    ) as caught:
+        assert cache.folder() is None
+    assert len(caught) == 1
+    assert cache.folder() is None  # the warning comes once
+    assert result() == 12
+    assert code not in loaded
+    cache.write(OTHER, CODE)
+    assert os.listdir(path.parent) == [path.name]
+    path.parent.chmod(0o700)
+    assert path.read_bytes() == with_header(key, code)
+
+
+@posix
+@pytest.mark.parametrize("mode", [0o755, 0o750, 0o700])
+def test_folder_that_others_can_only_read_is_used(cache_folder: Path, mode: int) -> None:
+    cache_folder.mkdir()
+    cache_folder.chmod(mode)
+    cache.write(KEY, CODE)
+    assert cache.read(KEY) == CODE
+
+
+@posix
+def test_symlinked_folder_is_not_used(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    link = tmp_path / "link"
+    link.symlink_to(path.parent, target_is_directory=True)
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(link))
+    with pytest.warns(RuntimeWarning, match="it is a link; .*name its target by FIFTHWHEEL_CACHE"):
+        assert cache.folder() is None
+    assert result() == 12
+    assert code not in loaded
+    assert path.read_bytes() == with_header(key, code)
+
+
+@posix
+def test_symlinked_entry_is_not_run_and_replaced(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], tmp_path: Path
+) -> None:
+    path, key, code = foreign
+    target = tmp_path / "target"
+    target.write_bytes(with_header(key, code))
+    path.symlink_to(target)
+    assert result() == 12
+    assert code not in loaded
+    assert not path.is_symlink()
+    assert target.read_bytes() == with_header(key, code)
+
+
+@posix
+def test_link_with_private_mode_is_refused() -> None:
+    """On Linux every link has mode 0o777; on other systems a link has a mode of its own."""
+
+    class Link:
+        def lstat(self) -> SimpleNamespace:
+            return SimpleNamespace(st_mode=stat.S_IFLNK | 0o700, st_uid=os.getuid())
+
+    assert not cache._private(Link())
+
+
+@posix
+def test_entry_of_another_user_is_not_run(
+    foreign: tuple[Path, bytes, bytes], loaded: list[bytes], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, key, code = foreign
+    path.write_bytes(with_header(key, code))
+    owner = os.getuid()
+    monkeypatch.setattr(os, "getuid", lambda: owner + 1)
+    with pytest.warns(RuntimeWarning, match="belongs to another user; .*name a folder of your own"):
+        assert cache.folder() is None
+    assert result() == 12
+    assert code not in loaded
+    if owner == 0:
+        monkeypatch.undo()
+        monkeypatch.setenv("FIFTHWHEEL_CACHE", str(path.parent))
+        os.chown(path, 65534, 65534)
+        assert cache.folder() == path.parent
+        assert cache.read(key) is None
+
+
+@pytest.mark.parametrize("step", ["first", "second"])
+def test_empty_variable_switches_the_cache_off(
+    cache_folder: Path, monkeypatch: pytest.MonkeyPatch, compiled: list[str], step: str
+) -> None:
+    if step == "second":
+        result()
+    before = sorted(cache_folder.rglob("*"))
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", "")
+    monkeypatch.chdir(cache_folder.parent)
+    compiled.clear()
+    assert cache.folder() is None
+    assert result() == 12
+    assert len(compiled) == 1
+    assert sorted(cache_folder.rglob("*")) == before
+    assert {p.name for p in cache_folder.parent.iterdir()} <= {"cache"}
+
+
+def test_default_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.delenv("FIFTHWHEEL_CACHE")
+    monkeypatch.setattr(cache, "user_cache_path", lambda *names: tmp_path.joinpath("home", *names[:1]))
+    assert cache.folder() == tmp_path / "home" / "fifthwheel" / "native"
+    assert result() == 12
+    assert len(list((tmp_path / "home" / "fifthwheel" / "native").iterdir())) == 1
+
+
+@pytest.mark.parametrize("obstacle", ["a file", "under a file", "nowhere"])
+def test_folder_that_cannot_be_created_is_no_error(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, obstacle: str
+) -> None:
+    file = tmp_path / "file"
+    file.write_text("content")
+    path = {"a file": file, "under a file": file / "cache", "nowhere": Path("/dev/null/cache")}[obstacle]
+    monkeypatch.setenv("FIFTHWHEEL_CACHE", str(path))
+    assert cache.folder() is None
+    assert cache.read(KEY) is None
+    cache.write(KEY, CODE)
+    assert result() == 12
+    assert file.read_text() == "content"
+
+
+@posix
+def test_folder_without_permission_is_no_error(cache_folder: Path) -> None:
+    cache_folder.mkdir(mode=0o500)
+    try:
+        assert result() == 12
+        assert result() == 12
+        if os.getuid():  # root can write everywhere
+            assert not list(cache_folder.iterdir())
+    finally:
+        cache_folder.chmod(0o700)
+
+
+@pytest.mark.parametrize("call", ["chmod", "write_bytes", "replace"])
+def test_full_disk_is_no_error(cache_folder: Path, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left")
+
+    assert cache.folder() == cache_folder
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, call, full)
+        assert result() == 12
+    assert not list(cache_folder.iterdir())
+    assert result() == 12
+    assert len(list(cache_folder.iterdir())) == 1
+
+
+@posix
+def test_entry_that_cannot_be_read_or_replaced_is_no_error(foreign: tuple[Path, bytes, bytes]) -> None:
+    path, *_ = foreign
+    path.mkdir()
+    assert result() == 12
+    assert list(path.parent.iterdir()) == [path]

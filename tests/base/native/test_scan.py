@@ -1,0 +1,321 @@
+"""Scans over records and vehicles: shapes, order, constants, threads, and the lifetime of compiled code."""
+
+import gc
+import threading
+import time
+import weakref
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from fifthwheel.base.native import Scan, compile_in_background, llvm_ir
+from tests.base.native.conftest import Array, interpreted, max_difference, oscillator, times
+
+STEP = oscillator()
+
+
+def random_inputs(vehicles: int, rows: int, seed: int = 0) -> tuple[Array, Array, Array]:
+    rng = np.random.default_rng(seed)
+    sample = np.stack([rng.normal(size=(vehicles, rows)), rng.uniform(0.01, 0.1, size=(vehicles, rows))], axis=-1)
+    return rng.normal(size=(vehicles, 2)), sample, rng.uniform(0.1, 2.0, size=(vehicles, 3))
+
+
+@pytest.fixture(scope="module")
+def scan() -> Scan:
+    return Scan(STEP)
+
+
+def test_one_vehicle(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 200))
+    copies = [array.copy() for array in (carry, sample, constant)]
+    actual, expected = scan(carry, sample, constant), interpreted(STEP, carry, sample, constant)
+    assert max_difference(actual[0], expected[0]) <= 1e-13
+    assert max_difference(actual[1], expected[1]) <= 1e-13
+    for array, before in zip((carry, sample, constant), copies, strict=True):
+        assert np.array_equal(array, before)
+
+
+def test_record_in_two_segments(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 50))
+    once = scan(carry, sample, constant)
+    half, first = scan(carry, sample[:17], constant)
+    last, second = scan(half, sample[17:], constant)
+    assert np.array_equal(last, once[0])
+    assert np.array_equal(np.vstack([first, second]), once[1])
+
+
+def test_old_carry_is_read_before_the_new_one_is_written() -> None:
+    x, none = ca.SX.sym("x", 3), ca.SX.sym("none", 0)
+    step = ca.Function("turn", [x, none, none], [ca.vertcat(x[1], x[2], x[0]), x])
+    carry, out = Scan(step)(np.array([1.0, 2, 3]), np.empty((4, 0)), np.empty(0))
+    assert carry.tolist() == [2, 3, 1]
+    assert out.tolist() == [[1, 2, 3], [2, 3, 1], [3, 1, 2], [1, 2, 3]]
+
+
+def test_output_that_is_an_input_or_a_number() -> None:
+    carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
+    step = ca.Function("plain", [carry, sample, constant], [carry, ca.vertcat(constant, 2.5, sample, sample)])
+    carry, out = Scan(step)(np.ones(1), np.array([[7.0], [8.0]]), np.array([3.0]))
+    assert carry.tolist() == [1]
+    assert out.tolist() == [[3, 2.5, 7, 7], [3, 2.5, 8, 8]]
+
+
+def test_arrays_of_any_order_and_type(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 20))
+    expected = scan(carry, sample, constant)
+    wide = np.zeros((40, 5))
+    wide[::2, 1:4:2] = sample
+    for other in (np.asfortranarray(sample), wide[::2, 1:4:2], sample[::-1].copy()[::-1], sample.tolist()):
+        actual = scan(carry[::-1].copy()[::-1], other, constant.tolist())
+        assert np.array_equal(actual[0], expected[0])
+        assert np.array_equal(actual[1], expected[1])
+    counted = scan(np.array([1, 2]), np.ones((3, 2), dtype=np.int64), np.array([1, 1, 1], dtype=np.float32))
+    assert np.array_equal(counted[1], scan(np.array([1.0, 2.0]), np.ones((3, 2)), np.ones(3))[1])
+
+
+@pytest.mark.parametrize("lanes", [1, 4, 8])
+@pytest.mark.parametrize("vehicles", [1, 3, 4, 8, 11])
+def test_vehicles_and_lanes(vehicles: int, lanes: int) -> None:
+    carry, sample, constant = random_inputs(vehicles, 30)
+    actual = Scan(STEP, lanes).batch(carry.copy(), sample, constant)
+    assert actual[0].shape == (vehicles, 2)
+    assert actual[1].shape == (vehicles, 30, 3)
+    for i in range(vehicles):
+        expected = interpreted(STEP, carry[i], sample[i], constant[i])
+        assert max_difference(actual[0][i], expected[0]) <= 1e-13
+        assert max_difference(actual[1][i], expected[1]) <= 1e-13
+
+
+@pytest.mark.parametrize("lanes", [pytest.param(1), 4, 8])
+def test_batch_does_not_change_its_arguments(lanes: int) -> None:
+    arrays = random_inputs(8, 30)
+    copies = [array.copy() for array in arrays]
+    Scan(STEP, lanes).batch(*arrays)
+    for array, before in zip(arrays, copies, strict=True):
+        assert np.array_equal(array, before)
+
+
+@pytest.mark.parametrize("vehicles", [6, pytest.param(8)])
+def test_batch_does_not_change_a_carry_of_one_element(vehicles: int) -> None:
+    carry = np.zeros((vehicles, 1))
+    after, _ = Scan(times(2.0), 4).batch(carry, np.ones((5, 1)), np.ones((vehicles, 1)))
+    assert (after == 10).all()
+    assert (carry == 0).all()
+
+
+def test_one_record_for_all_vehicles(scan: Scan) -> None:
+    carry, sample, constant = random_inputs(6, 30)
+    each = scan.batch(carry, np.broadcast_to(sample[2], sample.shape), constant)
+    one = scan.batch(carry, sample[2], constant)
+    assert np.array_equal(one[0], each[0])
+    assert np.array_equal(one[1], each[1])
+
+
+def test_empty_record(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 5))
+    after, out = scan(carry, sample[:0], constant)
+    assert np.array_equal(after, carry)
+    assert out.shape == (0, 3)
+
+
+def test_no_vehicles(scan: Scan) -> None:
+    after, out = scan.batch(np.empty((0, 2)), np.zeros((5, 2)), np.empty((0, 3)))
+    assert after.shape == (0, 2)
+    assert out.shape == (0, 5, 3)
+
+
+@pytest.mark.parametrize("one", [True, False], ids=["one record", "a record each"])
+def test_empty_record_for_many_vehicles(scan: Scan, one: bool) -> None:
+    carry, sample, constant = random_inputs(6, 5)
+    after, out = scan.batch(carry, sample[0, :0] if one else sample[:, :0], constant)
+    assert np.array_equal(after, carry)
+    assert out.shape == (6, 0, 3)
+
+
+@pytest.mark.parametrize("without", ["sample", "constant", "output"])
+def test_many_vehicles_of_a_step_without(without: str) -> None:
+    carry, one, none = ca.SX.sym("carry"), ca.SX.sym("one"), ca.SX.sym("none", 0)
+    sample, constant = none if without == "sample" else one, none if without == "constant" else ca.SX.sym("two")
+    later = carry + ca.sum1(sample) + ca.sum1(constant)
+    step = ca.Function("step", [carry, sample, constant], [later, none if without == "output" else carry])
+    inputs = np.arange(3.0)[:, None], np.ones((3, 4, sample.numel())), np.ones((3, constant.numel()))
+    after, out = Scan(step).batch(*inputs)
+    expected = [Scan(step)(*each) for each in zip(*inputs, strict=True)]
+    assert np.array_equal(after, [e[0] for e in expected])
+    assert np.array_equal(out, [e[1] for e in expected])
+
+
+SHAPES = {
+    "carry too long": ((3,), (5, 2), (3,)),
+    "carry a matrix": ((1, 2), (5, 2), (3,)),
+    "sample too wide": ((2,), (5, 3), (3,)),
+    "sample too narrow": ((2,), (5, 1), (3,)),
+    "sample flat": ((2,), (10,), (3,)),
+    "sample of many": ((2,), (1, 5, 2), (3,)),
+    "constant too short": ((2,), (5, 2), (2,)),
+    "constant a matrix": ((2,), (5, 2), (3, 1)),
+}
+
+
+@pytest.mark.parametrize("case", SHAPES)
+def test_wrong_shapes(scan: Scan, case: str) -> None:
+    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
+        scan(*[np.zeros(shape) for shape in SHAPES[case]])
+
+
+BATCH_SHAPES = {
+    "carry too long": ((6, 3), (6, 5, 2), (6, 3)),
+    "constant too short": ((6, 2), (6, 5, 2), (6, 2)),
+    "constant of other vehicles": ((6, 2), (6, 5, 2), (5, 3)),
+}
+BATCH_SAMPLES = {
+    "too wide": (6, 5, 3),
+    "too narrow": (6, 5, 1),
+    "narrow for all": (5, 1),
+    "of other vehicles": (4, 5, 2),
+    "flat": (10,),
+}
+
+
+@pytest.mark.parametrize("case", BATCH_SHAPES)
+def test_wrong_shapes_of_many(scan: Scan, case: str) -> None:
+    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
+        scan.batch(*[np.zeros(shape) for shape in BATCH_SHAPES[case]])
+
+
+@pytest.mark.parametrize("case", BATCH_SAMPLES)
+def test_wrong_samples_of_many(scan: Scan, case: str) -> None:
+    with pytest.raises(TypeError, match="oscillator: expected sample of shape"):
+        scan.batch(np.zeros((6, 2)), np.zeros(BATCH_SAMPLES[case]), np.zeros((6, 3)))
+
+
+def test_step_whose_carry_changes_length() -> None:
+    carry, sample, constant = ca.SX.sym("carry", 2), ca.SX.sym("sample"), ca.SX.sym("constant")
+    with pytest.raises(TypeError, match="expected a step from"):
+        Scan(ca.Function("step", [carry, sample, constant], [carry[0], carry]))
+
+
+@pytest.mark.parametrize("inputs", [pytest.param(2), 4])
+def test_step_with_other_inputs(inputs: int) -> None:
+    symbols = [ca.SX.sym(f"a{i}") for i in range(inputs)]
+    with pytest.raises(TypeError, match="expected a step from"):
+        Scan(ca.Function("step", symbols, [symbols[0], symbols[0]]))
+
+
+def test_step_with_a_sparse_output() -> None:
+    """It is refused, or the result is correct: (0, sample, 0, carry)."""
+    carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
+    zero = ca.SX(1, 1)
+    step = ca.Function("sparse", [carry, sample, constant], [carry, ca.vertcat(zero, sample, zero, carry)])
+    try:
+        scan = Scan(step)
+    except TypeError:
+        return
+    _, out = scan(np.array([3.0]), np.array([[1.0], [2.0]]), np.zeros(1))
+    assert out.tolist() == [[0, 1, 0, 3], [0, 2, 0, 3]]
+
+
+def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
+    text = llvm_ir.module(STEP)
+    before, loop = text.split("\nrow:\n")
+    assert "@llvm.exp" in before
+    assert "@llvm.exp" not in loop.split("\ndone:\n")[0]
+    assert "@llvm.sin" in loop
+
+
+def test_divisions_by_one_number_share_its_reciprocal() -> None:
+    x, u = ca.SX.sym("x", 3), ca.SX.sym("u")
+    step = ca.Function("divide", [x, u, ca.SX.sym("c", 1)], [x / u, 3 * x[::-1] / u])
+    assert llvm_ir.module(step).count("fdiv") == 1
+    _, output = Scan(step)(np.array([1.0, 2.0, 4.0]), np.array([[0.7]]), np.zeros(1))
+    np.testing.assert_allclose(output[0], np.array([12.0, 6.0, 3.0]) / 0.7, rtol=1e-15)
+
+
+def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:
+    carry, sample, constant = (array[0] for array in random_inputs(1, 40))
+    first = scan(carry, sample, constant)
+    for factor in (0.5, 3.0):
+        actual = scan(carry, sample, factor * constant)
+        assert max_difference(actual[1], interpreted(STEP, carry, sample, factor * constant)[1]) <= 1e-13
+        assert not np.array_equal(actual[1], first[1])
+    constant *= 2.0  # the same array, changed in place
+    assert max_difference(scan(carry, sample, constant)[1], interpreted(STEP, carry, sample, constant)[1]) <= 1e-13
+    constant /= 2.0
+    assert np.array_equal(scan(carry, sample, constant)[1], first[1])
+
+
+def test_every_group_of_lanes_has_its_own_constants(scan: Scan) -> None:
+    carry, sample = np.zeros((12, 2)), np.tile([1.0, 0.1], (3, 1))
+    constant = np.column_stack([np.ones(12), np.ones(12), np.arange(12.0)])
+    _, out = scan.batch(carry, sample, constant)
+    assert np.array_equal(out[:, 0, 2], np.arange(12.0))  # fmax(0, k2)
+
+
+@pytest.mark.slow
+def test_compiled_code_is_freed() -> None:
+    """Scans that are deleted in any order have no effect on other scans."""
+    gc.freeze()  # the objects of other tests, which a collection would go through each time
+    sample = np.arange(5.0)[:, None]
+    kept = Scan(times(0.25))
+    expected = kept(np.zeros(1), sample, np.ones(1))[1]
+    dropped = []
+    for factor in range(15):
+        scan = Scan(times(float(factor)))
+        assert scan(np.zeros(1), sample, np.ones(1))[0].item() == 10 * factor
+        if factor % 3:
+            scan.batch(np.zeros((5, 1)), sample, np.ones((5, 1)))
+        dropped.append(weakref.ref(scan))
+        if factor % 2:
+            del scan
+            gc.collect()
+    scan = kept
+    gc.collect()
+    gc.unfreeze()
+    assert not any(reference() for reference in dropped)
+    assert np.array_equal(kept(np.zeros(1), sample, np.ones(1))[1], expected)
+
+
+def test_unused_scan_compiles_nothing(cache_folder: Path) -> None:
+    Scan(STEP)
+    assert not cache_folder.exists()
+
+
+def test_calls_from_several_threads() -> None:
+    """Concurrent first calls compile once, and all threads get the result of one thread."""
+    carry, sample, constant = random_inputs(8, 2000)
+    expected = [interpreted(STEP, carry[i], sample[i, :50], constant[i]) for i in range(8)]
+    scan, start = Scan(STEP), threading.Barrier(8)
+
+    def run(i: int) -> tuple[Array, Array]:
+        start.wait()
+        for _ in range(20):
+            scan(carry[i], sample[i], constant[i])
+        return scan(carry[i], sample[i, :50], constant[i])
+
+    with ThreadPoolExecutor(8) as pool:
+        for actual, values in zip(pool.map(run, range(8)), expected, strict=True):
+            assert max_difference(actual[0], values[0]) <= 1e-13
+            assert max_difference(actual[1], values[1]) <= 1e-13
+
+
+def test_compiled_in_the_background(cache_folder: Path) -> None:
+    """A background compilation fills the cache; a step that cannot be compiled raises its error when it is called."""
+    scans = [Scan(times(factor)) for factor in (1.0, 2.0, 3.0)]
+    compile_in_background(*scans)
+    for i, scan in enumerate(scans):
+        assert scan(np.zeros(1), np.ones((4, 1)), np.ones(1))[0].item() == 4.0 * (i + 1)
+    another = Scan(times(4.0))
+    compile_in_background(another)
+    limit = time.monotonic() + 10
+    while len(list(cache_folder.glob("*.o"))) < 4 and time.monotonic() < limit:
+        time.sleep(0.01)
+    assert len(list(cache_folder.glob("*.o"))) == 4
+    carry = ca.SX.sym("carry")
+    refused = Scan(ca.Function("refused", [carry, ca.SX.sym("a"), ca.SX.sym("b")], [ca.tan(carry), carry]))
+    compile_in_background(refused)
+    for _ in range(2):
+        with pytest.raises(NotImplementedError, match="refused"):
+            refused(np.zeros(1), np.zeros((1, 1)), np.zeros(1))

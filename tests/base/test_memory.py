@@ -1,0 +1,75 @@
+"""The memory of long logs: what each sample of a record needs beyond the record itself."""
+
+import gc
+import tracemalloc
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from fifthwheel.base.memory import release_memory
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.dataset import prepare_dataset
+from fifthwheel.estimate.identify.one_stage.problem import Problem
+from fifthwheel.estimate.identify.setup import Setup
+from fifthwheel.estimate.observe import Observer, Uncertainty
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+
+TRUCK = get("cheng_cebon_2011")
+SHORT, LONG = (simulate(TRUCK, count=count, seed=1) for count in (5, 10))  # both of several chunks of rows
+UNCERTAIN = Uncertainty(names=("semitrailer.cog", "yaw_rate.tractor.gain"), covariance=np.diag([1e-4, 4e-6]))
+
+
+def peak(work: Callable[[], object]) -> int:
+    """Largest memory of an operation, bytes."""
+    gc.collect()
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def bytes_per_sample(work: Callable[[Record], object]) -> float:
+    """By how much the largest memory of an operation grows with each sample of a record."""
+    work(SHORT)  # compiles, and fills caches
+    short, long = (peak(lambda record=record: work(record)) for record in (SHORT, LONG))
+    return (long - short) / (len(LONG) - len(SHORT))
+
+
+def test_states_need_little_more_than_themselves() -> None:
+    observer = Observer(TRUCK, SHORT.signals)
+    of_states = len(observer.reported) * 16 + len(observer.outputs) * 17 + 9  # values and sigmas, innovations, status
+    of_inputs = len(observer.model.inputs) * 8
+    assert bytes_per_sample(lambda record: observer.batch(record, UNCERTAIN)) < of_states + of_inputs + 84
+
+
+def test_smoothed_states_need_little_more_than_both_passes() -> None:
+    observer = Observer(TRUCK, SHORT.signals)
+    of_states = len(observer.reported) * 16
+    assert bytes_per_sample(lambda record: observer.smooth(record, UNCERTAIN)) < 3 * of_states + 150
+
+
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+def test_derivatives_are_summed_in_chunks(tyres: str) -> None:
+    settings = OneStage(tyres=tyres)
+
+    def expand(record: Record) -> None:
+        dataset = prepare_dataset([record], TRUCK, settings, findings=False)
+        problem = Problem(Setup.of(dataset.vehicle, dataset.outputs, settings), dataset.logs)
+        z = np.zeros(len(problem.names))
+        assert len(z) > 20
+        problem.expand(z)
+        problem.with_residual_noise(z, autocorrelated=True)
+
+    assert bytes_per_sample(expand) < 120
+
+
+def test_memory_can_be_released_at_any_time() -> None:
+    values = [np.ones(1000) for _ in range(1000)]
+    del values[::2]
+    release_memory()
+    assert sum(float(v.sum()) for v in values) == 500_000

@@ -1,0 +1,100 @@
+"""What each quantity is, in one place: names, several sensors on a unit, signals that nothing uses."""
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.data.channels import CHANNELS, IDENTIFIED, MEASURED, SensorErrorName, is_of, measured_signals
+from fifthwheel.data.channels.channel import GainFault
+from fifthwheel.data.checks import Fault, check
+from fifthwheel.estimate.filters.variances import sensor_variance
+
+UNITS = ("tractor", "semitrailer")
+REAR = "lateral_acceleration.semitrailer.rear"
+SECOND = "yaw_rate.tractor.second"
+
+
+@pytest.fixture(scope="module")
+def truck() -> fw.Vehicle:
+    return fw.vehicle("cheng_cebon_2011")
+
+
+@pytest.fixture(scope="module")
+def record(truck: fw.Vehicle) -> fw.Record:
+    """One lane change with all gyros, a second yaw rate gyro and two accelerometers on the semitrailer."""
+    gyros = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in UNITS]
+    names = (*gyros, SECOND, "lateral_acceleration.semitrailer", REAR)
+    return fw.simulate(truck, count=1, seed=2, sensors={name: sensor_variance(truck, name, {}) for name in names})
+
+
+def test_measurements_are_in_one_order() -> None:
+    logged = [REAR, "articulation.semitrailer", "roll_rate.semitrailer", SECOND, "yaw_rate.tractor", "speed"]
+    expected = ("yaw_rate.tractor", SECOND, "articulation.semitrailer", "roll_rate.semitrailer", REAR)
+    assert measured_signals(logged, UNITS) == expected
+    assert measured_signals(reversed(logged), UNITS, MEASURED) == expected
+    assert measured_signals(["articulation.tractor", "yaw_rate.dolly"], UNITS) == ()
+
+
+def test_an_identification_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> None:
+    result = fw.identify([record], truck, fw.OneStage(tyres="linear"))
+    assert {SECOND, REAR} <= set(result.signals)
+    errors = {error.name for error in result.sensors}
+    assert {f"{SECOND}.{kind}" for kind in ("offset", "gain", "misalignment")} <= errors
+    assert {f"{REAR}.{kind}" for kind in ("offset", "gain", "delay", "position", "height")} <= errors
+    for name in ("tractor.front.cornering_stiffness", "semitrailer.yaw_inertia"):
+        assert abs(result[name].value - truck.parameters()[name]) < 3 * result[name].sigma
+
+
+def test_an_observer_uses_every_sensor(truck: fw.Vehicle, record: fw.Record) -> None:
+    observer = fw.Observer(truck, record.signals)
+    assert {SECOND, REAR} <= set(observer.outputs)
+    states = observer.batch(record)
+    for name in (SECOND, REAR):
+        normalised = states.innovation[name] / states.innovation_sigma[name]
+        assert 0.8 < np.sqrt(np.mean(normalised**2)) < 1.2
+    error = states.values["sideslip.semitrailer"] - record.reference["sideslip.semitrailer"]
+    assert np.sqrt(np.mean(error**2)) < 0.002
+
+
+def test_several_sensors_of_a_quantity_are_plausible(truck: fw.Vehicle, record: fw.Record) -> None:
+    assert fw.check_signals(record, truck) == ()
+    inverted = record.with_signals({SECOND: -record.signals[SECOND]})
+    assert {(f.signal, f.fault) for f in check(inverted)} == {(SECOND, Fault.SWAPPED_SIGN)}
+
+
+def test_a_signal_that_nothing_uses_is_found(record: fw.Record) -> None:
+    values = record.signals["yaw_rate.tractor"]
+    (finding,) = check(record.with_signals({"pitch_rate.tractor": values, "sideslip.tractor": values}))
+    assert (finding.fault, finding.severity) == (Fault.UNUSED, "warning")
+    assert {finding.signal, *finding.others} == {"pitch_rate.tractor", "sideslip.tractor"}
+    assert "[reference]" in finding.message
+
+
+def test_every_sensor_error_has_a_prior_and_a_unit() -> None:
+    for channel in CHANNELS.values():
+        for error in channel.errors:
+            assert error.prior > 0
+            name = SensorErrorName.of(f"{channel.quantity}.tractor.{error.kind}")
+            assert name is not None
+            assert name.unit
+
+
+def test_estimators_have_all_that_they_need_of_a_measurement() -> None:
+    for channel in MEASURED:
+        assert channel.model is not None
+        assert channel.noise is not None
+        assert channel.limit is not None
+        assert channel.proposed == "signal"
+    assert all(channel.errors for channel in IDENTIFIED)
+
+
+def test_faults_of_a_gain_exist() -> None:
+    faults = {fault.value for fault in Fault}
+    rules: list[GainFault] = [rule for c in CHANNELS.values() if c.turn for rule in c.turn.gain_faults]
+    assert all(rule.fault in faults for rule in rules)
+
+
+def test_place_errors_belong_to_sensors_with_a_place() -> None:
+    assert SensorErrorName.of("lateral_acceleration.tractor.height") is not None
+    assert SensorErrorName.of("semitrailer.payload.height") is None
+    assert is_of("lateral_acceleration.tractor.rear", *MEASURED)

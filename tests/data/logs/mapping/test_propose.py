@@ -1,0 +1,254 @@
+"""Proposed maps of logs with other names, units and signs."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from fifthwheel.data.logs import SignalMap, read_log
+from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
+from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.readers import open_log
+from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.results.report.log_contents import record_document, survey_document
+
+DEGREE = np.pi / 180
+COLUMNS = {
+    "Geschwindigkeit [km/h]": ("speed", 3.6),
+    "Lenkradwinkel [°]": ("steer.tractor.front", -20 / DEGREE),
+    "Gierrate Zugm. [°/s]": ("yaw_rate.tractor", 1 / DEGREE),
+    "Gierrate Auflieger": ("yaw_rate.semitrailer", 1 / DEGREE),
+    "Knickwinkel": ("articulation.semitrailer", -1),
+    "ay": ("lateral_acceleration.tractor", 1 / 9.80665),
+}
+
+
+def write_log(tmp_path, record, columns):
+    rows = np.column_stack([record.time, *(factor * record.signals[name] for name, factor in columns.values())])
+    lines = [";".join(["Zeit", *columns]), *(";".join(f"{x:.7g}" for x in row) for row in rows)]
+    path = tmp_path / "run.csv"
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
+def survey_and_proposal(path, **options):
+    with open_log(path) as log:
+        survey = survey_log(log)
+        return survey, propose_map(log, survey, **options)
+
+
+def test_the_proposed_map_gives_the_original_record(tmp_path, weaving):
+    path = write_log(tmp_path, weaving, COLUMNS)
+    survey, proposal = survey_and_proposal(path, wheelbase=4.0)
+    toml = as_toml(proposal, survey)
+    record = read_log(path, SignalMap.parse(toml))
+    assert record.time == pytest.approx(weaving.time, abs=1e-5)
+    for name, values in weaving.signals.items():
+        if name != "steer.tractor.front":
+            assert record.signals[name] == pytest.approx(values, rel=1e-5, abs=1e-5), name
+    ratio = record.signals["steer.tractor.front"] / weaving.signals["steer.tractor.front"]
+    assert 0.7 < np.median(ratio) < 1.5  # the understeer gradient is unknown
+    assert "sign inverted" in proposal.reasons["articulation.semitrailer"]
+    assert "unit deg/s by its magnitude" in proposal.reasons["yaw_rate.semitrailer"]
+    assert "steering-wheel angle" in proposal.reasons["steer.tractor.front"]
+    assert proposal.missing == ("roll_rate.semitrailer: not found; without it the payload height cannot be identified",)
+    assert proposal.findings == ()
+
+
+def test_sensor_classes_are_proposed(tmp_path, weaving):
+    """By names, and by the magnitude of a steering-wheel angle; reference signals have none."""
+    columns = {"vx": ("speed", 1), "steer": ("steer.tractor.front", 20), "ay": ("lateral_acceleration.tractor", 1)}
+    columns |= {"VDC2_YawRate": ("yaw_rate.tractor", 1), "ins_yaw_rate_trailer": ("yaw_rate.semitrailer", 1)}
+    columns |= {"ins_lateral_velocity": ("speed", 0.01)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    signal_map = SignalMap.parse(as_toml(proposal, survey))
+    assert {name: sensor.sensor_class for name, sensor in signal_map.sensors.items()} == {
+        "steer.tractor.front": "steering wheel",
+        "yaw_rate.tractor": "vdc2",
+        "yaw_rate.semitrailer": "ins",
+    }
+    assert "lateral_velocity.tractor" in signal_map.reference
+
+
+def test_the_lagging_one_of_two_gyros_is_that_of_the_trailer(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "steer": ("steer.tractor.front", 1)}
+    columns |= {"gyro_z a": ("yaw_rate.semitrailer", 1), "gyro_z b": ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["yaw_rate.tractor"].column == "gyro_z b"
+    assert proposal.signals.signals["yaw_rate.semitrailer"].column == "gyro_z a"
+    assert "it lags the other gyro" in proposal.reasons["yaw_rate.semitrailer"]
+
+
+@pytest.mark.parametrize("repeated", ["Gyro_Z_1", "Gyro_Z.1"])
+def test_a_repeated_name_is_assigned_by_its_lag(tmp_path, weaving, repeated):
+    columns = {"vx": ("speed", 1), "Gyro_Z": ("yaw_rate.semitrailer", 1), repeated: ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["yaw_rate.tractor"].column == repeated
+    assert proposal.signals.signals["yaw_rate.semitrailer"].column == "Gyro_Z"
+
+
+def test_the_road_wheel_angle_is_preferred_to_the_steering_wheel_angle(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "YawRate": ("yaw_rate.tractor", 1)}
+    columns |= {"SteeringWheelAngle [deg]": ("steer.tractor.front", 20 / DEGREE)}
+    columns |= {"RoadWheelAngle [deg]": ("steer.tractor.front", 1 / DEGREE)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["steer.tractor.front"].column == "RoadWheelAngle"
+    assert proposal.others["steer.tractor.front"] == ["SteeringWheelAngle"]
+
+
+def test_yaw_rates_of_both_units_by_unit_and_name(tmp_path, weaving):
+    columns = {"Speed2D [m/s]": ("speed", 1), "RoadWheelAngle [rad]": ("steer.tractor.front", 1)}
+    columns |= {
+        "YAW [deg/s]": ("yaw_rate.tractor", 1 / DEGREE),
+        "YAW_TRL [deg/s]": ("yaw_rate.semitrailer", 1 / DEGREE),
+    }
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    record = read_log(tmp_path / "run.csv", SignalMap.parse(as_toml(proposal, survey)))
+    for signal, _ in columns.values():
+        assert record.signals[signal] == pytest.approx(weaving.signals[signal], rel=1e-5, abs=1e-6), signal
+
+
+def test_the_second_gyro_of_a_unit_is_another_candidate(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "gyro_z": ("yaw_rate.tractor", 1), "yaw_rate": ("yaw_rate.tractor", 1.001)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert len(proposal.others["yaw_rate.tractor"]) == 1
+    assert '# or column = "' in as_toml(proposal, survey)
+    assert any(text.startswith("steer.tractor.front") for text in proposal.missing)
+
+
+def test_a_column_in_kilometres_per_hour_is_the_speed(tmp_path, weaving):
+    columns = {"Kanal 3 [km/h]": ("speed", 3.6), "Kanal 4 [km/h]": ("speed", 36), "LRW": ("steer.tractor.front", 20)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["speed"].column == "Kanal 3"
+    assert proposal.reasons["speed"].startswith("by its unit, km/h, and its largest value, 69")
+
+
+def test_columns_with_the_unit_of_a_rate_are_named_where_the_yaw_rate_is_missing(tmp_path, weaving):
+    columns = {"vx": ("speed", 1), "Kanal 3 [°/s]": ("yaw_rate.tractor", 1 / DEGREE), "Kanal 4 [V]": ("speed", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert "columns with the unit of a rate, of an unknown axis: Kanal 3" in proposal.missing
+    columns["GierSZM [°/s]"] = ("yaw_rate.tractor", 1 / DEGREE)
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert not any("unknown axis" in text for text in proposal.missing)
+
+
+def test_the_speed_of_a_wheel_is_better_than_none(tmp_path, weaving):
+    columns = {"VelRR_obd": ("speed", 3.6), "LRW": ("steer.tractor.front", 20), "YawRate": ("yaw_rate.tractor", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.signals["speed"].column == "VelRR_obd"
+    assert not any(name.startswith("wheel_speed") for name in proposal.signals.signals)
+
+
+def test_implausible_references_are_not_proposed(tmp_path, weaving):
+    """A velocity on an axis of the earth is too large for a lateral velocity."""
+    columns = {"vx": ("speed", 1), "Lateral_vel [m/s]": ("speed", 0.9)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert not proposal.signals.reference
+
+
+@pytest.mark.parametrize(("unit", "scale", "expected"), [("", 1, "deg"), (" [rad]", 1, "deg"), ("", DEGREE, None)])
+def test_a_sideslip_angle_is_in_degrees_by_its_magnitude(tmp_path, weaving, unit, scale, expected):
+    columns = {"vx": ("speed", 1), f"Correvit_beta{unit}": ("yaw_rate.tractor", 0.2 / DEGREE * scale)}
+    survey, proposal = survey_and_proposal(write_log(tmp_path, weaving, columns))
+    assert proposal.signals.reference["sideslip.tractor"].unit == expected
+    assert ('unit = "deg"' in as_toml(proposal, survey)) == (expected == "deg")
+
+
+def test_the_steer_angle_is_inverted_and_not_three_gyros(tmp_path, weaving):
+    """A steer angle positive to the right, and the articulation that is positive in a left turn."""
+    lateral = weaving.signals["speed"] * weaving.signals["yaw_rate.tractor"]
+    roll_rate = 0.03 * np.gradient(np.convolve(lateral, np.ones(25) / 25, "same"), weaving.time)
+    rolling = weaving.with_signals({f"roll_rate.{unit}": roll_rate for unit in ("tractor", "semitrailer")})
+    columns = {
+        "vx": ("speed", 1),
+        "delta": ("steer.tractor.front", -1),
+        "Knickwinkel": ("articulation.semitrailer", -1),
+    }
+    columns |= {"GierSZM": ("yaw_rate.tractor", 1)}
+    columns |= {"WankSZM": ("roll_rate.tractor", 1), "WankSA": ("roll_rate.semitrailer", 1)}
+    _, proposal = survey_and_proposal(write_log(tmp_path, rolling, columns))
+    signs = {channel.column: channel.sign for channel in proposal.signals.signals.values()}
+    assert signs == {"vx": 1, "delta": -1, "Knickwinkel": -1, "GierSZM": 1, "WankSZM": 1, "WankSA": 1}
+
+
+def test_a_survey_has_units_and_statistics_of_columns(tmp_path, weaving):
+    survey, _ = survey_and_proposal(write_log(tmp_path, weaving, COLUMNS))
+    speed = survey.contents["Geschwindigkeit"]
+    values = 3.6 * weaving.signals["speed"]
+    assert speed.column.unit == "km/h"
+    assert (speed.samples, speed.missing) == (len(weaving), 0)
+    assert speed.rate == pytest.approx(50, rel=1e-3)
+    assert (speed.low, speed.high) == pytest.approx((values.min(), values.max()), rel=1e-5)
+    assert (speed.mean, speed.sigma) == pytest.approx((values.mean(), values.std()), rel=1e-4)
+    assert (survey.start, survey.stop) == pytest.approx(weaving.span)
+
+
+def test_the_signals_of_a_mass_from_driving_are_proposed(tmp_path):
+    """Engine speed in rpm without its unit, torque in percent of a reference, and no lateral signal."""
+    record = drive(DrivenTruck(mass=30e3), duration=60.0, rate=10.0)
+    signals = record.signals
+    columns = {
+        "time": record.time,
+        "WheelBasedVehicleSpeed [m/s]": signals["speed"],
+        "EngineSpeed": signals["engine_speed"] * 30 / np.pi,
+        "ActualEnginePercentTorque [%]": signals["engine_torque"] / 25,
+        "DrivelineEngaged": signals["driveline_engaged"],
+        "BrakeSwitch": signals["braking.tractor"],
+    }
+    path = tmp_path / "drive.csv"
+    pd.DataFrame(columns).to_csv(path, index=False)
+    _, proposal = survey_and_proposal(path)
+    named = {"engine_speed", "driveline_engaged", "braking.tractor"}
+    assert set(proposal.signals.signals) == {"speed", *named}
+    assert proposal.signals.signals["engine_speed"].unit == "rpm"
+    only, relative = proposal.missing
+    assert relative == (
+        "engine_torque: ActualEnginePercentTorque is in percent of a reference that the log does not have; map it with "
+        'unit = "N m" and gain = reference in N m / 100'
+    )
+    columns["EngineTorque [N m]"] = signals["engine_torque"]
+    pd.DataFrame(columns).to_csv(path, index=False)
+    _, proposal = survey_and_proposal(path)
+    assert proposal.missing == (only,)
+    assert only.startswith("steer.tractor.front and yaw_rate.tractor: not found; this log gives the gross mass only")
+    assert [finding.fault for finding in proposal.findings] == ["zero speed"]
+
+
+def test_a_held_column_has_the_rate_of_its_new_values(tmp_path, weaving):
+    """12.5 Hz in a table of 50 Hz; one empty row at the start of a pause is one cell, and as long as the pause."""
+    rate = weaving.signals["yaw_rate.tractor"]
+    held = rate[np.arange(rate.size) // 4 * 4]
+    frame = pd.DataFrame({"time": weaving.time, "yaw_rate.tractor": held, "roll_rate.tractor": rate})
+    frame = pd.concat([frame.iloc[:500], pd.DataFrame({"time": [frame.time[499] + 0.1]}), frame.iloc[600:]])
+    path = tmp_path / "held.csv"
+    frame.to_csv(path, index=False)
+    survey, proposal = survey_and_proposal(path)
+    rates = [survey.contents[name].rate for name in ("yaw_rate.tractor", "roll_rate.tractor")]
+    assert rates == pytest.approx([12.5, 50.0], rel=0.02)
+    assert "Empty" in str(survey_document(survey, proposal))
+    record = read_log(path)
+    missing = [
+        row.split()[-2:] for row in str(record_document(record, ())).splitlines() if row.startswith(("yaw", "roll"))
+    ]
+    expected = 100 * 2.0 / (record.time[-1] - record.time[0])
+    assert [unit for _, unit in missing] == ["%", "%"]
+    assert [float(value) for value, _ in missing] == pytest.approx([expected, expected], rel=0.05)
+
+
+def test_a_log_without_known_channels(tmp_path):
+    (tmp_path / "x.csv").write_text("t,coolant,state\n0,80,on\n1,81,on\n2,82,off\n")
+    survey, proposal = survey_and_proposal(tmp_path / "x.csv")
+    assert not proposal.signals.signals
+    assert len(proposal.missing) == 5
+    SignalMap.parse(as_toml(proposal, survey))
+    assert survey.contents["state"].fault
+
+
+@pytest.mark.parametrize("run", ["run01_s_bend", "run02_exit_ramp"])
+def test_a_real_truck(data, run):
+    _, proposal = survey_and_proposal(data / "real_truck" / f"{run}.csv", wheelbase=6.0)
+    columns = {signal: channel.column for signal, channel in proposal.signals.signals.items()}
+    assert columns["speed"] == "vx"
+    assert columns["steer.tractor.front"] == "steer_ang"
+    assert columns["yaw_rate.tractor"] in ("yaw_rate", "imu_gyro_z")
+    assert columns["articulation.semitrailer"] == "hitch"
+    assert all(channel.sign == 1 and channel.gain == 1 for channel in proposal.signals.signals.values())

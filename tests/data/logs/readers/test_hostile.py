@@ -1,0 +1,212 @@
+"""Hostile files: small files that expand, that block, or that have names and headers of any length."""
+
+import contextlib
+import io
+import struct
+import time
+import warnings
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from asammdf import MDF, Signal
+from scipy.io import savemat
+
+from fifthwheel.data.channels import split_header
+from fifthwheel.base.errors import SignalError
+from fifthwheel.data.logs import read_log, write_record
+from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
+from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.readers import limits, open_log
+from fifthwheel.data.logs.signal_map import SignalMap
+from fifthwheel.data.record import Record
+
+ROWS = 3_000_000
+EXPANDED = 500_000_000
+"""Bytes, more than the limit of memory."""
+
+
+@pytest.fixture
+def small(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Limits that are reached at once."""
+    monkeypatch.setenv(limits.SAMPLES, "10")
+    monkeypatch.setenv(limits.MEMORY, "400")
+    monkeypatch.setenv(limits.SECONDS, "60")
+
+
+def deflated(head: bytes) -> bytes:
+    """A zlib stream of a head and EXPANDED zeros."""
+    compressor, zeros = zlib.compressobj(9), bytes(1 << 20)
+    parts = [compressor.compress(head), *(compressor.compress(zeros) for _ in range(EXPANDED >> 20))]
+    return b"".join([*parts, compressor.flush()])
+
+
+def parquet(path: Path) -> None:
+    """Equal rows, which Parquet stores as one row and a count."""
+    pq.write_table(pa.table({"time": np.zeros(ROWS), "speed": np.zeros(ROWS)}), path, compression="zstd")
+
+
+def parquet_of_text(path: Path) -> None:
+    """One long text in every row, stored once."""
+    texts = pa.DictionaryArray.from_arrays(pa.array(np.zeros(4000, np.int32)), pa.array(["x" * 500_000]))
+    plain = pa.schema([("time", pa.float64()), ("speed", pa.large_string())])
+    table = pa.table({"time": np.arange(4000.0), "speed": texts})
+    with pq.ParquetWriter(path, plain, use_dictionary=True) as writer:
+        for first in range(0, 4000, 400):
+            writer.write_table(table.slice(first, 400).cast(plain), row_group_size=4000)
+
+
+def mat5(path: Path) -> None:
+    """A variable of zeros."""
+    buffer = io.BytesIO()
+    savemat(buffer, {"t": np.zeros(1000)})
+    head, element = buffer.getvalue()[:128], bytearray(buffer.getvalue()[128:-8000])
+    element[4:8] = struct.pack("<I", len(element) - 8 + EXPANDED)
+    element[-4:] = struct.pack("<I", EXPANDED)
+    packed = deflated(bytes(element))
+    path.write_bytes(head + struct.pack("<II", 15, len(packed)) + packed)
+
+
+def mdf(path: Path) -> None:
+    """A deflated block of zeros."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        file = MDF(version="4.10")
+        file.append([Signal(np.zeros(5000), np.arange(5000) / 100, name="speed", unit="m/s")])
+        file.save(path, overwrite=True, compression=1)
+        file.close()
+    content = path.read_bytes()
+    at, packed = content.index(b"##DZ"), deflated(b"")
+    block = struct.pack("<4sIQQ2sBBIQQ", b"##DZ", 0, 48 + len(packed), 0, b"DT", 0, 0, 0, EXPANDED, len(packed))
+    content += bytes(-len(content) % 8)
+    assert content.count(struct.pack("<Q", at)) == 1
+    path.write_bytes(content.replace(struct.pack("<Q", at), struct.pack("<Q", len(content))) + block + packed)
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("write", [parquet, parquet_of_text, mat5, mdf])
+def test_a_small_file_that_expands_is_refused(tmp_path: Path, write: Callable[[Path], None]) -> None:
+    path = tmp_path / "bomb.mf4"
+    write(path)
+    assert path.stat().st_size < 10e6
+    with pytest.raises(SignalError, match=r"^bomb\.mf4: .*(more than \d+ MB|crashed)"):
+        surveyed(path)
+
+
+def surveyed(path: Path) -> tuple[list[str], str]:
+    """Notes and proposed map of a log."""
+    with open_log(path) as log:
+        survey = survey_log(log)
+        return list(survey.notes), as_toml(propose_map(log, survey), survey)
+
+
+def test_a_chain_of_compressions_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """HDF5 compresses the same zeros twice: 4 MB in a few hundred bytes."""
+    monkeypatch.setenv(limits.SAMPLES, "1")
+    rows = 300_000
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["t"] = np.arange(rows, dtype="f4")
+        for k in range(3):
+            chain = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+            chain.set_chunk((rows // 3,))
+            for _ in range(2):
+                chain.set_deflate(9)
+            space = h5py.h5s.create_simple((rows,))
+            data = h5py.h5d.create(file.id, f"a{k}".encode(), h5py.h5t.IEEE_F64LE, space, chain)
+            data.write(h5py.h5s.ALL, h5py.h5s.ALL, np.zeros(rows))
+    monkeypatch.setattr(limits, "_EXPANSION", 1)
+    with pytest.raises(SignalError, match=r"a\.mat: its samples need more than \d+ MB; map fewer columns"):
+        surveyed(tmp_path / "a.mat")
+
+
+def test_a_soft_link_does_not_lead_out_of_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "secret.h5", "w") as other:
+        other["y"] = np.arange(50.0)
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["t"] = file["a"] = np.arange(50.0)
+        file["other"] = h5py.ExternalLink(tmp_path / "secret.h5", "/")
+        file["soft"] = h5py.SoftLink("/other/y")
+        assert file["soft"][1] == 1
+    with open_log(tmp_path / "a.mat") as log:
+        assert list(log.columns) == ["a"]
+
+
+def test_rows_that_are_only_announced_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(limits.SECONDS, "1")
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        for name in ("t", "speed"):
+            file.create_dataset(name, (10**12,), "f8", chunks=(10_000,))
+    assert (tmp_path / "a.mat").stat().st_size < 10_000
+    with pytest.raises(SignalError, match=r"a\.mat: .*stopped after 1 s without progress"):
+        surveyed(tmp_path / "a.mat")
+
+
+@pytest.mark.parametrize("line", [1, 2, 3])
+def test_a_long_header_is_refused_by_its_length(tmp_path: Path, line: int) -> None:
+    path = tmp_path / "wide.csv"
+    names = ",".join(["time", *(f"column_{k}" for k in range(40_000))])
+    path.write_text("\n" * (line - 1) + names + "\n" + ("0" + ",1" * 40_000 + "\n") * 3)
+    with pytest.raises(SignalError, match=r"wide\.csv: a line of \d+ kB or more, at most 131 kB expected"):
+        open_log(path)
+
+
+def test_a_header_of_thousands_of_columns_is_read(tmp_path: Path) -> None:
+    names = ",".join(["time", *(f"column_{k}" for k in range(9_000))])
+    (tmp_path / "wide.csv").write_text(names + "\n" + ("0" + ",1" * 9_000 + "\n") * 3)
+    with open_log(tmp_path / "wide.csv") as log:
+        assert len(log.columns) == 9_001
+
+
+@pytest.mark.parametrize(
+    "text", ["a" + " " * 100_000 + "b", "(" * 100_000, "a" + " (" * 50_000 + ")", "[" * 99_999 + "]"]
+)
+def test_a_long_header_of_a_column_is_split_at_once(text: str) -> None:
+    start = time.process_time()
+    split_header(text)
+    assert time.process_time() - start < 0.2
+
+
+HOSTILE = "x\x1b]0;title\x07\n[signals]\ndatabases = ['/etc/passwd']\u202e\x7f"
+
+
+def test_names_do_not_write_into_a_proposed_map(tmp_path: Path) -> None:
+    """A name of a column, a unit and a name of a file with line ends and control characters."""
+    path = tmp_path / f"run {HOSTILE.replace('/', '')}.parquet"
+    names = ["time", "speed \x7f", "Gier\u202erate", f"yaw_rate {HOSTILE} [deg/s]", f"axle load {HOSTILE} [kN]"]
+    table = pa.table([np.arange(100.0) / 10, *np.random.default_rng(0).normal(size=(4, 100))], names=names)
+    pq.write_table(table, path)
+    notes, text = surveyed(path)
+    proposed = SignalMap.parse(text)
+    assert not proposed.databases
+    assert proposed.signals["speed"].column == "speed \x7f"
+    assert proposed.signals["yaw_rate.tractor"].column in ("Gier\u202erate", f"yaw_rate {HOSTILE}".replace("\n", " "))
+    assert "etc" in text
+    assert all(c.isprintable() or c == "\n" for c in "".join([text, *notes]))
+    assert read_log(path, SignalMap.parse(text)).name.isprintable()
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_a_small_limit_of_memory_is_sufficient(tmp_path: Path, ending: str) -> None:
+    """What the libraries reserve and do not use is within the limit."""
+    path = tmp_path / f"log.{ending}"
+    write_record(Record(time=np.arange(50.0), signals={"speed": np.arange(50.0)}), path)
+    assert len(read_log(path)) == 50
+
+
+@pytest.mark.parametrize("extreme", ["inf", "-inf", "1e308", "nan", "5e-324"])
+@pytest.mark.parametrize("column", [0, 1])
+def test_extreme_times_and_values_give_no_warning(tmp_path: Path, extreme: str, column: int) -> None:
+    rows = [[f"{k / 1000:g}", "10"] for k in range(2000)]
+    for k in range(500, 700):
+        rows[k][column] = extreme if k % 2 else f"-{extreme.removeprefix('-')}"
+    (tmp_path / "log.csv").write_text("time,speed\n" + "".join(",".join(row) + "\n" for row in rows))
+    for unit in ("s", "h"):
+        with contextlib.suppress(SignalError):
+            read_log(tmp_path / "log.csv", SignalMap.parse(f"[time]\nunit = '{unit}'"))
+    surveyed(tmp_path / "log.csv")

@@ -1,0 +1,136 @@
+"""One run in every format: the same record, the same parameters; damaged files give a record or a SignalError."""
+
+import codecs
+import contextlib
+import random
+import warnings
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fifthwheel.base.errors import SignalError
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.data.logs import SignalMap, read_log
+from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
+from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.readers import open_log
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from tests.data.logs.formats import FORMATS, stored
+
+TRUCK = get("cheng_cebon_2011")
+LINEAR = OneStage(tyres="linear")
+
+
+@pytest.fixture(scope="module")
+def drive():
+    record = simulate(TRUCK, count=1, seed=1)
+    return Record(time=record.time, signals=record.signals, name="drive")
+
+
+@pytest.fixture(scope="module")
+def identification(drive):
+    return identify([drive], TRUCK, LINEAR)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_gives_the_same_record_and_parameters(tmp_path, drive, identification, name):
+    path, signal_map = stored(drive, tmp_path, name)
+    path = path.rename(tmp_path / "no_ending")  # the format is recognised by content
+    record = read_log(path, signal_map, name="drive")
+    assert set(record.signals) == set(drive.signals)
+    assert len(record) == len(drive)
+    shift = record.time[0] - drive.time[0]
+    assert record.time - shift == pytest.approx(drive.time, abs=1.1e-4 if name == "drive.trc" else 2e-6)
+    for signal, values in drive.signals.items():
+        assert record.signals[signal] == pytest.approx(values, rel=1e-6, abs=1e-7)
+    again = identify([record], TRUCK, LINEAR)
+    for one, other in zip(identification.parameters, again.parameters, strict=True):
+        assert other.verdict == one.verdict
+        assert other.value == pytest.approx(one.value, abs=(0.1 if name == "drive.trc" else 0.01) * one.sigma)
+        assert other.sigma == pytest.approx(one.sigma, rel=0.01)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_every_format_has_a_survey_and_a_proposal(tmp_path, drive, name):
+    path, signal_map = stored(drive, tmp_path, name)
+    with open_log(path, signal_map.databases) as log:
+        survey = survey_log(log)
+        proposal = propose_map(log, survey, databases=signal_map.databases)
+    record = read_log(path, SignalMap.parse(as_toml(proposal, survey)))
+    assert set(drive.signals) <= {*record.signals, *record.reference}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_damaged_file_gives_a_record_or_a_signal_error(tmp_path, drive, name):
+    """Cut anywhere or with flipped bits."""
+    path, signal_map = stored(drive.cut(0, 2), tmp_path, name)
+    whole, rng = path.read_bytes(), random.Random(name)
+    records = 0
+    for k in range(8):
+        data = bytearray(whole)
+        if k % 2:
+            data = data[: rng.randrange(len(data))]
+        else:
+            for _ in range(rng.choice([1, 3, 30])):
+                data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(data)
+        with warnings.catch_warnings(), contextlib.suppress(SignalError):
+            warnings.simplefilter("error")
+            record = read_log(path, signal_map)
+            records += 1
+            assert all(np.isfinite(values[np.isfinite(values)]).all() for values in record.signals.values())
+        with contextlib.suppress(SignalError), open_log(path, signal_map.databases) as log:
+            survey_log(log)
+    if name not in ("drive.parquet", "drive.mf4", "drive.mcap", "v73.mat"):  # these need the end, or all
+        assert records > 0
+
+
+HEADS = [
+    b"", b"PAR1", b"MDF     4.10    x", b"UnFinMF 4.10", b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM",
+    b"MATLAB 7.3 MAT-file".ljust(512) + b"\x89HDF\r\n\x1a\n", b"\x89HDF\r\n\x1a\n", b"\x89MCAP0\r\n", b"LOGG\x90\0\0\0",
+    b"date Sat Nov 21\nbase hex  timestamps absolute\n", b";$FILEVERSION=2.0\n;$COLUMNS=N,O,T,I,d,l,D\n",
+    b"(1.0) can0 18F0090B#00", b"t;v\n0;1\n", b"t,speed\n0,1\n", codecs.BOM_UTF16_LE, b"PK\x03\x04", b"\x1f\x8b\x08",
+]  # fmt: skip
+
+
+@settings(max_examples=80, deadline=None)
+@given(
+    head=st.sampled_from(HEADS),
+    data=st.binary(max_size=300)
+    | st.text("0123456789.,;:#()[] \ncanrxtd-+eE", max_size=300).map(str.encode)
+    | st.text(max_size=200).map(lambda text: text.encode("utf-8", "ignore")),
+)
+def test_any_bytes_give_a_record_or_a_signal_error(tmp_path_factory, head, data):
+    path = tmp_path_factory.mktemp("any") / "x"
+    path.write_bytes(head + data)
+    with contextlib.suppress(SignalError):
+        assert isinstance(read_log(path), Record)
+    with contextlib.suppress(SignalError), open_log(path) as log:
+        propose_map(log, survey_log(log))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["drive.csv", "drive.mf4", "v5.mat", "drive.mcap", "drive.asc", "drive.blf", "candump.log"]
+)
+def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive, name):
+    """Bits flipped, checked or not: parameters within 5 sigma, another verdict than converged, or a SignalError."""
+    path, signal_map = stored(drive, tmp_path, name)
+    whole, rng, identified = path.read_bytes(), random.Random(name), 0
+    truth = TRUCK.parameters()
+    for k in range(6):
+        data = bytearray(whole)
+        for _ in range(rng.choice([1, 10, 40])):
+            data[rng.randrange(len(data))] ^= 1 << rng.randrange(8)
+        path.write_bytes(data)
+        with contextlib.suppress(SignalError):
+            result = identify([read_log(path, signal_map)], TRUCK, OneStage(check=k % 2 == 0, tyres="linear"))
+            identified += 1
+            assert all(np.isfinite([e.value, e.sigma]).all() for e in result.parameters)
+            converged = [e for e in result.parameters if e.verdict == "converged"]
+            assert all(abs(e.value - truth[e.name]) < 5 * e.sigma for e in converged)
+    assert identified or name == "drive.blf"  # one damaged container loses all

@@ -1,0 +1,220 @@
+"""Knowledge of a truck: from log to log as in one call, with changes dated, other loads apart, and bad logs aside."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
+from tests.estimate.identify.knowledge.conftest import SETTINGS
+
+TRUCK = fw.vehicle("cheng_cebon_2011")
+GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
+TYRES = "semitrailer.cornering_stiffness"
+FRONT = "tractor.front.cornering_stiffness"
+LINEAR = fw.OneStage(tyres="linear")
+"""The tyres of the simulated truck."""
+SMALL = fw.OneStage(given={"*": "exact", FRONT: "free"}, tyres="linear")
+"""Settings that are identified in a fraction of a second."""
+
+
+def log(seed, truck=TRUCK, *, name=None):
+    return replace(fw.simulate(truck, count=2, seed=seed, speed=18.0 + 2 * (seed % 3)), name=name or f"run {seed}")
+
+
+def one_after_another(records, **options):
+    result = None
+    for record in records:
+        result = fw.identify([record], GUESS, LINEAR, knowledge=result and result.knowledge, **options)
+    return result
+
+
+def differences(first, second):
+    """Of the estimates that two results share, in sigmas of the second, and the ratios of their sigmas."""
+    pairs = [(first[e.name], e) for e in second.parameters if e.name != "road.friction"]
+    return (
+        np.array([(a.value - b.value) / b.sigma for a, b in pairs]),
+        np.array([a.sigma / b.sigma for a, b in pairs]),
+    )
+
+
+@pytest.fixture(scope="module")
+def records():
+    return [log(seed) for seed in range(3)]
+
+
+@pytest.fixture(scope="module")
+def together(records):
+    return fw.identify(records, GUESS, LINEAR)
+
+
+@pytest.mark.slow
+def test_logs_one_after_another_in_any_order_are_as_in_one_call(records, together):
+    """Each log is linearised at another estimate, and each call takes the friction of its road as its own."""
+    for order in (records, records[::-1]):
+        shift, ratio = differences(one_after_another(order), together)
+        assert (np.abs(shift) < 0.25).all(), shift
+        assert (np.abs(ratio - 1) < 0.05).all(), ratio
+
+
+def test_a_result_begins_with_what_earlier_logs_told(records, together):
+    result = fw.identify([records[0]], GUESS)
+    more = fw.identify([records[1]], GUESS, knowledge=result.knowledge)
+    assert [log.name for log in more.knowledge.logs] == ["run 0", "run 1"]
+    assert any(note.endswith("(1, the last of them run 0).") for note in more.notes)
+    assert all(more[e.name].sigma < e.sigma for e in result.parameters if "road" not in e.name)
+
+
+def test_a_log_counts_once(records):
+    once = fw.identify([records[0]], GUESS, SMALL)
+    again = fw.identify([records[0]], GUESS, SMALL, knowledge=once.knowledge)
+    assert len(again.knowledge.logs) == 1
+    assert again[FRONT].sigma == pytest.approx(once[FRONT].sigma, rel=1e-6)
+
+
+def test_softer_tyres_begin_again(together):
+    """A fifth softer, as new tyres or less pressure: all estimates but theirs go on, also in the next log."""
+    soft = TRUCK.replace({TYRES: 0.8 * TRUCK.parameters()[TYRES]})
+    result = fw.identify([log(7, soft, name="soft")], GUESS, LINEAR, knowledge=together.knowledge)
+    assert result.knowledge.logs[-1].changed == (TYRES,)
+    (caution,) = contradiction_cautions(result)
+    assert str(caution).startswith("soft differs from the earlier logs: tyres of semitrailer changed.")
+    assert abs(result[TYRES].value / soft.parameters()[TYRES] - 1) < 2 * result[TYRES].sigma / result[TYRES].value
+    assert result[FRONT].sigma < together[FRONT].sigma
+    later = fw.identify([log(8, soft, name="later")], GUESS, LINEAR, knowledge=result.knowledge)
+    assert later.knowledge.logs[-1].changed == ()
+    assert later[TYRES].sigma < result[TYRES].sigma
+    assert abs(later[TYRES].value - result[TYRES].value) < result[TYRES].sigma
+
+
+@pytest.mark.slow
+def test_another_trailer_is_set_aside(together):
+    other = TRUCK.replace({"semitrailer.mass": 15e3, "semitrailer.payload.mass": 2e3, "semitrailer.yaw_inertia": 2.2e5})
+    result = fw.identify([log(9, other, name="other")], GUESS, LINEAR, knowledge=together.knowledge)
+    *before, last = result.knowledge.logs
+    assert "contradicts the earlier logs" in last.set_aside
+    assert not any(log.set_aside for log in before)
+    (caution,) = contradiction_cautions(result)
+    assert "other contradicts the earlier logs" in str(caution)
+    alone = fw.identify([log(9, other, name="other")], GUESS, LINEAR)
+    assert result[FRONT].value == alone[FRONT].value
+    after = fw.identify([log(5)], GUESS, LINEAR, knowledge=result.knowledge)
+    assert after[FRONT].sigma < together[FRONT].sigma  # the log is not used, the others are
+
+
+@pytest.mark.slow
+def test_a_late_steering_signal_is_found(together):
+    record = log(10, name="late")
+    steer = record.signals["steer.tractor.front"]
+    late = np.interp(record.time - 0.25, record.time, steer)
+    record = replace(record, signals={**record.signals, "steer.tractor.front": late})
+    result = fw.identify([record], GUESS, LINEAR, knowledge=together.knowledge)
+    last = result.knowledge.logs[-1]
+    assert last.set_aside or "steer.tractor.front.delay" in last.changed
+    assert any("steer.tractor.front.delay" in text for text in last.doubts)
+
+
+def test_another_load_shares_the_tyres_at_their_nominal_load(records):
+    """The stiffness of the unladen trailer gives that of the laden one, by the load of its tyres."""
+    empty = fw.with_payload(TRUCK, 0.0)
+    unladen = fw.identify([log(3, empty)], fw.with_payload(GUESS, 0.0), LINEAR, occasion=fw.Occasion(load="0t"))
+    laden = fw.identify([records[0]], GUESS, knowledge=unladen.knowledge)
+    alone = fw.identify([records[0]], GUESS)
+    assert unladen[TYRES].value < 0.6 * laden[TYRES].value
+    assert laden[TYRES].sigma < alone[TYRES].sigma
+    assert laden["semitrailer.payload.height"].sigma < alone["semitrailer.payload.height"].sigma
+    for name in (TYRES, FRONT, "semitrailer.yaw_inertia", "semitrailer.payload.height"):
+        assert abs(laden[name].value - TRUCK.parameters()[name]) < 2.5 * laden[name].sigma
+
+
+def test_masses_of_another_load_need_its_name(records):
+    known = fw.identify([records[0]], TRUCK, SMALL).knowledge
+    half = fw.with_payload(TRUCK, 10e3)
+    with pytest.raises(SignalError, match=r"semitrailer\.mass: 23328 kg, but 33450 kg .* another load\? Name it"):
+        fw.identify([records[1]], half, SMALL, knowledge=known)
+    named = fw.identify([records[1]], half, SMALL, knowledge=known, occasion=fw.Occasion(load="half"))
+    assert len(named.knowledge.logs) == 2
+
+
+def test_two_stages_have_no_knowledge(records):
+    known = fw.identify([records[0]], TRUCK, SMALL).knowledge
+    with pytest.raises(SignalError, match="knowledge: only one stage begins with what is known"):
+        fw.identify([records[1]], TRUCK, fw.TwoStage(), knowledge=known)
+
+
+def test_knowledge_of_a_file(records, tmp_path):
+    result = fw.identify(records[:1], TRUCK, SMALL)
+    result.knowledge.save(tmp_path / "knowledge.json")
+    loaded = fw.Knowledge.load(tmp_path)
+    now = fw.Occasion(date=result.knowledge.logs[0].date)
+    first = fw.identify(records[1:2], TRUCK, SMALL, knowledge=result.knowledge, occasion=now)
+    assert fw.identify(records[1:2], TRUCK, SMALL, knowledge=loaded, occasion=now).parameters == first.parameters
+
+
+@pytest.mark.parametrize("mass", [-1.0, np.nan, np.inf])
+def test_a_payload_that_does_not_exist(mass):
+    with pytest.raises(fw.SignalError, match=r"payload: expected a number of kg from 0 on, got"):
+        fw.with_payload(TRUCK, mass)
+
+
+def test_tyres_keep_their_relative_uncertainty_with_another_payload():
+    """Stated ones, and those of a class, which stay assumed."""
+    stated, assumed = "tractor.drive.cornering_stiffness", "semitrailer.cornering_stiffness"
+    value = TRUCK.parameters()
+    known = TRUCK.model_copy(
+        update={"stated": {stated: 0.05 * value[stated], assumed: 0.2 * value[assumed]}, "assumed": {assumed: "class"}}
+    )
+    half = fw.with_payload(known, 10e3)
+    after = half.parameters()
+    assert after[stated] < 0.9 * value[stated]
+    assert half.stated[stated] == pytest.approx(0.05 * after[stated])
+    assert half.stated[assumed] == pytest.approx(0.2 * after[assumed])
+    assert half.assumed == known.assumed
+
+
+def test_with_payload_keeps_the_unladen_vehicle():
+    half, again = fw.with_payload(TRUCK, 10e3), fw.with_payload(fw.with_payload(TRUCK, 10e3), 20122.0)
+    before, after, back = TRUCK.parameters(), half.parameters(), again.parameters()
+    assert after["semitrailer.mass"] - after["semitrailer.payload.mass"] == pytest.approx(33450 - 20122)
+    assert after["semitrailer.sprung.mass"] == before["semitrailer.sprung.mass"]
+    assert after[TYRES] < before[TYRES]
+    for name, value in before.items():
+        assert back[name] == pytest.approx(value, rel=1e-9), name
+    assert half.stated["semitrailer.cog"] > 0.15
+    with pytest.raises(VehicleError, match="expected one unit with a payload, got 0"):
+        fw.with_payload(fw.with_payload(TRUCK, 0.0), 5e3)
+
+
+def test_a_log_of_the_tractor_alone_gives_the_states_of_a_known_trailer(records):
+    known = fw.identify(records[:1], GUESS, LINEAR)
+    record = log(19, name="tractor")
+    record = replace(record, signals={n: v for n, v in record.signals.items() if not n.endswith("rate.semitrailer")})
+    result = fw.identify([record], GUESS, LINEAR, knowledge=known.knowledge)
+    assert result[TYRES].verdict == result["semitrailer.payload.height"].verdict == "converged"
+    assert result[TYRES].sigma < 1.02 * known[TYRES].sigma
+    states = result.observer(log="tractor").batch(record, result.uncertainty("tractor"))
+    truth = fw.simulate(TRUCK, count=2, seed=19, speed=20.0).reference["sideslip.semitrailer"]
+    error = np.abs(states.values["sideslip.semitrailer"] - truth)
+    assert np.mean(error < 3 * states.sigma["sideslip.semitrailer"]) > 0.9
+    assert np.sqrt(np.mean(error**2)) < 0.1 * np.ptp(truth)
+
+
+def test_a_log_that_did_not_converge_is_set_aside_until_it_is_identified_again(knowledge: fw.Knowledge) -> None:
+    """After one step only. Its result says so; later logs do not begin with it, and no other log brings it back."""
+    first, second = (fw.simulate(TRUCK, count=1, seed=seed, name=f"run {seed}") for seed in (4, 5))
+    stopped = fw.identify([first], GUESS, replace(SETTINGS, adapt_noise=False, iterations=1))
+    assert fw.Verdict.NOT_CONVERGED in {estimate.verdict for estimate in stopped.parameters}
+    (log,) = stopped.knowledge.logs
+    assert log.set_aside == UNSURE
+    with pytest.raises(SignalError, match="run 4 must be identified again"):
+        _ = stopped.knowledge.combined
+    both = knowledge.with_logs([log])
+    assert both.without("run 1").used == both.used[1:]
+    assert both.majority(knowledge.logs) is None
+    later = fw.identify([second], TRUCK, SETTINGS, knowledge=both)
+    assert [log.set_aside for log in later.knowledge.logs] == ["", "", "", UNSURE, ""]
+    again = fw.identify([first], TRUCK, SETTINGS, knowledge=later.knowledge)
+    assert [(log.name, log.set_aside) for log in again.knowledge.logs][3:] == [("run 5", ""), ("run 4", "")]

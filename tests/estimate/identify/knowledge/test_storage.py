@@ -1,0 +1,156 @@
+"""knowledge.json: equal after reading, and refused with a reason when another hand has changed it."""
+
+import copy
+import json
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.estimate.identify.knowledge.history import history, shared_estimates
+from fifthwheel.estimate.identify.knowledge.storage import FILE
+
+
+@pytest.fixture
+def file(knowledge, tmp_path) -> Path:
+    knowledge.save(tmp_path / "knowledge.json")
+    return tmp_path / "knowledge.json"
+
+
+@pytest.fixture
+def changed(file):
+    """Write the file with a changed content and a digest that fits, and load it."""
+    content = json.loads(file.read_text())["content"]
+
+    def load(change):
+        own = copy.deepcopy(content)
+        change(own)
+        FILE.write(file, own)
+        return fw.Knowledge.load(file)
+
+    return load
+
+
+def test_a_file_is_read_as_it_was_written(file, knowledge):
+    for path in (file, file.parent, file.with_name("identification.json")):
+        read = fw.Knowledge.load(path)
+        for own, other in zip(knowledge.logs, read.logs, strict=True):
+            for name in ("name", "date", "tractor", "trailer", "load", "digest", "estimated", "doubts", "masses"):
+                assert getattr(own, name) == getattr(other, name), name
+        np.testing.assert_array_equal(read.combined.z[-1], knowledge.combined.z[-1])
+
+
+def set_log(key, value):
+    return lambda content: content["logs"][0].update({key: value})
+
+
+def set_unknown(key, value):
+    return lambda content: content["logs"][0]["information"][key].__setitem__(0, value)
+
+
+def set_information(key, value):
+    return lambda content: content["logs"][0]["information"].update({key: value})
+
+
+def duplicate(content):
+    names = content["logs"][0]["information"]["names"]
+    names[1] = names[0]
+
+
+def huge(content):
+    content["logs"][0]["information"]["names"] *= 100
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda content: content.pop("logs"), "a valid tuple"),
+        (lambda content: content["logs"][0].pop("estimated"), "0.estimated: Field required"),
+        (lambda content: content.update(logs={}), "a valid tuple"),
+        (lambda content: content.update(logs=["x"]), "not what"),
+        (set_log("name", 3), "0.name: Input should be a valid string"),
+        (set_log("estimated", "abc"), "0.estimated: Input should be a valid tuple"),
+        (set_log("date", "2026-01-01"), "time zone"),
+        (set_log("date", "9999-12-31T23:59:59-14:00"), "time zone"),
+        (set_log("date", 5), "expected a text"),
+        (set_log("masses", {"semitrailer.mass": "heavy"}), "semitrailer.mass: Input should be a valid number"),
+        (set_information("information", [1.0]), "a matrix of 1 rows"),
+        (set_information("information", [1.0, 1.0]), "a symmetric matrix of 2 numbers"),
+        (set_information("information", {}), "valid list"),
+        (set_information("vector", [1.0]), "columns of other lengths"),
+        (set_unknown("scale", 0), "positive scale"),
+        (set_unknown("centre", -1.0), "positive scale or median"),
+        (set_unknown("centre", 1e200), "less than or equal to 10{40}"),
+        (set_unknown("vector", True), "information.vector.0: Input should be a valid number"),
+        (set_unknown("information", -1e6), "not positive semidefinite"),
+        (duplicate, "two unknowns of one name"),
+        (huge, "at most 500"),
+    ],
+)
+def test_impossible_content_is_refused_with_the_reason(changed, change, reason):
+    with pytest.raises(fw.SignalError, match=reason) as refused:
+        changed(change)
+    assert "identify the logs again" in str(refused.value)
+    assert "knowledge.json" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "reason"),
+    [
+        ("", "not a JSON file"),
+        ("[]", "not a file of the knowledge of a truck"),
+        ('{"format": "fifthwheel knowledge 99"}', "another version"),
+        ('{"format": "fifthwheel knowledge 1", "digest": "", "content": {"logs": [NaN]}}', "damaged"),
+        ('{"format": "fifthwheel knowledge 1", "content": {"logs": [NaN]}}', "damaged"),
+        ('{"format": "fifthwheel knowledge 1", "digest": "0", "content": {"logs": []}}', "damaged"),
+    ],
+)
+def test_other_files_are_refused(tmp_path, text, reason):
+    (tmp_path / "knowledge.json").write_text(text)
+    with pytest.raises(fw.SignalError, match=reason):
+        fw.Knowledge.load(tmp_path)
+
+
+def test_a_result_without_knowledge_names_the_cure(tmp_path):
+    (tmp_path / "identification.json").write_text("{}")
+    with pytest.raises(fw.SignalError, match=r"has no knowledge, .*; identify its logs again in one stage"):
+        fw.Knowledge.load(tmp_path)
+
+
+VALUES = [None, True, -1, 0, 1e39, -1e39, 1e-39, 1e300, "", "x", "yaw_rate", "a.b.gain", [], {}, [[]], 2**62]
+
+
+def mutate(content, generator):
+    """Replace, remove or repeat one value at a random place."""
+    place = content
+    while True:
+        if not place:
+            return
+        key = generator.choice(list(place) if isinstance(place, dict) else range(len(place)))
+        inner = place[key]
+        if isinstance(inner, dict | list) and inner and generator.random() < 0.85:
+            place = inner
+            continue
+        action = generator.random()
+        if action < 0.15:
+            del place[key]
+        elif action < 0.3 and isinstance(place, list):
+            place.append(copy.deepcopy(inner))
+        else:
+            place[key] = copy.deepcopy(generator.choice(VALUES))
+        return
+
+
+def test_random_changes_give_a_result_or_an_error_of_this_family(changed):
+    generator, refused = random.Random(1), 0
+    for _ in range(150):
+        try:
+            knowledge = changed(lambda content: [mutate(content, generator) for _ in range(generator.choice((1, 3)))])
+            with np.errstate(all="ignore"):
+                assert all(isinstance(e.value, float) for e in shared_estimates(knowledge))
+                history(knowledge)
+        except fw.FifthwheelError:
+            refused += 1
+    assert refused > 50

@@ -1,0 +1,238 @@
+"""Causes of a contradiction, by odds of hypotheses: gross errors of a gyro, of the vehicle file and of a trailer."""
+
+import math
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+import fifthwheel as fw
+from fifthwheel.estimate.identify.doubts import DoubtKind, PriorTest
+from fifthwheel.estimate.identify.one_stage import causes
+from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds
+from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
+from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
+from fifthwheel.estimate.identify.sensor_errors import estimate_sensor_errors
+from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError
+from fifthwheel.apps.workflow.identification import run_identification
+from fifthwheel.apps.workflow.states import run_states
+
+YAW2, ROLL2, WIDE = "yaw_rate.semitrailer", "roll_rate.semitrailer", "semitrailer.cornering_stiffness"
+SETTINGS = fw.OneStage(tyres="linear")
+
+
+@pytest.fixture(scope="module")
+def truck():
+    return fw.vehicle("cheng_cebon_2011")
+
+
+@pytest.fixture(scope="module")
+def record(truck):
+    return fw.simulate(truck, count=1, seed=3)
+
+
+def turned(record, angle):
+    """The log with the roll rate gyro of the trailer turned by an angle."""
+    roll, yaw = record.signals[ROLL2], record.signals[YAW2]
+    return record.with_signals({ROLL2: math.cos(angle) * roll + math.sin(angle) * yaw})
+
+
+def test_a_good_log_has_no_cause(truck, record):
+    solution = solve_one_stage([record], truck, SETTINGS)
+    assert likely_causes(solution, solution.linearisation.tests) == Causes()
+
+
+@pytest.fixture
+def find(monkeypatch):
+    """The likely causes for chosen logarithmic odds, by name: of the linear tests, and of the fits."""
+
+    def likely(odds, linear=None, left=None):
+        left, linear, steps = left or {}, linear or dict.fromkeys(odds, 0.0), []
+        fitted = {
+            name: SimpleNamespace(test=SimpleNamespace(name=name), minimum=name, odds=value)
+            for name, value in odds.items()
+        }
+        monkeypatch.setattr(causes, "_base", lambda _: None)
+        monkeypatch.setattr(causes, "_corrected", lambda *_: "corrected")
+        for unexplained in ("_left", "_unexplained"):
+            monkeypatch.setattr(causes, unexplained, lambda minimum: left.get(minimum, 0.0))
+        monkeypatch.setattr(causes, "gross_error", lambda unknown: unknown)  # the unknown "usual" has none
+        monkeypatch.setattr(causes, "linear_odds", lambda test, _: linear[test.name])
+        monkeypatch.setattr(causes, "_fitted", lambda _, test, error: fitted[test.name])
+        unknowns = {name: None if name == "usual" else name for name in linear}
+        solution = SimpleNamespace(minimum="all", problem=SimpleNamespace(unknowns_by_name=unknowns))
+        tests = [SimpleNamespace(name=name) for name in linear]
+        found = likely_causes(solution, tests, lambda *step: steps.append(step[1:]))
+        fits = {total for _, total in steps}.pop() if steps else 0
+        assert steps == [(done, fits) for i in range(fits) for done in (i, i + 1)]
+        return found.left if found.left is not None else [test.name for test in found.likely], fits
+
+    return likely
+
+
+def test_only_probable_hypotheses_are_fitted(find):
+    """The ten with the largest odds above exp(-5) by the linear tests; what has no gross error is none."""
+    assert find({}) == ([], 0)
+    assert find({"a": 9.0}, {"a": -5.0}) == ([], 0)
+    assert find({"a": 9.0}, {"a": -4.999}) == (["a"], 1)
+    assert find({"usual": 9.0}, {"usual": 0.0}) == ([], 0)
+    names = "abcdefghijklm"
+    linear = {name: 0.1 * i for i, name in enumerate(names)}
+    assert find(dict.fromkeys(names, 9.0), linear) == (list(reversed(names))[:10], 10)
+
+
+def test_a_cause_is_more_probable_than_none(find):
+    assert find({"a": 0.0, "b": -1.0}) == ([], 2)
+    assert find({"a": 1e-9}) == (["a"], 1)
+    assert find({"a": 0.0}, left={"all": 0.2}) == (0.2, 1)
+    assert find({}, left={"all": 0.2}) == (0.2, 0)
+
+
+def test_the_likeliest_causes_come_first(find):
+    """Those whose odds are within a factor of 20 of the largest."""
+    odds = {"a": 9.01 - math.log(20), "b": 9.0, "c": 8.99 - math.log(20), "d": 8.0}
+    assert find(odds)[0] == ["b", "d", "a"]
+
+
+def test_a_cause_has_to_explain_the_logs(find):
+    """Without one that does, none is named, unless delays that the samples show explain them."""
+    odds = {"a": 9.0, "b": 8.0}
+    assert find(odds, left={"a": 0.2})[0] == ["b"]
+    assert find(odds, left={"a": 0.2, "b": 0.3, "corrected": 0.4})[0] == 0.2
+    assert find(odds, left={"a": 0.2, "b": 0.3})[0] == ["a", "b"]
+
+
+@pytest.mark.parametrize(("statistic", "implied"), [(6.0, 9.0), (-2.0, -2.1), (0.5, 0.6)])
+def test_the_odds_of_a_linear_test(statistic, implied):
+    """Of the deviation without its prior, by its normal densities with the two variances."""
+    error, variance = GrossError(7.0, 1.5), (implied / statistic) ** 2
+    test = PriorTest(name="a", statistic=statistic, implied=implied, size=abs(statistic), shifts=np.zeros(1))
+    densities = stats.norm.logpdf(implied, scale=np.sqrt([variance + 7**2 - 1, variance]))
+    assert linear_odds(test, error) == pytest.approx(math.log(0.003 * 1.5) + densities[0] - densities[1])
+
+
+class Linear:
+    """y = A p + e with p = scale z, z ~ N(0, factors^2) and e ~ N(0, I), like a `Problem` of two logs."""
+
+    names, bounds = ("a", "b", "c@0", "c@1", "roll@0.0"), (np.full(5, -1e3), np.full(5, 1e3))
+    layout = SimpleNamespace(initial_states=[[np.array([4])]])
+
+    def __init__(self, J, y, factors):
+        self.J, self.y, self.factors = J, y, factors
+
+    def cost(self, z):
+        return float(np.sum((self.y - self.J @ z) ** 2) + np.sum((z / self.factors) ** 2)) / 2
+
+    def expand(self, z):
+        precision = np.diag(self.factors**-2.0)
+        return Quadratic(self.cost(z), precision @ z - self.J.T @ (self.y - self.J @ z), self.J.T @ self.J + precision)
+
+    def with_gross_error(self, name, factor, largest):
+        return Linear(self.J, self.y, np.where([other == name for other in self.names], factor, 1.0))
+
+    def log_evidence(self):
+        covariance = np.eye(len(self.y)) + (self.J * self.factors**2) @ self.J.T
+        return stats.multivariate_normal(cov=covariance).logpdf(self.y)
+
+
+@pytest.mark.parametrize("name", ["a", "b", "c@0"])
+def test_the_odds_of_a_hypothesis(monkeypatch, name):
+    """Exact for a linear model: the ratio of the densities of all data. The estimates are those of the wider prior of
+    the number, of which a test of its prior knows little; in one log if each log has its own."""
+    monkeypatch.setattr(causes, "TOLERANCE", 1e-9)
+    rng = np.random.default_rng(3)
+    J = rng.normal(size=(30, 5)) * [0.3, 0.2, 0.3, 0.4, 0.5]
+    problem = Linear(J, J @ [6.0, 0.5, 4.0, -3.0, 1.0] + rng.normal(size=30), np.ones(5))
+    base = causes._fit(problem, np.zeros(5))
+    test = PriorTest(name=name, statistic=4.0, implied=3.0, size=4.0, shifts=rng.normal(size=5))
+    found = causes._fitted(base, test, GrossError(5.0, 2.0))
+    i, wide = problem.names.index(name), problem.with_gross_error(name, 5.0, 3.0)
+    evidence = wide.log_evidence() - problem.log_evidence()
+    assert found.odds == pytest.approx(math.log(0.003 * 2.0) + evidence, rel=1e-9)
+    z = np.linalg.solve(J.T @ J + np.diag(wide.factors**-2.0), J.T @ problem.y)
+    assert found.test.implied == pytest.approx(z[i])
+    assert found.test.shifts == pytest.approx(np.where(np.arange(5) < 4, z - base.z, 0.0))
+
+
+@pytest.fixture(scope="module")
+def found(truck, record):
+    """The identification of a log with a turned gyro, and its progress."""
+    steps = []
+    result = fw.identify([turned(record, 0.4)], truck, SETTINGS, progress=lambda *step: steps.append(step))
+    return result, steps
+
+
+def test_a_gyro_that_is_turned_is_named_with_its_angle(found):
+    """23 standard deviations of its prior, far beyond the linear test, which understates it."""
+    result, steps = found
+    (doubt,) = [d for d in result.doubts if d.kind is DoubtKind.ASSUMPTION]
+    assert doubt.causes[0].name == f"{ROLL2}.misalignment"
+    assert abs(doubt.causes[0].changes[f"{ROLL2}.misalignment"]) == pytest.approx(0.4, abs=0.06)
+    assert not [d for d in result.doubts if d.kind is DoubtKind.SENSOR]
+    of_causes = [(done, total) for title, done, total in steps if title == "test of assumptions"]
+    assert of_causes[0][0] == 0
+    assert of_causes[-1][0] == of_causes[-1][1] > 0
+
+
+def test_the_joint_covariance_contains_the_shifts_of_the_causes(found):
+    """Of the payload height, which the roll rate determines; its own sigma does not contain the shift."""
+    result, _ = found
+    height = result["semitrailer.payload.height"]
+    stored = math.sqrt(result.covariance.among([height.name]).covariance[0, 0])
+    assert height.verdict is fw.Verdict.DOUBTFUL
+    assert stored > 1.2 * height.sigma
+    others = result.covariance.covariance
+    assert np.linalg.eigvalsh(others / np.sqrt(np.outer(np.diag(others), np.diag(others)))).min() > -1e-9
+
+
+def test_the_file_of_another_truck_is_the_cause(record):
+    """No number and no delay is proposed, and the excitation is not to blame."""
+    found = run_identification([record], fw.vehicle("auburn_6x4"), SETTINGS)
+    conclusion = found.conclusion
+    assert conclusion.headline.startswith("The vehicle file or the signal map does not fit")
+    assert conclusion.cautions[0].startswith("The vehicle file or the signal map does not fit the logs")
+    assert not [caution for caution in conclusion.cautions if "They imply" in caution or "delay" in caution]
+    assert {e.verdict for e in found.identification.parameters} == {fw.Verdict.DOUBTFUL}
+    (doubt,) = [d for d in found.identification.doubts if d.kind in (DoubtKind.NOISE, DoubtKind.ASSUMPTION)]
+    assert (doubt.kind, doubt.causes) == (DoubtKind.NOISE, ())
+    assert doubt.statistic > LARGE_DISCREPANCY
+
+
+@pytest.mark.parametrize("foreign", [True, pytest.param(False, marks=pytest.mark.slow)])
+def test_a_validation_log_of_another_trailer_contradicts(truck, record, foreign):
+    p = truck.parameters()
+    lighter = {name: p[name] - 9000.0 for name in ("semitrailer.mass", "semitrailer.payload.mass")}
+    other = truck.replace(lighter | {"semitrailer.yaw_inertia": 0.5 * p["semitrailer.yaw_inertia"]})
+    log = fw.simulate(other if foreign else truck, count=1, seed=4)
+    log = fw.Record(time=log.time, signals=log.signals, name="second")
+    conclusion = run_identification([record], truck, SETTINGS, validate=[log]).conclusion
+    assert ("second (validation) contradicts" in conclusion.headline) == foreign
+    assert any(c.startswith("second (validation log) contradicts") for c in conclusion.cautions) == foreign
+    assert conclusion.good != foreign
+
+
+def test_states_of_a_doubtful_identification_say_so(record, found):
+    identification, _ = found
+    log = turned(record, 0.4)
+    conclusion = run_states([log], identification.vehicle, identification=identification).conclusion
+    assert conclusion.headline == "The identification has estimates that are doubtful: do not rely on these states."
+    assert not conclusion.good
+    assert conclusion.cautions[0].startswith("Identification: The logs contradict")
+
+
+def test_a_log_with_a_truck_that_is_hardly_known_has_sensors(truck, record, found):
+    """A contradiction may leave a sigma above the value; a log still has sensor errors."""
+    identification, _ = found
+    covariance = identification.covariance
+    wide = replace(covariance, covariance=4.0 * np.diag(np.diag(covariance.covariance)) + 1e12 * _of(covariance, WIDE))
+    known = replace(identification, covariance=wide, surroundings={})
+    _, joint = estimate_sensor_errors(record, truck, known, 0.8)
+    assert np.isfinite(joint.covariance).all()
+
+
+def _of(uncertainty, name):
+    """1 at the variance of a name, else 0."""
+    selected = np.array([other == name for other in uncertainty.names], dtype=float)
+    return np.diag(selected)

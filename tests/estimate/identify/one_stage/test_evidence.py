@@ -1,0 +1,142 @@
+"""Doubts on logs of the linear truck with a known fault, and none without one."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
+from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle
+
+YAW, TRAILER = "yaw_rate.tractor", "yaw_rate.semitrailer"
+LINEAR = OneStage(tyres="linear")
+FRONT = "tractor.front.cornering_stiffness"
+
+
+@pytest.fixture(scope="module")
+def clean(truck: Vehicle) -> Record:
+    return simulate(truck, count=3, seed=1)
+
+
+def late(record: Record, delay: float, *names: str) -> Record:
+    return record.with_signals({n: np.interp(record.time - delay, record.time, record.signals[n]) for n in names})
+
+
+def doubts(result: Identification, kind: DoubtKind) -> list[Doubt]:
+    return [doubt for doubt in result.doubts if doubt.kind is kind]
+
+
+def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
+    result = identify([clean], truck, LINEAR)
+    assert result.doubts == ()
+    assert {e.verdict for e in result.parameters} == {Verdict.CONVERGED}
+
+
+@pytest.mark.parametrize("gyro", [YAW, TRAILER])
+def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
+    """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found. An unknown delay
+    of the steering would explain much of that of the tractor."""
+    settings = replace(LINEAR, given={"steer.*.delay": "+- 5 ms"})
+    result = identify([late(clean, 0.07, gyro)], truck, settings)
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    cause = doubt.causes[0]
+    assert cause.name == f"{gyro}.delay"
+    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.07, abs=0.03)}
+    assert cause.prior_sigmas == pytest.approx(cause.changes[f"{gyro}.delay"] / 0.01)
+    doubtful = {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL}
+    assert doubtful == set(doubt.parameters)
+    truth = truck.parameters()
+    assert all(abs(e.value - truth[e.name]) < 3.5 * e.sigma for e in result.parameters)
+
+
+def test_a_weaker_doubt_concerns_only_the_estimates_that_it_moves(truck: Vehicle) -> None:
+    record = simulate(truck, count=1, seed=3)
+    result = identify([late(record, 0.08, TRAILER)], truck, LINEAR)
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    assert doubt.statistic < STRONG_SCORE
+    right = identify([record], truck, LINEAR)
+    moved = {e.name: abs(right[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert 1 <= len(doubt.parameters) < len(moved)
+    fraction = doubt.causes[0].changes[f"{TRAILER}.delay"] / 0.08  # of the delay is implied; the rest is its prior
+    for name, change in moved.items():
+        if change * fraction < 0.35:
+            assert name not in doubt.parameters
+        if change * fraction > 0.65:
+            assert name in doubt.parameters
+
+
+def test_a_late_time_base_that_is_known_is_estimated(truck: Vehicle, clean: Record) -> None:
+    names = (TRAILER, "roll_rate.semitrailer")
+    record = replace(late(clean, 0.05, *names), time_bases=dict.fromkeys(names, "trailer logger"))
+    result = identify([record], truck, LINEAR)
+    assert result.doubts == ()
+    (delay,) = [e for e in result.sensors if e.name == "time_base.trailer logger.delay"]
+    assert abs(delay.value - 0.05) < 3.5 * delay.sigma
+    assert delay.sigma < 0.02
+
+
+def test_the_rate_of_the_time_base(truck: Vehicle) -> None:
+    """Timestamps that count 0.9 s in a second. A shorter trailer is another cause."""
+    record = simulate(truck, count=5, seed=1)
+    result = identify([replace(record, time=0.9 * record.time)], truck, OneStage(tyres="linear", check=False))
+    (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
+    (change,) = [cause.changes["time_base.scale"] for cause in doubt.causes if cause.name == "time_base"]
+    assert change == pytest.approx(1 / 0.9 - 1, rel=0.3)
+
+
+def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
+    """A bias of ten standard deviations. The two yaw rates do not show which of them is biased, so both are named."""
+    biased = clean.with_signals({YAW: clean.signals[YAW] + 0.04})
+    result = identify([biased], truck, OneStage(tyres="linear", given={"others": "exact"}))
+    (doubt,) = result.doubts
+    assert doubt.kind is DoubtKind.ASSUMPTION
+    causes = {cause.name: cause for cause in doubt.causes}
+    assert causes.keys() == {f"{YAW}.offset@0", f"{TRAILER}.offset@0"}
+    for name, sign in ((YAW, 1), (TRAILER, -1)):
+        cause = causes[f"{name}.offset@0"]
+        assert cause.prior_sigmas == pytest.approx(sign * 10, abs=1)
+        assert cause.changes == {f"{name}.offset": pytest.approx(cause.prior_sigmas * 0.004)}
+
+
+def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicle, clean: Record) -> None:
+    """Those that differ by more than half a sigma if the gain of the steering is unknown."""
+    steer = "steer.tractor.front"
+    scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
+    result = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 1.8 %"}))
+    unknown = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 50 %"}))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.ASSUMPTION, f"{steer}.gain")
+    moved = {e.name: abs(unknown[e.name].value - e.value) / e.sigma for e in result.parameters}
+    assert {name for name, change in moved.items() if change > 0.8} <= set(doubt.parameters)
+    assert not [name for name in doubt.parameters if moved[name] < 0.4]
+    assert len(doubt.parameters) >= 2
+    assert {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL} == set(doubt.parameters)
+
+
+def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
+    """A stiffness of 30 % of the true value in the vehicle file is doubtful, and no other one."""
+    wrong = truck.replace({FRONT: 0.3 * truck.parameters()[FRONT]})
+    result = identify([clean], wrong, OneStage(tyres="linear", given={"others": "exact"}))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.parameters) == (DoubtKind.ESTIMATE, (FRONT,))
+    (cause,) = doubt.causes
+    assert cause.prior_sigmas == pytest.approx(np.log(1 / 0.3) / 0.3, rel=0.1)
+    assert cause.changes == {FRONT: pytest.approx(result[FRONT].value - wrong.parameters()[FRONT])}
+    verdicts = {e.name: e.verdict for e in result.parameters}
+    assert verdicts.pop(FRONT) is Verdict.DOUBTFUL
+    assert set(verdicts.values()) == {Verdict.CONVERGED}
+
+
+def test_a_log_beyond_the_linear_range(truck: Vehicle, clean: Record) -> None:
+    fast = {n: 1.6 * values for n, values in clean.signals.items() if n != "speed"}
+    hard = replace(clean.with_signals(fast), name="hard")
+    result = identify([clean, hard], truck, OneStage(tyres="linear", given={"others": "exact"}))
+    (doubt,) = result.doubts
+    assert (doubt.kind, doubt.log, doubt.causes) == (DoubtKind.RANGE, "hard", ())
+    mean = np.convolve(hard.signals["speed"] * hard.signals[YAW], np.ones(50) / 50, mode="valid")
+    assert doubt.statistic == pytest.approx(np.abs(mean).max(), rel=0.01)
+    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}

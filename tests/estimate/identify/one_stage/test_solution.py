@@ -1,0 +1,47 @@
+"""The linearisation of several logs: sums over all of them, one after the other in the history."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify.one_stage import solution
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle
+
+UNITS = ("tractor", "semitrailer")
+
+
+def test_sigma_of_residuals_that_scatter_more_than_their_variance(
+    truck: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a 25th of the true noise variance, the scores of every log widen sigma by 5, of two logs as of one."""
+    monkeypatch.setattr(solution, "CORRELATION_TIME", 0.02)
+    right = dict(article_gyro_variance(UNITS))
+    wrong = {name: variance / 25 for name, variance in right.items()}
+    logs = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2)]
+    common = {
+        "given": {"others": "exact", "sensors": "exact"},
+        "adapt_noise": False,
+        "outlier": 100.0,
+        "tyres": "linear",
+    }
+    expected = identify(logs, truck, OneStage(noise=right, **common))
+    actual = identify(logs, truck, OneStage(noise=wrong, **common))
+    for e in expected.parameters:  # within the sampling error of the variance of the scores
+        assert actual[e.name].sigma == pytest.approx(e.sigma, rel=0.2), e.name
+        assert actual[e.name].value == pytest.approx(e.value, abs=0.3 * e.sigma), e.name
+
+
+def test_the_history_covers_all_logs(truck: Vehicle) -> None:
+    logs = [simulate(truck, count=1, seed=seed, name=f"log {seed}") for seed in (1, 2, 3)]
+    result = identify(logs, truck, OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}))
+    history = result.histories["one stage"]
+    assert (np.diff(history.time) > 0).all()
+    assert 150 < len(history.time) < 250
+    assert history.time[-1] == pytest.approx(sum(log.time[-1] - log.time[0] for log in logs), rel=1e-6)
+    assert history.values[-1] == pytest.approx([e.value for e in result.parameters], rel=1e-3)
+    assert (
+        history.sigma[-1] <= np.array([e.sigma for e in result.parameters]) * (1 + 1e-9)
+    ).all()  # model error widens
+    assert (np.diff(history.sigma, axis=0) <= 1e-3 * history.sigma[:-1]).mean() > 0.95

@@ -1,0 +1,103 @@
+"""One stage with wheel speeds of a trailer axle on the nonlinear truck, whose rolling radii follow the wheel loads."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.data.channels import SignalName
+from fifthwheel.data.channels.wheels import WHEEL_SPEED_DIFFERENCE
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.design import predict_sigmas
+from fifthwheel.model.manoeuvres import lane_changes
+from fifthwheel.data.record import Record
+from fifthwheel.truck import Vehicle
+
+pytest.importorskip("mujoco")
+from fifthwheel.model.plant import Plant
+from fifthwheel.model.plant.sensors import Sensor
+
+AXLE, NAME = "semitrailer.middle", "wheel_speed_difference.semitrailer.middle"
+DIFFERENCE = 0.006
+"""Of the radii, right less left."""
+EXACT = OneStage(tyres="saturating", given={"others": "exact", "steer.*.gain": "+- 3 %"})
+"""The vehicle file is exact."""
+
+
+@pytest.fixture(scope="module")
+def log(truck: Vehicle) -> Record:
+    """Two lane changes with gyros of the tractor, and wheel speeds as on a bus: 1/256 km/h, 20 Hz."""
+    bus = {"variance": 0.01**2, "quantisation": 1 / 256 / 3.6, "rate": 20.0}
+    wheels = {"left": 1 - DIFFERENCE / 2, "right": 1 + DIFFERENCE / 2}
+    sensors = {f"wheel_speed.{AXLE}.{side}": Sensor(scale=scale, **bus) for side, scale in wheels.items()}
+    gyros = {"yaw_rate.tractor": Sensor(variance=1.5e-5), "roll_rate.tractor": Sensor(variance=4.5e-4)}
+    exact = {"speed": Sensor(), "steer.tractor.front": Sensor()}
+    return Plant(truck).drive(lane_changes(count=2)).record(exact | gyros | sensors, seed=11)
+
+
+@pytest.fixture(scope="module")
+def without(log: Record) -> Record:
+    signals = {name: v for name, v in log.signals.items() if SignalName.of(name).quantity != "wheel_speed"}
+    return replace(log, signals=signals)
+
+
+@pytest.fixture(scope="module")
+def result(log: Record, truck: Vehicle) -> Identification:
+    return identify([log], truck, EXACT)
+
+
+def test_it_finds_the_difference_of_the_radii(result: Identification) -> None:
+    errors = {e.name.removeprefix(f"{NAME}."): e for e in result.sensors if e.name.startswith(NAME)}
+    assert errors.keys() == {"offset", "gain", "load_sensitivity", "delay"}
+    offset = errors["offset"]
+    assert abs(offset.value - DIFFERENCE) < 3 * offset.sigma
+    assert offset.sigma < 0.2 * WHEEL_SPEED_DIFFERENCE.error("offset").prior
+    assert offset.log == result.logs[0].name
+    assert errors["load_sensitivity"].value > 3 * errors["load_sensitivity"].sigma
+    assert [e.unit for e in errors.values()] == ["1", "1", "1", "s"]
+
+
+def test_it_adds_information(result: Identification, without: Record, truck: Vehicle) -> None:
+    """More signals do not enlarge a sigma, and the estimates are within three of it."""
+    alone, truth = identify([without], truck, EXACT), truck.parameters()
+    for name in ("semitrailer.cornering_stiffness", "semitrailer.yaw_inertia", "tractor.drive.cornering_stiffness"):
+        assert result[name].sigma < 1.01 * alone[name].sigma
+        assert abs(result[name].value - truth[name]) < 3 * result[name].sigma
+    assert result["semitrailer.cornering_stiffness"].sigma < 0.97 * alone["semitrailer.cornering_stiffness"].sigma
+    assert any(note.startswith("yaw_rate.semitrailer") for note in alone.notes)
+    assert not any(note.startswith("yaw_rate.semitrailer") for note in result.notes)
+
+
+def test_check_counts_its_information(log: Record, without: Record, truck: Vehicle) -> None:
+    counted, alone = (predict_sigmas([record], truck, EXACT) for record in (log, without))
+    trailer = "semitrailer.cornering_stiffness"
+    assert counted[trailer].sigma < 0.97 * alone[trailer].sigma
+
+
+def test_states_use_the_estimated_errors(result: Identification, log: Record) -> None:
+    settings = result.observer_settings(log.name)
+    assert settings.sensor_errors[f"{NAME}.offset"] == pytest.approx(DIFFERENCE, abs=1e-3)
+    assert settings.wheel_speed_offset == 0.0
+    states = result.observer(log=log.name).batch(log, result.uncertainty(log.name))
+    error = states.innovation[NAME] / states.innovation_sigma[NAME]
+    assert 0.7 < np.nanstd(error[100:]) < 1.3
+
+
+def test_exchanged_sides_are_refused(log: Record, truck: Vehicle) -> None:
+    """Of the nonlinear truck, whose load transfer adds to the difference."""
+    left, right = (f"wheel_speed.{AXLE}.{side}" for side in ("left", "right"))
+    exchanged = log.with_signals({left: log.signals[right], right: log.signals[left]})
+    with pytest.raises(ValueError, match=f"^{right}: less {left} contradicts yaw_rate.tractor .* exchange the columns"):
+        identify([exchanged], truck, EXACT)
+
+
+def test_two_stages_do_not_use_it(log: Record, without: Record, truck: Vehicle) -> None:
+    towed, settings = (
+        {"yaw_rate.semitrailer": log.signals["yaw_rate.tractor"]},
+        TwoStage(rounds=1, passes=2, check=False),
+    )
+    results = [identify([record.with_signals(towed)], truck, settings) for record in (log, without)]
+    assert results[0].parameters == results[1].parameters
+    told = [[note for note in result.notes if note.startswith(f"Two stages do not use {NAME}: ")] for result in results]
+    assert [len(notes) for notes in told] == [1, 0]

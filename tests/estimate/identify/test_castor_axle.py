@@ -1,0 +1,97 @@
+"""A self-steering trailer axle: stated, and not stated, in which case the estimates are doubtful."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.estimate.identify.doubts import DoubtKind
+from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
+from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
+from fifthwheel.model.manoeuvres import lane_changes
+from fifthwheel.model.plant import Plant
+from fifthwheel.truck import Vehicle
+from tests.model.dynamics.test_steered_axles import LIFTED, with_axle
+
+PATH = "semitrailer.rear.self_steering"
+FIXED, CASTOR = with_axle({}), with_axle({"self_steering": 0.8})
+LINEAR = fw.OneStage(tyres="linear")
+EXACT = replace(LINEAR, given={"self_steering": "exact"})
+
+
+def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[float, float, UnknownKind]]:
+    """Prior mean, sigma and kind of what steers itself."""
+    truck, settings = applied(truck, settings)
+    found = one_stage_unknowns(truck, ["yaw_rate.tractor"], settings)
+    assert all(0 <= u.lower < u.upper == 1 for u in found if u.name == PATH)
+    return {u.name: (u.centre, u.scale, u.kind) for u in found if "self_steering" in u.name}
+
+
+def test_a_last_axle_may_be_a_castor_axle() -> None:
+    uncertain = UnknownKind.UNCERTAIN
+    assert unknowns(FIXED) == {PATH: (0.0, 0.015, uncertain)}
+    assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.05})) == {PATH: (0.0, 0.05, uncertain)}
+    assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.0})) == {}
+    assert unknowns(FIXED.with_stated(dict.fromkeys(FIXED.parameters(), 0.0))) == {}
+    assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.015, uncertain)}
+    assert unknowns(with_axle({"steerable": True})) == unknowns(with_axle({"command_steering": 0.3})) == {}
+    assert unknowns(FIXED, EXACT) == {}
+    assert set(unknowns(fw.vehicle("auburn_6x4"))) == {"semitrailer.rear.self_steering"}
+
+
+def test_a_castor_axle_of_the_file_is_uncertain() -> None:
+    assert unknowns(CASTOR) == {PATH: (0.8, 0.1, UnknownKind.UNCERTAIN)}
+    assert unknowns(CASTOR.with_stated({PATH: 0.03})) == {PATH: (0.8, 0.03, UnknownKind.UNCERTAIN)}
+    assert unknowns(CASTOR.with_stated({PATH: 0.0})) == unknowns(CASTOR, EXACT) == {}
+    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"})) == {PATH: (0.8, 0.3, UnknownKind.PARAMETER)}
+    stated = unknowns(CASTOR, replace(LINEAR, given={PATH: "+- 20 %"}))
+    assert stated == {PATH: (0.8, pytest.approx(0.16), UnknownKind.UNCERTAIN)}
+
+
+def blamed(result: fw.Identification) -> list[str]:
+    """The causes of what contradicts the file."""
+    return [c.name for d in result.doubts if d.kind is DoubtKind.ASSUMPTION for c in d.causes]
+
+
+def largest_error(result: fw.Identification) -> float:
+    """Of the estimates, in their sigmas."""
+    truth = CASTOR.parameters()
+    return max(abs(e.value - truth[e.name]) / e.sigma for e in result.parameters if e.name in truth and e.sigma)
+
+
+def test_a_log_contradicts_a_fixed_axle() -> None:
+    record = fw.simulate(CASTOR, count=2, seed=1)
+    doubtful, right = (fw.identify([record], file, LINEAR) for file in (FIXED, CASTOR))
+    assert PATH in blamed(doubtful)
+    assert "doubtful" in {e.verdict for e in doubtful.parameters}
+    assert blamed(right) == []
+    assert largest_error(right) < 3
+
+
+@pytest.mark.slow
+def test_of_the_nonlinear_truck() -> None:
+    pytest.importorskip("mujoco")
+    run = Plant(CASTOR).drive(lane_changes(count=3))
+    record = run.record(seed=1)
+    doubtful, right = (fw.identify([record], file) for file in (FIXED, CASTOR))
+    assert PATH in blamed(doubtful)
+    assert blamed(right) == []
+    assert largest_error(right) < 2.5
+
+
+@pytest.mark.slow
+def test_of_a_truck_with_fixed_axles() -> None:
+    pytest.importorskip("mujoco")
+    record = Plant(FIXED).drive(lane_changes(count=3)).record(seed=3)
+    result, plain = (fw.identify([record], FIXED, fw.OneStage(given=given)) for given in ({}, EXACT.given))
+    assert blamed(result) == []
+    ratios = [a.sigma / b.sigma for a, b in zip(result.parameters, plain.parameters, strict=True)]
+    assert np.max(ratios) < 1.02
+
+
+def test_a_castor_axle_can_be_stated_without_a_file() -> None:
+    settings = replace(EXACT, given={**EXACT.given, PATH: "0.7 +- 0.05"})
+    for truck in (FIXED, CASTOR):
+        assert unknowns(truck, settings) == {PATH: (0.7, 0.05, UnknownKind.UNCERTAIN)}

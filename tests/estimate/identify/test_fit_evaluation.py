@@ -1,0 +1,256 @@
+"""The free-running model beside a log whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.model import dynamics
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.estimate.identify import Fit, OneStage, fit_evaluation
+from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
+from fifthwheel.estimate.identify.fit_evaluation import (
+    FitEvaluation,
+    _is_unexplained,
+    _speed_notes,
+    evaluate_fits,
+    free_run_fits,
+)
+from fifthwheel.estimate.identify.unknowns import parameters
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle
+
+STEER = "steer.tractor.front"
+OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
+
+
+@pytest.fixture(scope="module")
+def steered(truck: Vehicle) -> Vehicle:
+    return truck.with_logged_steering({STEER}, "")
+
+
+def response(steered: Vehicle, seed: int = 1, count: int = 1) -> Record:
+    """Outputs of the linear model without noise, from a moving initial state."""
+    record = simulate(steered, count=count, seed=seed, name=f"log {seed}")
+    model = dynamics.model(steered, OUTPUTS, roll=True)
+    inputs = {name: record.signals[name] for name in ("speed", STEER)}
+    x0 = np.array([0.02 if name.startswith("yaw_rate") else 0.0 for name in model.states])
+    _, y = free_response(model, dynamics.all_parameters(steered, OUTPUTS), record.time, inputs, x0)
+    return replace(record, signals=inputs | {name: y[:, i] for i, name in enumerate(OUTPUTS)})
+
+
+def fits(steered: Vehicle, record: Record, vehicle: Vehicle | None = None, values: dict[str, float] | None = None):
+    log = LogData(name=record.name, segments=[record])
+    unknowns = parameters.sensor_error_unknowns(steered, OUTPUTS, TwoStage())
+    model = dynamics.model(steered, OUTPUTS, roll=True)
+    result = free_run_fits(model, vehicle or steered, log, unknowns, values=values or {}, identified_on=True)
+    return {fit.signal: fit for fit in result}
+
+
+def test_offsets_and_initial_state_are_fitted(steered: Vehicle) -> None:
+    record = response(steered)
+    signals = {
+        STEER: record.signals[STEER] + 0.004,
+        "yaw_rate.tractor": record.signals["yaw_rate.tractor"] + 0.002,
+    }
+    result = fits(steered, record.with_signals(signals))
+    assert result.keys() == set(OUTPUTS)
+    assert min(fit.explained for fit in result.values()) > 0.9999
+
+
+def test_the_offsets_belong_to_the_log_and_not_to_its_segments(steered: Vehicle) -> None:
+    """A bias that jumps between two segments is not explained; one that does not is."""
+    record = response(steered)
+    middle = record.time[len(record) // 2]
+    halves = [record.cut(record.time[0], middle), record.cut(middle + 0.01, record.time[-1])]
+
+    def rms(jump: float) -> float:
+        biases = [0.002, 0.002 + jump]
+        name = OUTPUTS[1]
+        segments = [h.with_signals({name: h.signals[name] + b}) for h, b in zip(halves, biases, strict=True)]
+        log = LogData(name="log", segments=segments)
+        unknowns = parameters.sensor_error_unknowns(steered, OUTPUTS, TwoStage())
+        model = dynamics.model(steered, OUTPUTS, roll=True)
+        found = free_run_fits(model, steered, log, unknowns, values={}, identified_on=False)
+        return next(fit.rms for fit in found if fit.signal == name)
+
+    assert rms(0.0) < 5e-4
+    assert rms(0.008) > 3e-3
+
+
+def test_gain_and_delay_are_applied(steered: Vehicle) -> None:
+    record = response(steered)
+    delayed = np.interp(record.time - 0.08, record.time, record.signals[STEER]) / 1.1
+    shown = record.with_signals({STEER: delayed})
+    right = {f"{STEER}.gain": 1.1, f"{STEER}.delay": 0.08}
+    assert min(fit.explained for fit in fits(steered, shown, values=right).values()) > 0.999
+    assert max(fit.explained for fit in fits(steered, shown).values()) < 0.97
+
+
+def test_outliers_and_gaps_do_not_change_the_prediction(steered: Vehicle) -> None:
+    record = response(steered)
+    gyro = record.signals["yaw_rate.semitrailer"].copy()
+    gyro[::50] += 2.0
+    gyro[200:230] = np.nan
+    clean, result = fits(steered, record), fits(steered, record.with_signals({"yaw_rate.semitrailer": gyro}))
+    for name in OUTPUTS:
+        assert result[name].predicted == pytest.approx(clean[name].predicted, abs=2e-4)
+    assert np.isnan(result["yaw_rate.semitrailer"].measured[210])
+
+
+def test_blocks_and_decayed_responses_do_not_change_the_prediction(
+    steered: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = response(steered)
+    signals = {"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + 0.002}
+    signals["yaw_rate.semitrailer"] = np.where(record.time < 1, np.nan, record.signals["yaw_rate.semitrailer"])
+    whole = fits(steered, record.with_signals(signals))
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)  # the last block is shorter, and some responses end before it
+    result = fits(steered, record.with_signals(signals))
+    for name in OUTPUTS:
+        np.testing.assert_allclose(result[name].predicted, whole[name].predicted, rtol=0, atol=1e-9)
+
+
+def test_a_log_that_outlasts_the_response_to_its_initial_state(
+    steered: Vehicle, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without offsets nothing else is fitted, and the last blocks have no unknown."""
+    record = response(steered, count=6)
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)
+    model = dynamics.model(steered, OUTPUTS, roll=True)
+    log = LogData(name=record.name, segments=[record])
+    result = free_run_fits(model, steered, log, [], values={}, identified_on=True)
+    assert min(fit.explained for fit in result) > 0.9999
+
+
+def test_only_the_response_to_the_bank_lasts(steered: Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
+    record, lengths = response(steered, count=6), []
+
+    def counted(*arguments) -> tuple[np.ndarray, np.ndarray]:
+        lengths.append(len(arguments[2]))
+        return free_response(*arguments)
+
+    monkeypatch.setattr(fit_evaluation, "BLOCK", 97)
+    monkeypatch.setattr(fit_evaluation, "free_response", counted)
+    model = dynamics.model(steered, OUTPUTS, roll=True, bank=True)
+    free_run_fits(model, steered, LogData(name="a", segments=[record]), [], values={}, identified_on=True)
+    assert lengths.count(len(record)) == 3  # of the initial state, of none, of the bank
+
+
+def test_a_channel_that_is_missing_or_constant_has_no_fit(steered: Vehicle) -> None:
+    record = response(steered)
+    zero, missing = np.zeros(len(record)), np.full(len(record), np.nan)
+    result = fits(steered, record.with_signals({"yaw_rate.semitrailer": zero, "roll_rate.semitrailer": missing}))
+    assert result.keys() == {"yaw_rate.tractor"}
+
+
+def test_evaluation(steered: Vehicle) -> None:
+    """A wrong truck is not trusted; a predicted log does not count for that, but its other speed is noted."""
+    settings = TwoStage(check=False)
+    record, other = response(steered), response(steered, seed=2)
+    faster = other.with_signals({"speed": 1.2 * other.signals["speed"]})
+    dataset = prepare_dataset([record], steered, settings, [faster])
+    unknowns = parameters.sensor_error_unknowns(steered, OUTPUTS, settings)
+    model = dynamics.model(steered, OUTPUTS, roll=True)
+    logs = [log.with_noise(steered, OUTPUTS, {}) for log in dataset.logs]
+
+    def evaluation(**values: float) -> FitEvaluation:
+        return evaluate_fits(
+            dataset,
+            logs,
+            lambda log, used: free_run_fits(model, steered, log, unknowns, values=values, identified_on=used),
+            settings,
+        )
+
+    right = evaluation()
+    assert right.trusted
+    assert {(fit.log, fit.identified_on) for fit in right.fits} == {("log 1", True), ("log 2", False)}
+    assert right.notes == (
+        "log 2: speed from 106 to 106 km/h, identified at 88 to 88 km/h; the understeer may differ there.",
+    )
+    wrong = evaluation(**{f"{STEER}.gain": -1.0})
+    assert not wrong.trusted
+    assert any("yaw_rate.tractor: the model explains 0% of its variance in log 1" in note for note in wrong.notes)
+
+
+def fit_of(signal: str, explained: float, ratio: float, noise: float) -> Fit:
+    """A fit of a channel whose variance is so many times that of its noise."""
+    measured = np.sqrt(ratio * noise) * np.tile([1.0, 1.0, -1.0, -1.0], 250)
+    return Fit(
+        log="a", signal=signal, explained=explained, rms=0.0, time=np.arange(1000) * 0.01, measured=measured,
+        predicted=measured, identified_on=True,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("signal", "explained", "ratio", "unexplained"),
+    [
+        ("yaw_rate.tractor", 0.0, 4.01, True),
+        ("yaw_rate.tractor", 0.0, 3.99, False),
+        ("yaw_rate.tractor", 0.39, 5.0, True),  # noise explains a fifth
+        ("yaw_rate.tractor", 0.41, 5.0, False),
+        ("articulation.semitrailer", 0.39, 5.0, True),
+        ("roll_rate.tractor", 0.49, 20.1, True),
+        ("roll_rate.tractor", 0.51, 20.1, False),
+        ("roll_rate.tractor", 0.0, 19.9, False),
+        ("roll.tractor", 0.49, 20.1, True),
+        ("roll.tractor", 0.0, 19.9, False),
+        ("yaw_rate.tractor", np.nan, 5.0, True),
+    ],
+)
+def test_which_channels_are_unexplained(
+    truck: Vehicle, signal: str, explained: float, ratio: float, unexplained: bool
+) -> None:
+    """A clear signal, of which less than half is explained; of a roll rate 20 times as large as its noise."""
+    fit = fit_of(signal, explained, ratio, noise=1e-5)
+    assert _is_unexplained(fit, truck, OneStage(noise={signal: 1e-5})) == unexplained
+
+
+def test_vibration_counts_as_noise_of_an_accelerometer(truck: Vehicle) -> None:
+    """The samples change as fast as noise, so the signal is not clear."""
+    signal = "lateral_acceleration.tractor"
+    slow = fit_of(signal, 0.0, 100.0, noise=1e-5)
+    slow = replace(slow, measured=0.3 * np.sin(slow.time))
+    assert _is_unexplained(slow, truck, OneStage(noise={signal: 1e-5}))
+    vibrating = replace(slow, measured=0.3 * np.random.default_rng(1).normal(size=1000))
+    assert not _is_unexplained(vibrating, truck, OneStage(noise={signal: 1e-5}))
+
+
+@pytest.mark.parametrize(
+    ("speeds", "noted"),
+    [((18.01, 32.99), False), ((17.99, 25.0), True), ((25.0, 33.01), True), ((20.0, 30.0), False)],
+)
+def test_a_speed_outside_those_of_the_identification_is_noted(
+    steered: Vehicle, speeds: tuple[float, float], noted: bool
+) -> None:
+    """By more than a tenth."""
+    record = simulate(steered, count=1, name="a")
+    speed = np.linspace(*speeds, len(record))
+    log = LogData(name="a", segments=[record.with_signals({"speed": speed})])
+    assert bool(_speed_notes(log, (20.0, 30.0))) == noted
+
+
+@pytest.mark.parametrize(("count", "has_fit"), [(2, False), (3, True)])
+def test_a_fit_needs_three_samples(steered: Vehicle, count: int, has_fit: bool) -> None:
+    record = response(steered)
+    few = np.where(np.isin(np.arange(len(record)), (200, 400, 600)[:count]), record.signals["yaw_rate.tractor"], np.nan)
+    result = fits(steered, record.with_signals({"yaw_rate.tractor": few}))
+    assert ("yaw_rate.tractor" in result) == has_fit
+
+
+def test_explained_fraction_and_rms(steered: Vehicle) -> None:
+    """Of the residual, with missing samples left out."""
+    record = response(steered)
+    noise = 0.02 * np.random.default_rng(3).normal(size=len(record))
+    noise[::3] = np.nan
+    fit = fits(steered, record.with_signals({"yaw_rate.tractor": record.signals["yaw_rate.tractor"] + noise}))[
+        "yaw_rate.tractor"
+    ]
+    present = np.isfinite(fit.measured)
+    residual = (fit.measured - fit.predicted)[present]
+    assert fit.rms == pytest.approx(np.sqrt(np.mean(residual**2)))
+    assert fit.rms == pytest.approx(0.02, rel=0.1)
+    assert fit.explained == pytest.approx(1 - residual.var() / fit.measured[present].var())
+    assert present.sum() == len(record) - len(noise[::3])

@@ -1,0 +1,220 @@
+"""Identification, states, saved results and C with own equations of the steering, those of the example."""
+
+import pickle
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.data import channels
+
+from fifthwheel.model import dynamics
+from fifthwheel.results.assess import assess
+from fifthwheel.data.channels.channel import Channel, SensorModel, SignalLimits
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.identify.setup import Setup
+from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.plant import Plant, Properties
+from fifthwheel.data.record import Record
+from fifthwheel.results.report import write_report
+from fifthwheel.model.simulate import simulate
+from fifthwheel.apps.studies.monte_carlo import _digest
+from fifthwheel.truck import Vehicle, get
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
+from actuator_lag import GYROS, LAG, REAR, simulated, steered, with_lag
+
+TRUCK = steered(get("cheng_cebon_2011"))
+TRUE = with_lag(TRUCK, f"{LAG} s")
+STATE, PATH, SIDESLIP = "actuator.semitrailer", "steering.lag", "sideslip.semitrailer"
+STIFFNESSES = [name for name in TRUCK.parameters() if name.endswith("cornering_stiffness")]
+EXACT = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"}, check=False)
+"""Everything but the estimated parameters and the noise is known."""
+
+
+def roll_steer(steer, states, motion, p):
+    return {REAR: p["coefficient"] * motion["roll.semitrailer"]}, {}
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return simulated(TRUE)
+
+
+@pytest.fixture(scope="module")
+def guess() -> Vehicle:
+    return TRUCK.replace({name: 0.85 * TRUCK.parameters()[name] for name in STIFFNESSES})
+
+
+@pytest.fixture(scope="module")
+def own(record: Record, guess: Vehicle) -> Identification:
+    return identify([record], with_lag(guess, "0.1 s +- 0.05 s"), EXACT)
+
+
+def errors(result: Identification) -> dict[str, float]:
+    """Error of each estimate over its sigma."""
+    return {e.name: (e.value - TRUE.parameters()[e.name]) / e.sigma for e in result.parameters}
+
+
+def test_the_lag_is_estimated_and_without_it_the_stiffnesses_are_wrong(
+    own: Identification, record: Record, guess: Vehicle
+) -> None:
+    assert all(abs(error) < 3 for error in errors(own).values()), errors(own)
+    assert own[PATH].sigma < 0.05 * LAG
+    assert own[PATH].verdict is Verdict.CONVERGED
+    assert (own[PATH].unit, own[PATH].prior) == ("s", pytest.approx(0.05))
+    assert own.vehicle.parameters()[PATH] == own[PATH].value
+    without = identify([record], guess, EXACT)
+    wrong = errors(without)
+    assert max(abs(wrong[name]) for name in STIFFNESSES) > 5
+    assert own.log_likelihood > without.log_likelihood + 100
+
+
+def test_a_lag_without_sigma_is_exact(record: Record, guess: Vehicle) -> None:
+    result = identify([record], with_lag(guess, f"{LAG} s"), EXACT)
+    assert PATH not in [e.name for e in result.parameters]
+    assert all(abs(error) < 3 for error in errors(result).values())
+
+
+def test_the_prior_of_a_number_that_may_be_negative_is_normal() -> None:
+    def unknown(text: str):
+        truck = TRUCK.with_steering(roll_steer, parameters={"coefficient": text})
+        return next(u for u in Setup.of(truck, GYROS, EXACT).unknowns if u.name == "steering.coefficient")
+
+    assert not unknown("0 +- 0.1").logarithmic
+    assert (unknown("-0.05 +- 0.1").centre, unknown("-0.05 +- 0.1").scale) == (-0.05, 0.1)
+    assert unknown("0.05 +- 0.01").logarithmic
+
+
+def test_a_saved_result_has_the_equations(own: Identification, record: Record, tmp_path: Path) -> None:
+    own.save(tmp_path)
+    assert Identification.load(tmp_path) == own
+    assert Vehicle.load(tmp_path / "vehicle.toml") == own.vehicle
+    assert pickle.loads(pickle.dumps(own)) == own
+    file = tmp_path / "identification.json"
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('"actuator_lag:actuator"', '"elsewhere:actuator"'), encoding="utf-8")
+    with pytest.raises(
+        SignalError, match=r"json: equations: expected .* elsewhere:actuator, .* import elsewhere first"
+    ):
+        Identification.load(tmp_path)
+
+
+def test_the_report_shows_the_lag(own: Identification, record: Record, tmp_path: Path) -> None:
+    write_report(tmp_path / "report.html", own, [record], [own.observer().batch(record)], title="lag")
+    text = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Steering, lag" in text
+    assert "Model: yaw and roll, own steering actuator_lag:actuator." in text
+    assert "yaw and roll, own steering actuator_lag:actuator" in own.summary()
+
+
+def test_an_observer_gives_the_own_state_with_sigma(own: Identification, record: Record) -> None:
+    """The true angle is the filtered command. The first angle is uncertain, and forgotten after a second."""
+    alpha, angle = np.exp(-(record.rate**-1) / LAG), np.zeros(len(record))
+    command = record.signals[REAR]
+    for k in range(1, len(record)):
+        angle[k] = alpha * angle[k - 1] + (1 - alpha) * (command[k] + command[k - 1]) / 2
+    observer = own.observer()
+    states = observer.batch(record, own.uncertainty())
+    error, known = states.values[STATE] - angle, record.time > 1
+    assert np.sqrt(np.mean((error / states.sigma[STATE])[known & (np.abs(angle) > 1e-4)] ** 2)) < 2
+    assert np.abs(error[known]).max() < 0.02 * np.abs(angle).max()
+    (slip,) = free_response(
+        dynamics.model(TRUE, [SIDESLIP], roll=True),
+        dynamics.all_parameters(TRUE, [SIDESLIP]),
+        record.time,
+        record.signals,
+    )[1].T
+    plain = Observer(TRUCK, record.signals, own.observer_settings()).batch(record)
+    of_own, of_plain = (np.std((s.values[SIDESLIP] - slip)[known]) for s in (states, plain))
+    assert of_own < 0.3 * of_plain
+    pushed = [
+        observer.push({"time": t} | {n: v[k] for n, v in record.signals.items()}) for k, t in enumerate(record.time)
+    ]
+    filtered = observer.batch(record)
+    assert [answer[STATE] for answer in pushed] == filtered.values[STATE].tolist()
+    assert states.plot(STATE).panels[0].y.unit == "deg"
+    assert np.abs(observer.smooth(record).values[STATE] - angle)[known].max() < 0.02 * np.abs(angle).max()
+
+
+@pytest.fixture
+def sensor():
+    """A sensor of the actuator, for one test."""
+    with_lag(TRUCK, "0.1 s")
+    lists = channels.MEASURED, channels.IDENTIFIED, channels.MODELLED
+    before = [list(listed) for listed in lists]
+    channels.register(
+        Channel(
+            quantity="actuator",
+            unit="rad",
+            limit=SignalLimits(magnitude=0.5, jump=0.1),
+            noise=(1e-8, 1e-8),
+            model=SensorModel(value=lambda now, i, name: now.own_state(name)),
+        )
+    )
+    yield
+    for listed, former in zip(lists, before, strict=True):
+        listed[:] = former
+    del channels.CHANNELS["actuator"]
+
+
+def test_an_own_state_can_be_measured(sensor: None, record: Record, guess: Vehicle, own: Identification) -> None:
+    (angle,) = free_response(
+        dynamics.model(TRUE, [STATE], roll=True), dynamics.all_parameters(TRUE, [STATE]), record.time, record.signals
+    )[1].T
+    noise = np.random.default_rng(1).normal(0, 1e-4, len(record))
+    measured = replace(record, signals=dict(record.signals) | {STATE: angle + noise})
+    result = identify([measured], with_lag(guess, "0.1 s +- 0.05 s"), EXACT)
+    assert STATE in result.signals
+    assert abs(result[PATH].value - LAG) < 3 * result[PATH].sigma < 0.5 * own[PATH].sigma
+    assert STATE in Observer(TRUE, measured.signals).outputs
+
+
+def test_a_learner_has_the_own_equations(record: Record) -> None:
+    learner = Learner(with_lag(TRUCK, "0.1 s +- 0.05 s"), record.signals, replace(EXACT, given={"others": "exact"}))
+    for k, time in enumerate(record.time):
+        learner.push({"time": time} | {name: values[k] for name, values in record.signals.items()})
+    lag = next(e for e in learner.parameters if e.name == PATH)
+    assert abs(lag.value - LAG) < 2 * lag.sigma < 2 * 0.05
+    assert STATE in learner.reported
+
+
+def test_roll_steer_needs_a_model_with_roll() -> None:
+    truck = TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
+    signals = ("speed", *truck.steer_signals(), "yaw_rate.tractor")
+    assert not Observer(TRUCK, signals).roll
+    assert Observer(truck, signals).roll
+    with pytest.raises(VehicleError, match="steering: its equations use roll; use roll=True"):
+        Observer(truck, signals, ObserverSettings(roll=False))
+    for use in (lambda: simulate(truck, roll=False), lambda: linear_system(truck, 20.0, roll=False)):
+        with pytest.raises(VehicleError, match="steering: its equations use roll; use roll=True"):
+            use()
+
+
+def test_what_has_no_own_equations_refuses_them(record: Record) -> None:
+    for place, use in {
+        "the nonlinear truck": lambda: Plant(vehicle=TRUE, properties=Properties()),
+        "assess": lambda: assess(TRUE),
+        "the identification in two stages": lambda: identify([record], TRUE, TwoStage()),
+    }.items():
+        with pytest.raises(VehicleError, match=f"steering: {place} cannot model own equations"):
+            use()
+
+
+def test_a_study_runs_again_when_the_equations_change() -> None:
+    trucks = (TRUCK, TRUE, with_lag(TRUCK, "0.2 s"), TRUCK.with_steering(roll_steer, parameters={"coefficient": "1"}))
+    assert len({_digest(truck) for truck in trucks}) == len(trucks)
+    assert _digest(TRUE) == _digest(with_lag(TRUCK, f"{LAG} s"))
+
+
+def test_settings_say_what_is_wrong() -> None:
+    with pytest.raises(SignalError, match=r"roll: .*got 'no'"):
+        OneStage(roll="no")

@@ -1,0 +1,244 @@
+"""An identification as text, table, plots and files."""
+
+import json
+import pickle
+import sys
+from dataclasses import replace
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from fifthwheel.apps.cheng_cebon_2011 import article
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.formatting import shown
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
+from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.identify.result import display
+from fifthwheel.estimate.identify.statement import with_values
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+
+TRUCK = get("cheng_cebon_2011")
+GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.0e5})
+RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="<other>")
+
+
+@pytest.fixture(scope="module")
+def result():
+    return identify([RUN], GUESS, OneStage(tyres="linear"), validate=[OTHER])
+
+
+@pytest.fixture(scope="module")
+def published():
+    return identify([RUN], GUESS, article(given={"tractor.front.cornering_stiffness": "exact"}))
+
+
+@pytest.mark.parametrize("name", ["result", "published"])
+def test_a_saved_identification_is_loaded_exactly(name, request, tmp_path):
+    saved = request.getfixturevalue(name)
+    saved.save(tmp_path / "out")
+    files = {"identification.json", "vehicle.toml", "series.npz", *(["knowledge.json"] if saved.knowledge else [])}
+    assert {path.name for path in (tmp_path / "out").iterdir()} == files
+    loaded = Identification.load(tmp_path / "out")
+    assert loaded == saved == pickle.loads(pickle.dumps(saved))
+    assert type(loaded.settings) is type(saved.settings)
+    assert loaded.to_json() == saved.to_json()
+    assert Identification.load(tmp_path / "out" / "identification.json").parameters == saved.parameters
+    loaded.save(tmp_path / "again")
+    assert Identification.load(tmp_path / "again") == saved
+
+
+def test_results_that_differ_in_one_number_are_not_equal(result):
+    fit, knowledge = result.fits[0], result.knowledge
+    changed = fit.predicted.copy()
+    changed[5] = np.nextafter(changed[5], 1.0)
+    assert replace(fit, predicted=fit.predicted.copy()) == fit != replace(fit, predicted=changed)
+    assert replace(result, fits=(replace(fit, predicted=changed), *result.fits[1:])) != result
+    assert replace(knowledge, logs=()) != knowledge
+
+
+def test_a_result_never_replaces_a_foreign_file(result, tmp_path):
+    (tmp_path / "vehicle.toml").write_text("mine")
+    with pytest.raises(FifthwheelError, match=r"vehicle\.toml: not of an earlier result; choose another folder"):
+        result.save(tmp_path)
+    assert (tmp_path / "vehicle.toml").read_text() == "mine"
+    result.save(tmp_path / "new")
+    result.save(tmp_path / "new")
+
+
+def test_numbers_that_are_not_finite_are_kept(result, tmp_path):
+    fit = replace(result.fits[0], explained=float("nan"))
+    replace(result, fits=(fit,)).save(tmp_path)
+    assert np.isnan(Identification.load(tmp_path).fits[0].explained)
+
+
+def test_without_time_series(result, tmp_path):
+    result.save(tmp_path)
+    (tmp_path / "series.npz").unlink()
+    loaded = Identification.load(tmp_path)
+    assert loaded.parameters == result.parameters
+    assert loaded.plot().panels
+    for kind in ("fits", "residuals", "histories"):
+        with pytest.raises(SignalError, match="identify again"):
+            loaded.plot(kind)
+
+
+def test_damaged_files_are_refused(result, tmp_path):
+    result.save(tmp_path)
+    (tmp_path / "series.npz").write_bytes(b"PK damaged")
+    with pytest.raises(SignalError, match=r"series\.npz: damaged"):
+        Identification.load(tmp_path)
+    (tmp_path / "series.npz").unlink()
+    path = tmp_path / "identification.json"
+    contents = json.loads(path.read_text())
+    for key in contents.keys() - {"preset", "vehicle"}:
+        path.write_text(json.dumps({k: v for k, v in contents.items() if k != key}))
+        if key == "vehicle_file":
+            with pytest.raises(SignalError, match=f"not an identification.json of this version \\('{key}'\\)"):
+                Identification.load(tmp_path)
+        else:
+            with pytest.raises(SignalError, match=r"identification\.json"):
+                Identification.load(tmp_path)
+    path.write_text(json.dumps(contents | {"vehicle_file": {"name": "x", "units": []}}))
+    with pytest.raises(SignalError, match=r"identification\.json"):
+        Identification.load(tmp_path)
+
+
+def test_an_observer_of_the_result(result):
+    observer = result.observer()
+    assert set(observer.inputs) | set(observer.outputs) == set(RUN.signals)
+    assert observer.settings == result.observer_settings()
+    first = observer.batch(RUN).values["sideslip.semitrailer"]
+    again = pickle.loads(pickle.dumps(result)).observer().batch(RUN).values["sideslip.semitrailer"]
+    np.testing.assert_array_equal(first, again)
+    few = result.observer(["speed", "steer.tractor.front", "yaw_rate.tractor"], log="run", min_speed=7.0)
+    assert few.outputs == ("yaw_rate.tractor",)
+    assert few.settings.min_speed == 7.0
+
+
+@pytest.mark.slow
+def test_a_learner_of_the_result(result):
+    learner = result.learner()
+    given = with_values(result.settings.given, result.surroundings)
+    direct = Learner(result.vehicle, RUN.signals, replace(result.settings, given=given))
+    learner.learn(RUN)
+    direct.learn(RUN)
+    assert learner.parameters == direct.parameters
+
+
+def test_a_learner_has_settings_of_one_stage(published):
+    assert published.learner(["speed", "steer.tractor.front", "yaw_rate.tractor"]).parameters
+
+
+def test_the_text_is_short_and_the_summary_complete(result):
+    assert len(repr(result)) < 200
+    assert "parameters converged, from run" in repr(result)
+    lines = result.summary().splitlines()
+    for estimate in (*result.parameters, *result.derived):
+        (line,) = [line for line in lines if line.startswith(f"{estimate.name} ")]
+        derived = ", derived" if estimate in result.derived else ""
+        assert line.endswith(f"{estimate.verdict.replace('_', ' ')}{derived}")
+    assert any(line.startswith("<other> (validation)  yaw_rate.tractor") for line in lines)
+    assert "kN/rad" in result.summary()
+
+
+def test_the_summary_has_the_doubts(result):
+    cause = Cause(name="semitrailer.mass", changes={}, prior_sigmas=5.24)
+    doubtful = ("semitrailer.yaw_inertia",)
+    doubt = Doubt(kind=DoubtKind.ASSUMPTION, causes=(cause,), parameters=doubtful, statistic=5.0)
+    words = " ".join(replace(result, doubts=(doubt,)).summary().split())
+    assert "contradicted assumption: semitrailer.mass (+5.2 prior sigma); doubtful: semitrailer.yaw_inertia" in words
+    assert "contradicted" not in replace(result, doubts=()).summary()
+
+
+def test_the_tables_of_a_notebook(result):
+    page = result._repr_html_()
+    tree = ElementTree.fromstring(page)
+    rows = [["".join(cell.itertext()) for cell in row] for row in tree.iter("tr")]
+    front = next(row for row in rows if row[0] == "tractor.front.cornering_stiffness")
+    assert " ± " in front[1]
+    assert front[3] == result["tractor.front.cornering_stiffness"].verdict.replace("_", " ")
+    assert "&lt;other&gt;" in page
+
+
+def test_pandas(result, monkeypatch):
+    frame = result.to_pandas()
+    estimate = result["tractor.front.cornering_stiffness"]
+    assert frame.loc[estimate.name].to_dict() == {
+        "value": estimate.value,
+        "sigma": estimate.sigma,
+        "unit": "N/rad",
+        "initial": 4.0e5,
+        "prior": estimate.prior,
+        "verdict": str(estimate.verdict),
+    }
+    assert list(frame.index) == [e.name for e in (*result.parameters, *result.derived)]
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(FifthwheelError, match=r"fifthwheel\[pandas\]"):
+        result.to_pandas()
+
+
+def test_residuals(result, published, tmp_path):
+    frame, whitened = result.residuals(), result.residuals(whitened=True)
+    assert frame.index.names == ["log", "time"]
+    for fit in result.fits:
+        of_log = frame.loc[fit.log, fit.signal]
+        np.testing.assert_array_equal(of_log.index, fit.time)
+        np.testing.assert_array_equal(of_log, fit.measured - fit.predicted)
+    assert set(whitened.index.get_level_values("log")) == {"run"}
+    for name, raw in frame.loc["run"].items():
+        white = whitened.loc["run", name]
+        np.testing.assert_array_equal(white.index, raw.index)
+        assert abs(np.corrcoef(white[1:], white[:-1])[0, 1]) < 4 / np.sqrt(len(white))
+        assert white.std() == pytest.approx(1, abs=4 / np.sqrt(2 * len(white)))
+        assert np.corrcoef(white, raw)[0, 1] > 0.9  # the log has white noise, so the filter leaves most of it
+    with pytest.raises(FifthwheelError, match=r"whitened: this identification .*identify with OneStage\(\)"):
+        published.residuals(whitened=True)
+    result.save(tmp_path)
+    assert Identification.load(tmp_path).residuals(whitened=True).equals(whitened)
+    (tmp_path / "series.npz").unlink()
+    with pytest.raises(FifthwheelError, match="no time series; identify again"):
+        Identification.load(tmp_path).residuals()
+
+
+def test_the_plot_of_parameters(result):
+    (panel,) = result.plot().panels
+    guess, estimates = panel.items
+    row = list(panel.y.ticks.values()).index("tractor.front.cornering_stiffness")
+    front = result["tractor.front.cornering_stiffness"]
+    assert guess.x[row] == pytest.approx(4.0e5 / front.value)
+    assert estimates.x[row] == 1.0
+    assert estimates.x_sigma[row] == pytest.approx(front.sigma / front.value)
+    assert "kN/rad" in estimates.texts[row]
+
+
+@pytest.mark.parametrize("name", ["result", "published"])
+def test_the_band_of_a_history_ends_with_the_sigma_of_the_result(name, request):
+    identified = request.getfixturevalue(name)
+    for history in identified.histories.values():
+        for estimate in filter(lambda e: e.name in history.names, identified.parameters):
+            sigma = history.sigma[:, history.names.index(estimate.name)]
+            band, factor = display.history_panel(history, estimate).items[0], shown(estimate.unit).factor
+            half = (np.asarray(band.upper) - np.asarray(band.lower)) / 2 / factor
+            assert half[-1] == pytest.approx(estimate.sigma)
+            assert (half >= sigma * (1 - 1e-9)).all() == (estimate.sigma >= sigma[-1] * (1 - 1e-9))
+
+
+def test_the_plots_over_time(result, published):
+    fits = result.plot("fits", log="<other>").panels
+    assert [panel.title for panel in fits] == [
+        f"{f.signal}, <other> (validation)" for f in result.fits if f.log != "run"
+    ]
+    measured, predicted = fits[0].items
+    (residual,) = result.plot("residuals", log="<other>").panels[0].items[1:]
+    np.testing.assert_allclose(residual.y, measured.y - predicted.y)
+    assert len(result.plot("histories").panels) == len(result.histories["one stage"].names)
+    for plot in (result.plot(), result.plot("fits"), result.plot("residuals"), published.plot("histories")):
+        plot.to_plotly()
+        plot.to_matplotlib()
+    with pytest.raises(SignalError, match=r"history: no such plot; available: parameters, fits, residuals, histories"):
+        result.plot("history")
+    with pytest.raises(SignalError, match="nowhere: not a log"):
+        result.plot("fits", log="nowhere")

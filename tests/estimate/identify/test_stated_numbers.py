@@ -1,0 +1,113 @@
+"""What a user states with a standard deviation is found by its name in all that shows a result."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
+from fifthwheel.estimate.identify.design import predict_sigmas
+from fifthwheel.estimate.identify.given import applied
+from fifthwheel.base.pages import html
+from fifthwheel.results.report import front_page, identification_document
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck.spoken_names import spoken
+from fifthwheel.truck import Vehicle, get
+
+TRUCK = get("cheng_cebon_2011")
+GIVEN = {
+    "semitrailer.mass": "33.4 t +- 0.5 %",
+    "semitrailer.wheelbase": "7.98 m +- 2 cm",
+    "semitrailer.rear.self_steering": "+- 0.2",
+    "semitrailer.softening": "0 1/rad +- 0.2 1/rad",  # the simulated tyres are linear
+    "steer.*.delay": "+- 5 ms",
+    "yaw_rate.tractor.offset": "+- 0.1 deg/s",
+    "time_base": "+- 0.1 %",
+    "time_base.main.delay": "+- 5 ms",
+    "road.bank": "+- 1 deg",
+    "brakes.drive_axle": "+- 0.2",
+    "discrepancy": "+- 0.02",
+}
+SIGMAS = {
+    "semitrailer.mass": 167.0,
+    "semitrailer.wheelbase": 0.02,
+    "semitrailer.rear.self_steering": 0.2,
+    "semitrailer.softening": 0.2,
+    "steer.tractor.front.delay": 0.005,
+    "yaw_rate.tractor.offset": np.deg2rad(0.1),
+    "time_base": 0.001,
+    "time_base.main.delay": 0.005,
+    "road.bank": np.deg2rad(1.0),
+    "brakes.drive_axle": 0.2,
+    "discrepancy": 0.02,
+}
+
+
+@pytest.fixture(scope="module")
+def result() -> Identification:
+    fixed = TRUCK.replace({"semitrailer.rear.self_steering": 0.0})
+    return identify([simulate(TRUCK, count=1, seed=3)], fixed, OneStage(given=GIVEN, tyres="linear"))
+
+
+@pytest.mark.parametrize("name", SIGMAS)
+def test_it_is_in_the_result(result: Identification, name: str) -> None:
+    found = result[name]
+    assert found in result.stated_numbers
+    assert found.prior == pytest.approx(SIGMAS[name])
+    assert 0 < found.sigma <= found.prior * 1.001
+    assert abs(found.value - found.initial) < 4 * found.prior
+    page = html.blocks(front_page.estimates(result))
+    for text in (result.summary(), str(identification_document(result)), page):
+        assert (spoken(name) if text is page else name) in text
+
+
+def test_it_is_what_the_vehicle_of_the_result_has(result: Identification) -> None:
+    numbers = result.vehicle.parameters() | result.vehicle.derived()
+    for name in ("semitrailer.mass", "semitrailer.wheelbase"):
+        assert result[name].value == pytest.approx(numbers[name])
+    for name in ("semitrailer.mass", "semitrailer.softening"):
+        i = result.covariance.names.index(name)
+        assert result[name].sigma == pytest.approx(np.sqrt(result.covariance.covariance[i, i]), rel=0.02)
+
+
+def test_it_is_saved(result: Identification, tmp_path: Path) -> None:
+    result.save(tmp_path)
+    assert Identification.load(tmp_path).stated_numbers == result.stated_numbers
+
+
+def test_what_a_statement_changes_is_not_shown_as_stated(result: Identification) -> None:
+    shown = {e.name for e in result.stated_numbers}
+    assert not {"semitrailer.cog", "semitrailer.rear.position", "semitrailer.payload.mass"} & shown
+    assert len(shown) == len(result.stated_numbers)
+
+
+def test_the_settings_keep_a_wheelbase_as_it_is_stated() -> None:
+    vehicle, settings = applied(TRUCK, OneStage(given={"semitrailer.wheelbase": "7.7 m +- 1 %"}))
+    assert settings.given == {"semitrailer.wheelbase": "+- 1 %"}
+    assert applied(vehicle, settings) == (vehicle, settings)
+
+
+def test_of_several_logs_each_has_its_own() -> None:
+    given = {"yaw_rate.tractor.offset": "+- 0.1 deg/s", "others": "exact"}
+    logs = [replace(simulate(TRUCK, count=1, seed=i), name=name) for i, name in enumerate(("a", "b"))]
+    shown = identify(logs, TRUCK, OneStage(given=given, tyres="linear")).stated_numbers
+    assert [e.name for e in shown] == ["yaw_rate.tractor.offset@a", "yaw_rate.tractor.offset@b"]
+    prediction = predict_sigmas(logs, TRUCK, OneStage(given=given, tyres="linear"), checked=True)
+    assert prediction["yaw_rate.tractor.offset@b"].verdict is Verdict.STATED
+
+
+def test_the_vehicle_file_states_it() -> None:
+    """The mass of a unit, the place of a sensor, and the driveline, which does not act on lateral motion."""
+    text = TRUCK.to_toml().replace(
+        "[[unit]]", "[[unit]]\naccelerometer = {position = '-1 +- 0.2 m', height = '1 m'}", 1
+    )
+    placed = Vehicle.loads(text + '\n[driveline]\ntorque_scale = "1.02 +- 0.1 %"\n')
+    placed = placed.with_stated({"semitrailer.mass": 100.0})
+    log = simulate(TRUCK, count=1, seed=3)
+    log = log.with_signals({"lateral_acceleration.tractor": log.signals["yaw_rate.tractor"] * log.signals["speed"]})
+    result = identify([log], placed, OneStage(tyres="linear"))
+    assert result["semitrailer.mass"].prior == pytest.approx(100.0)
+    assert 0 < result["tractor.accelerometer.position"].sigma < 0.2
+    assert result["driveline.torque_scale"].sigma == pytest.approx(0.00102)
+    assert result.stated_numbers == []

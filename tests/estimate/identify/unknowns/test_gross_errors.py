@@ -1,0 +1,83 @@
+"""The rows of the gross errors: their sizes in the units of priors, and the range of what a truck can have."""
+
+from dataclasses import replace
+
+import pytest
+
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error, is_possible
+from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.quantities import QUANTITIES, quantity_of
+
+STEER = "steer.tractor.front"
+OUTPUTS = (
+    *("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer", "articulation.semitrailer"),
+    *("lateral_acceleration.tractor", "wheel_speed_difference.semitrailer"),
+)
+
+
+def unknowns(truck: Vehicle, tyres: str = "saturating") -> dict[str, Unknown]:
+    steered = truck.with_logged_steering([STEER], "a log")
+    return {u.name: u for u in one_stage_unknowns(steered, OUTPUTS, OneStage(tyres=tyres))}
+
+
+@pytest.mark.parametrize(
+    ("name", "path", "size"),
+    [
+        ("mass_scale", "semitrailer.mass", 0.3),
+        ("semitrailer.payload.mass", "semitrailer.sprung.mass", 0.3),  # which replaces the payload
+        ("tractor.cog", "tractor.cog", 0.3),
+        ("semitrailer.cog", "semitrailer.cog", 0.7),
+        ("semitrailer.axle_positions", "semitrailer.rear.position", 0.6),  # the axle that moves most
+        ("tractor.coupling", "fifth_wheel.leading_position", 0.4),
+        ("semitrailer.roll_stiffness", "semitrailer.roll_stiffness", 0.5),
+        ("semitrailer.tyre_roll_stiffness", "semitrailer.tyre_roll_stiffness", 0.5),
+        ("semitrailer.sprung.cog_height", "semitrailer.sprung.cog_height", 0.3),
+        ("semitrailer.cornering_stiffness.variation", "semitrailer.cornering_stiffness", 0.3),
+        ("time_base", "time_base.scale", 0.03),
+        (f"{STEER}.gain", f"{STEER}.gain", 0.4),
+        (f"{STEER}.offset", f"{STEER}.offset", 0.04),
+        ("yaw_rate.tractor.delay", "yaw_rate.tractor.delay", 0.3),
+        ("lateral_acceleration.tractor.position", "lateral_acceleration.tractor.position", 1.5),
+        ("wheel_speed_difference.semitrailer.offset", "wheel_speed_difference.semitrailer.offset", 0.02),
+    ],
+)
+def test_the_size_of_a_gross_error(truck: Vehicle, name: str, path: str, size: float) -> None:
+    """Of masses and of the logarithm of numbers above 0 as a fraction, of positions in m, else SI; the range is three
+    of them."""
+    unknown, error = unknowns(truck)[name], gross_error(unknowns(truck)[name])
+    assert error is not None
+    relative = path.endswith("mass") or name.endswith("variation")
+    change = unknown.scale * error.size * unknown.slopes[path] / (truck.parameters()[path] if relative else 1.0)
+    assert abs(change) == pytest.approx(size)
+    for sign in (-1, 1):
+        assert is_possible(unknown, sign * 2.99 * error.size)
+        assert not is_possible(unknown, sign * 3.01 * error.size)
+
+
+def test_a_wide_prior_covers_what_a_truck_can_have(truck: Vehicle) -> None:
+    """Then three standard deviations of the prior, or of its tail, are possible."""
+    soft = unknowns(truck)["semitrailer.roll_stiffness"]
+    for scale, possible in ((0.499, 0.5), (0.5, 0.5), (0.8, 0.8)):
+        unknown = replace(soft, scale=scale, tail=1.0)
+        assert (gross_error(unknown) is not None) == (scale < 0.5)
+        assert is_possible(unknown, 2.99 * possible / scale)
+        assert not is_possible(unknown, 3.01 * possible / scale)
+    for tail, limit in ((3.0, 9.0), (0.5, 3.0)):
+        unknown = replace(unknowns(truck)["semitrailer.cornering_stiffness"], tail=tail)
+        assert gross_error(unknown) is None
+        assert is_possible(unknown, -0.99 * limit)
+        assert not is_possible(unknown, -1.01 * limit)
+    assert is_possible(unknowns(truck)["road.friction"], 99.0)
+
+
+def test_each_row_is_of_an_unknown(truck: Vehicle) -> None:
+    stated = dict.fromkeys(("semitrailer.front.position", "fifth_wheel.leading_position"), 0.05)
+    stated["fifth_wheel.trailing_position"] = 0.05
+    weighed = truck.replace({"fifth_wheel.roll_damping": 1e3}).with_stated({"semitrailer.sprung.mass": 50.0})
+    cases = ((truck, "saturating"), (truck, "linear"), (truck.with_stated(stated), "saturating"), (weighed, "linear"))
+    used = {id(quantity_of(name)) for vehicle, tyres in cases for name in unknowns(vehicle, tyres)}
+    unused = {key for key, row in QUANTITIES.items() if row.gross and id(row) not in used}
+    assert unused == {"time_base.delay"}  # of logs with several time bases

@@ -1,0 +1,446 @@
+"""Which parameters are estimated, uncertain or fixed, by their names."""
+
+import math
+
+import pytest
+
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns, sensor_unknowns
+from fifthwheel.apps.cheng_cebon_2011.stage import filter_sigmas
+from fifthwheel.model.dynamics.sensors import sensor_parameters
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify.design import design_experiment, predict_sigmas
+from fifthwheel.estimate.identify.estimates import sensor_error_unit
+from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.unknowns.parameters import (
+    ROAD_FRICTION,
+    SOFTENING,
+    SOFTENING_PRIOR,
+    estimated_parameters,
+    lacks_roll_rate,
+    one_stage_unknowns,
+    softening_priors,
+    stage_1_names,
+    stage_2_names,
+    time_base_delays,
+)
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.quantities import quantity_of
+from fifthwheel.truck.unit import Accelerometer
+
+HEIGHT = "semitrailer.payload.height"
+RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer")
+
+
+def in_vehicle(
+    truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES
+) -> tuple[Vehicle, tuple[str, ...], OneStage]:
+    """Arguments of `one_stage_unknowns` with what the settings state of the vehicle."""
+    vehicle, settings = applied(truck, settings)
+    return vehicle, outputs, settings
+
+
+def test_the_vehicle_file_replaces_a_default_that_is_considered(truck: Vehicle) -> None:
+    def sigma(settings: OneStage, stated: float) -> float | None:
+        vehicle = truck.with_stated({"semitrailer.roll_stiffness": stated})
+        unknowns = {u.name: u for u in one_stage_unknowns(*in_vehicle(vehicle, settings))}
+        return unknowns["semitrailer.roll_stiffness"].scale if "semitrailer.roll_stiffness" in unknowns else None
+
+    value = truck.parameters()["semitrailer.roll_stiffness"]
+    assert sigma(OneStage(), 0.03 * value) == pytest.approx(0.03)
+    assert sigma(OneStage(), 0.0) is None
+    assert sigma(OneStage(given={"others": "exact", "roll_stiffness": "+- 20 %"}), 0.03 * value) == 0.2
+
+
+def test_paths_by_their_end(truck: Vehicle) -> None:
+    stiffnesses = [name for name in stage_1_names(truck) if name.endswith(".cornering_stiffness")]
+    assert truck.paths(["cornering_stiffness", stiffnesses[0]]) == stiffnesses
+    assert truck.paths(["payload.height"]) == [HEIGHT]
+    with pytest.raises(VehicleError, match=r"ering_stiffness: no such parameter in .*cheng"):
+        truck.paths(["ering_stiffness"])
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        (HEIGHT, False),
+        ("tractor.payload.height", True),
+        ("tractor.sprung.cog_height", True),
+        ("tractor.sprung.roll_inertia", True),
+        ("tractor.sprung.mass", False),
+        ("tractor.roll_axis_height", False),
+    ],
+)
+def test_lacks_roll_rate(name: str, expected: bool) -> None:
+    assert lacks_roll_rate(name, RATES) is expected
+
+
+def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
+    settings = OneStage(
+        given={
+            "others": "exact",
+            "sensors": "exact",
+            "relaxation_length": "+- 30 %",
+            "roll_damping": "+- 20 %",
+        }
+    )
+    unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
+    names = [u.name for u in unknowns]
+    assert len(set(names)) == len(names)
+    estimated = [
+        u.name for u in unknowns if not (u.kind is UnknownKind.UNCERTAIN or not u.is_estimated or u.is_sensor_error)
+    ]
+    assert estimated == estimated_parameters(truck, settings) == [*stage_1_names(truck), *stage_2_names(truck)]
+    uncertain = {u.name.rpartition(".")[2] for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
+    assert uncertain == {"relaxation_length", "roll_damping"}
+    assert all(u.is_estimated for u in unknowns)
+    assert "tractor.yaw_inertia" not in names
+
+
+def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
+    """Its CoG height is uncertain. Its roll inertia acts like the payload height; by its full path it is uncertain."""
+
+    def uncertain(settings: OneStage) -> set[str]:
+        unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
+        return {u.name for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
+
+    assert "tractor.sprung.cog_height" in uncertain(OneStage())
+    assert "semitrailer.sprung.cog_height" in uncertain(OneStage())
+    inertia = "semitrailer.sprung.roll_inertia"
+    assert inertia not in uncertain(OneStage())
+    assert inertia in uncertain(OneStage(given={HEIGHT: "exact"}))
+    assert uncertain(OneStage(given={"others": "exact", "sensors": "exact", inertia: "+- 10 %"})) == {inertia}
+
+
+def test_priors(truck: Vehicle) -> None:
+    """Standard deviation and slope agree with the transformation z -> p."""
+    for settings in (TwoStage(), TwoStage(logarithmic=False)):
+        for u in parameter_unknowns(truck, [*stage_1_names(truck), HEIGHT], settings):
+            expected = 1.0 if u.name == HEIGHT else 0.3 * truck.parameters()[u.name]
+            assert u.prior_sigma == pytest.approx(expected)
+            assert u.slope(u.centre) == pytest.approx(expected)
+
+
+def test_sensor_errors(truck: Vehicle) -> None:
+    unknowns = sensor_unknowns(truck, RATES, TwoStage())
+    names = {u.name for u in unknowns}
+    assert {f"steer.tractor.front.{kind}" for kind in ("offset", "gain", "delay")} <= names
+    assert {f"{rate}.offset" for rate in RATES} <= names
+    assert {u.name for u in unknowns if u.per_log} == {name for name in names if name.endswith(".offset")}
+    assert sensor_unknowns(truck, RATES, TwoStage(given={"sensors": "exact"})) == []
+
+
+def by_name(truck: Vehicle, settings: OneStage, outputs: tuple[str, ...] = RATES) -> dict[str, Unknown]:
+    return {u.name: u for u in one_stage_unknowns(*in_vehicle(truck, settings, outputs))}
+
+
+def test_softening_is_that_of_a_brush_tyre(truck: Vehicle) -> None:
+    """Fiala (1954): F = C a - (C a)^2 / (3 mu Fz) + (C a)^3 / (27 mu^2 Fz^2); equal to second order in a."""
+    priors, loads = softening_priors(truck), truck.axle_loads()
+    for unit in truck.units:
+        for group in unit.axle_groups:
+            path, slip = unit.group_path(group), 1e-3
+            linear, grip = group.cornering_stiffness * slip, ROAD_FRICTION * loads[path]
+            fiala = linear - linear**2 / (3 * grip) + linear**3 / (27 * grip**2)
+            (mean, sigma), (fraction, _) = priors[path], SOFTENING_PRIOR
+            assert sigma < mean < mean / fraction
+            softened = linear / (1 + mean / fraction * slip)
+            assert linear - softened == pytest.approx(linear - fiala, rel=0.02)
+
+
+def test_a_small_sigma_of_the_softening_keeps_its_mean(truck: Vehicle) -> None:
+    u = by_name(truck, OneStage(tyres="linear", given={"softening": "+- 0.01 1/rad"}))["tractor.front.softening"]
+    assert u.centre == softening_priors(truck)["tractor.front"][0]
+    assert u.lower < u.centre < u.upper
+
+
+def test_softening_without_static_loads(truck: Vehicle) -> None:
+    """Two groups on one unit behind a coupling leave the loads open."""
+    group = truck.units[1].axle_groups[0]
+    axles = [group.model_copy(update={"name": f"part{i}", "axles": (axle,)}) for i, axle in enumerate(group.axles)]
+    trailer = truck.units[1].model_copy(update={"axle_groups": tuple(axles)})
+    undetermined = truck.model_copy(update={"units": (truck.units[0], trailer)})
+    assert set(softening_priors(undetermined).values()) == {tuple(SOFTENING * x for x in SOFTENING_PRIOR)}
+
+
+def test_all_but_the_reported_parameters_can_be_exact(truck: Vehicle) -> None:
+    gyros = {f"{rate}.delay" for rate in RATES}
+    full = {name for name, u in by_name(truck, OneStage()).items() if u.kind is UnknownKind.UNCERTAIN}
+    variation = "semitrailer.cornering_stiffness.variation"
+    assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= full
+    others = by_name(truck, OneStage(given={"others": "exact"})).values()
+    assert {u.name for u in others if u.kind is UnknownKind.UNCERTAIN} == {"time_base", *gyros}
+
+
+def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -> None:
+    """One standard deviation of the mass scale changes all loads by its fraction."""
+    scale = by_name(truck, OneStage(tyres="saturating"))["mass_scale"]
+    for path, load in truck.axle_loads().items():
+        assert scale.slopes[f"{path}.static_load"] == pytest.approx(quantity_of("mass_scale").sigma * load, rel=1e-6)
+    assert "tractor.front.static_load" not in by_name(truck, OneStage(tyres="linear"))["mass_scale"].slopes
+
+
+def test_an_exact_sensor_has_no_latency(truck: Vehicle) -> None:
+    assert not [
+        name
+        for name in by_name(truck, OneStage(given={"sensors": "exact", "road.bank": "exact"}))
+        if name.endswith((".delay", ".play"))
+    ]
+
+
+def test_a_change_of_the_vehicle_file_leaves_other_unknowns_alone(truck: Vehicle) -> None:
+    """Estimated, uncertain and fixed parameters are not part of a change; one without any other is left out."""
+    moved = by_name(truck, OneStage())["mass_scale"].slopes
+    assert {"tractor.mass", "semitrailer.mass", "tractor.sprung.mass"} <= set(moved)
+    assert "semitrailer.yaw_inertia" not in moved  # estimated
+    assert "tractor.yaw_inertia" not in moved  # has an unknown of its own
+    fixed = by_name(truck, OneStage(given={"tractor.mass": "exact", "tractor.cog": "exact"}))
+    assert "tractor.mass" not in fixed["mass_scale"].slopes
+    assert "tractor.cog" not in fixed
+
+
+def test_play_is_not_negative(truck: Vehicle) -> None:
+    play = by_name(truck, OneStage())["steer.tractor.front.play"]
+    assert (play.lower, play.centre) == (0.0, 0.0)
+    assert play.upper > 0
+    assert play.is_estimated
+
+
+def test_delays_of_time_bases(truck: Vehicle) -> None:
+    """One for each time base but that of the steering; channels without a name are on the main one."""
+    bases = {"yaw_rate.semitrailer": "trailer", "roll_rate.semitrailer": "trailer", "yaw_rate.tractor": "imu"}
+    delays = {u.name: dict(u.slopes) for u in time_base_delays(bases, "", RATES, OneStage())}
+    assert delays == {
+        "time_base.trailer.delay": {"yaw_rate.semitrailer.delay": 1.0, "roll_rate.semitrailer.delay": 1.0},
+        "time_base.imu.delay": {"yaw_rate.tractor.delay": 1.0},
+    }
+    by_imu = time_base_delays({"yaw_rate.tractor": "imu", "steer.tractor.front": "imu"}, "imu", RATES, OneStage())
+    (main,) = by_imu
+    assert main.name == "time_base.main.delay"
+    assert set(main.slopes) == {"yaw_rate.semitrailer.delay", "roll_rate.semitrailer.delay"}
+    assert time_base_delays(bases, "", RATES, OneStage(given={"sensors": "exact", "road.bank": "exact"})) == []
+    (prior,) = {
+        u.prior_sigma for u in time_base_delays(bases, "", RATES, OneStage(given={"time_base.*.delay": "+- 0.02 s"}))
+    }
+    assert prior == 0.02
+
+
+STEER, ACCELERATION = "steer.tractor.front", "lateral_acceleration.tractor"
+GYRO, HITCH = "yaw_rate.tractor", "articulation.semitrailer"
+WHEELS = "wheel_speed_difference.semitrailer"
+SENSOR_ERRORS = {
+    # name: prior mean, of one log, estimated by both methods
+    "speed.delay": (0.0, False, False),
+    f"{STEER}.offset": (0.0, True, True),
+    f"{STEER}.gain": (1.0, False, True),
+    f"{STEER}.delay": (0.0, False, True),
+    f"{STEER}.play": (0.0, False, False),
+    f"{GYRO}.offset": (0.0, True, True),
+    "roll_rate.tractor.offset": (0.0, True, True),
+    f"{HITCH}.offset": (0.0, True, True),
+    f"{GYRO}.gain": (1.0, False, False),
+    f"{GYRO}.misalignment": (0.0, False, False),
+    f"{ACCELERATION}.offset": (0.0, True, False),
+    f"{ACCELERATION}.gain": (1.0, False, False),
+    f"{ACCELERATION}.delay": (0.0, False, False),
+    f"{WHEELS}.offset": (0.0, True, False),
+    f"{WHEELS}.gain": (1.0, False, False),
+    f"{WHEELS}.load_sensitivity": (0.0, False, False),
+    f"{WHEELS}.delay": (0.0, False, False),
+}
+OUTPUTS = (GYRO, "roll_rate.tractor", HITCH, ACCELERATION, WHEELS)
+
+
+@pytest.mark.parametrize("name", SENSOR_ERRORS)
+def test_each_sensor_error_has_the_stated_prior(truck: Vehicle, name: str) -> None:
+    """And bounds at eight times its standard deviation."""
+    (mean, per_log, both), unit = SENSOR_ERRORS[name], sensor_error_unit(name).removesuffix("1")
+    unknown = by_name(truck, OneStage(given={name: f"+- 0.0123 {unit}"}), OUTPUTS)[name]
+    assert (unknown.scale, unknown.centre, unknown.per_log, unknown.logarithmic) == (0.0123, mean, per_log, False)
+    assert (unknown.kind, unknown.is_sensor_error) == (UnknownKind.SENSOR, True)
+    bounds = (0.0 if name.endswith("play") else mean - 8 * 0.0123, mean + 8 * 0.0123)
+    assert (unknown.lower, unknown.upper) == pytest.approx(bounds)
+    two_stage = {u.name: u for u in sensor_unknowns(truck, OUTPUTS[:3], TwoStage())}
+    assert (name in two_stage) == both
+    if both:
+        assert two_stage[name].scale == by_name(truck, OneStage(), OUTPUTS)[name].scale
+
+
+def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
+    steered = truck.with_logged_steering({STEER}, "")
+    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.kind is UnknownKind.SENSOR}
+    roll = {f"roll_rate.tractor.{kind}" for kind in ("gain", "misalignment")}
+    places = {f"{ACCELERATION}.{kind}" for kind in ("position", "height")}
+    assert names == set(SENSOR_ERRORS) | roll | places
+    assert {"mass_scale", f"{GYRO}.delay"} <= {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage())}
+
+
+def test_the_place_of_an_accelerometer(truck: Vehicle) -> None:
+    """By the vehicle file; its stated standard deviation replaces that of the settings, and an exact place is known."""
+    place = truck.unit("tractor").place_of_accelerometer()
+    unknowns = by_name(truck, OneStage(given={"lateral_acceleration.*.position": "+- 0.4 m"}), OUTPUTS)
+    for kind, sigma in (("position", 0.4), ("height", 0.3)):
+        unknown = unknowns[f"{ACCELERATION}.{kind}"]
+        assert (unknown.centre, unknown.scale, unknown.per_log) == (getattr(place, kind), sigma, False)
+    stated = {f"tractor.accelerometer.{kind}": sigma for kind, sigma in (("position", 0.03), ("height", 0.0))}
+    tractor = truck.unit("tractor").model_copy(update={"accelerometer": place})
+    there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
+    unknowns = by_name(there.with_stated(stated), OneStage(), OUTPUTS)
+    assert unknowns[f"{ACCELERATION}.position"].scale == 0.03
+    assert f"{ACCELERATION}.height" not in unknowns
+
+
+def test_the_places_of_several_accelerometers(truck: Vehicle) -> None:
+    """A sensor with a name has its own place; one that the vehicle file does not name is where the unit's is."""
+    front, rear = Accelerometer(position=-1.2, height=0.9), Accelerometer(position=-4.1, height=1.1)
+    tractor = truck.unit("tractor").model_copy(update={"accelerometer": front, "accelerometers": {"rear": rear}})
+    there = truck.model_copy(update={"units": (tractor, *truck.units[1:])})
+    there = there.with_stated({"tractor.accelerometer.position": 0.03, "tractor.accelerometers.rear.position": 0.07})
+    names = [ACCELERATION, f"{ACCELERATION}.rear", f"{ACCELERATION}.roof"]
+    unknowns = by_name(there, OneStage(), (*OUTPUTS, *names[1:]))
+    for name, place, sigma in zip(names, (front, rear, front), (0.03, 0.07, 0.03), strict=True):
+        position = unknowns[f"{name}.position"]
+        assert (position.centre, position.scale) == (place.position, sigma)
+        assert sensor_parameters(there, name)[f"{name}.height"] == place.height
+
+
+def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
+    """Stiffness and inertia by a fraction, between an eighth and eight times the value; heights in metres."""
+    values = truck.parameters()
+    unknowns = by_name(
+        truck,
+        OneStage(
+            given={"cornering_stiffness": "+- 21 %", "yaw_inertia": "+- 21 %", "payload.height": "0.3 m +- 0.7 m"}
+        ),
+    )
+    stiffness, height = unknowns["tractor.front.cornering_stiffness"], unknowns[HEIGHT]
+    value = values["tractor.front.cornering_stiffness"]
+    assert (stiffness.centre, stiffness.scale, stiffness.logarithmic) == (value, 0.21, True)
+    assert (stiffness.lower, stiffness.upper) == pytest.approx((value / 8, value * 8))
+    assert (height.centre, height.scale, height.logarithmic) == (0.3, 0.7, False)
+    assert (height.lower, height.upper) == (0.01, 3.5)
+    assert by_name(truck, OneStage(given={"payload.height": "+- 0.75 m"}))[HEIGHT].centre == values[HEIGHT]
+    body = "semitrailer.sprung.roll_inertia"
+    separate = by_name(
+        truck.lumped(),
+        OneStage(
+            uniform_payload=False,
+            given={"sprung.roll_inertia": "+- 55 %", "sprung.cog_height": "+- 21 %"},
+        ),
+    )
+    assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
+    own = by_name(truck, OneStage(given={"semitrailer.yaw_inertia": "+- 5 %"}))
+    assert own["semitrailer.yaw_inertia"].scale == 0.05
+    assert own["semitrailer.yaw_inertia"].kind is UnknownKind.PARAMETER
+    damping = by_name(truck, OneStage(given={"roll_damping": "+- 5 %"}))["semitrailer.roll_damping"]
+    assert damping.kind is UnknownKind.UNCERTAIN
+
+
+def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
+    """As a fraction of the prior, which `given` states; the random walk likewise. A number is a variance, SI."""
+    names = ("tractor.front.cornering_stiffness", HEIGHT)
+    settings = TwoStage(
+        given={"cornering_stiffness": "+- 20 %", HEIGHT: "0.4 m +- 0.5 m"},
+        P_p={"cornering_stiffness": "+- 2 %", names[0]: "+- 1 %", HEIGHT: "+- 100 mm"},
+        Q_p={names[0]: 475**2, HEIGHT: 0.025**2},
+    )
+    stiffness, height = parameter_unknowns(truck, names, settings)
+    assert filter_sigmas(stiffness, settings) == pytest.approx((0.05, 475 / (0.2 * stiffness.centre)))
+    assert filter_sigmas(height, settings) == pytest.approx((0.2, 0.05))
+    assert (height.centre, height.scale) == (0.4, 0.5)
+    usual = parameter_unknowns(truck, names, TwoStage())
+    assert {filter_sigmas(u, TwoStage()) for u in usual} == {(1.0, 0.0)}
+    linear = parameter_unknowns(truck, names[:1], TwoStage(logarithmic=False, given={names[0]: "+- 20 %"}))[0]
+    assert (linear.logarithmic, linear.scale) == (False, pytest.approx(0.2 * linear.centre))
+    fixed = parameter_unknowns(truck, names, TwoStage(given={**dict.fromkeys(names[:1], "exact")}))
+    assert [u.name for u in fixed] == [HEIGHT]
+
+
+def test_estimates_are_within_the_range_of_a_vehicle_file(truck: Vehicle) -> None:
+    """A value outside the range widens it."""
+    unknowns, ranges = by_name(truck, OneStage()), truck.parameter_ranges()
+    assert ranges["semitrailer.sprung.cog_height"] == (0.2, 5.0)
+    for name in ranges.keys() & unknowns.keys():
+        u = unknowns[name]
+        if not u.moves:
+            assert ranges[name][0] <= u.lower <= u.centre < u.upper <= ranges[name][1], name
+    height = unknowns["semitrailer.sprung.cog_height"]
+    assert (height.lower, height.upper) == (0.2, 5.0)
+    wide, widest = height.reaching(12.0), height.reaching(99.0)
+    assert (wide.lower, wide.upper) == pytest.approx((height.centre * math.exp(-1.2), height.centre * math.exp(1.2)))
+    assert (widest.lower, widest.upper) == (0.2, 5.0)
+    low = height.within(2.0, 3.0)
+    assert (low.lower, low.upper, low.possible) == (height.centre, 3.0, (height.centre, 3.0))
+    offset = unknowns["yaw_rate.tractor.offset"].reaching(30.0)
+    assert (offset.lower, offset.upper) == pytest.approx((-0.12, 0.12))
+
+
+def test_the_change_of_an_unknown(truck: Vehicle) -> None:
+    unknowns = by_name(truck, OneStage(tyres="saturating"))
+    stiffness, cog = unknowns["tractor.front.cornering_stiffness"], unknowns["tractor.cog"]
+    assert stiffness.change(math.log(2) / stiffness.scale) == pytest.approx(stiffness.centre)
+    assert cog.change(3.0) == pytest.approx(3 * cog.prior_sigma)
+
+
+def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
+    """The fraction of engine and retarder is about a half, for all tyre laws."""
+    for tyres in ("linear", "saturating"):
+        brakes = by_name(truck, OneStage(tyres=tyres))["brakes.drive_axle"]
+        assert (brakes.centre, brakes.scale, brakes.lower, brakes.upper, brakes.per_log) == (0.5, 0.4, 0.0, 1.0, True)
+        assert brakes.kind is UnknownKind.UNCERTAIN
+    assert "brakes.drive_axle" not in by_name(truck, OneStage(given={"brakes.drive_axle": "exact"}))
+
+
+PRODUCT = "tractor.sprung.roll_yaw_product"
+
+
+def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
+    """It is reported with the standard deviation of the file or of every file; without one the error says so."""
+    zero = truck.replace({PRODUCT: 0.0})
+    stated = zero.with_stated({PRODUCT: 500.0})
+    for vehicle, name, centre, scale in (
+        (stated, PRODUCT, 0.0, 500.0),
+        (truck, "tractor.cog", truck.parameters()["tractor.cog"], 0.05),
+    ):
+        u = by_name(vehicle, OneStage(reported=(name,)))[name]
+        assert (u.kind, u.logarithmic, u.centre) == (UnknownKind.PARAMETER, False, centre)
+        assert u.scale == pytest.approx(scale)
+    u = by_name(stated, OneStage())[PRODUCT]
+    assert (u.kind, u.logarithmic, u.centre, u.scale) == (UnknownKind.UNCERTAIN, False, 0.0, 500.0)
+    with pytest.raises(VehicleError, match="product: nothing is known of its uncertainty; state it"):
+        by_name(zero, OneStage(reported=(PRODUCT,)))
+    with pytest.raises(VehicleError, match="product: may be 0; give its standard deviation"):
+        by_name(zero, OneStage(given={PRODUCT: "free"}))
+    with pytest.raises(VehicleError, match="percent of 0 is 0"):
+        by_name(zero, OneStage(given={PRODUCT: "+- 30 %"}))
+
+
+def test_what_is_reported_keeps_its_prior(truck: Vehicle) -> None:
+    name = "tractor.yaw_inertia"
+    uncertain, listed = by_name(truck, OneStage())[name], by_name(truck, OneStage(reported=("yaw_inertia",)))[name]
+    assert (uncertain.kind, listed.kind) == (UnknownKind.UNCERTAIN, UnknownKind.PARAMETER)
+    assert (uncertain.centre, uncertain.scale) == (listed.centre, listed.scale)
+    assert by_name(truck, OneStage(given={name: "free"}))[name].scale == 0.3
+    assert name not in by_name(truck, OneStage(reported=(name,), given={name: "exact"}))
+    with pytest.raises(VehicleError, match=r"yaw_inerta: no such parameter.*yaw_inertia"):
+        by_name(truck, OneStage(reported=("yaw_inerta",)))
+
+
+def test_a_number_that_may_be_zero_in_results(truck: Vehicle) -> None:
+    """A result shows it, a prediction and a design of a test compare its sigma with its prior."""
+    front, record = "tractor.front.cornering_stiffness", simulate(truck, count=1, seed=3)
+    zero = truck.replace({PRODUCT: 0.0}).with_stated({PRODUCT: 500.0})
+    stated = identify(
+        [record], truck.replace({PRODUCT: 0.0}), OneStage(given={PRODUCT: "+- 500 kg m^2"}, tyres="linear")
+    )
+    assert 0 < stated[PRODUCT].sigma <= 500.0
+    assert PRODUCT in stated.summary()
+    assert identify([record], zero, OneStage(tyres="linear"))[PRODUCT] == stated[PRODUCT]
+    given = {"cornering_stiffness": "exact", "yaw_inertia": "exact", "payload.height": "exact", front: "free"}
+    settings = OneStage(given=given, reported=(PRODUCT,), tyres="linear")
+    assert 0 < predict_sigmas([record], zero, settings)[PRODUCT].relative_sigma <= 1
+    best = design_experiment(zero, {front: 0.1}, settings).best
+    assert 0 < best.sigma[PRODUCT] <= 1

@@ -1,0 +1,43 @@
+"""The observer of trucks with self-steering, command-steered and raised axles, in Python and in C."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.plant import Plant, article_sensors, measure
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from tests.model.dynamics.test_steered_axles import COMMAND, LIFTED, SELF_STEERING, with_axle
+from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
+from tests.estimate.observe.test_saturating_tyres import SIDESLIP, SIGNALS
+
+
+@pytest.mark.parametrize("keys", [{}, SELF_STEERING, COMMAND, LIFTED])
+def test_sideslip_of_the_nonlinear_truck(keys: dict[str, object]) -> None:
+    """As good as with fixed axles, rms in degrees, with linear tyres and with tyres that saturate."""
+    pytest.importorskip("mujoco")
+    truck = with_axle(keys)
+    truth = Plant(truck).drive(single_sine(truck, acceleration=1.0))
+    sensors = article_sensors(truck)
+    signals = measure(
+        truth.time, {n: truth.truth[n] for n in SIGNALS}, {n: sensors[n] for n in SIGNALS if n in sensors}, seed=1
+    )
+    for friction, largest in ((None, 0.2), (0.75, 0.1)):
+        settings = ObserverSettings(bank=0.0, steer_offset=0.0, friction=friction)
+        states = Observer(truck, SIGNALS, settings).batch(Record(time=truth.time, signals=signals, name="sine"))
+        for name in SIDESLIP:
+            error = np.degrees(np.sqrt(np.mean((states.values[name] - truth.truth[name]) ** 2)))
+            assert error < largest, (name, friction)
+
+
+@pytest.mark.skipif(COMPILER is None, reason="no C compiler")
+@pytest.mark.parametrize("friction", [None, 0.75])
+def test_export_to_c(friction: float | None, tmp_path: Path) -> None:
+    for keys in (SELF_STEERING, COMMAND):
+        record = simulate(with_axle(keys), count=1, seed=3)
+        observer = Observer(with_axle(keys), record.signals, ObserverSettings(friction=friction))
+        program = compiled(observer, tmp_path / next(iter(keys)))
+        assert_equal(replayed(program, observer, record), pushed(observer, record), 1e-12)

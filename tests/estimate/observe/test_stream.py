@@ -1,0 +1,409 @@
+"""push against batch, bit for bit, and the status for damaged records."""
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from fifthwheel.model import dynamics
+from fifthwheel.base.errors import SignalError
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from tests.estimate.observe.conftest import (
+    EXACT,
+    ROLLS,
+    STEER,
+    YAWS,
+    assert_same,
+    batched,
+    but_settling,
+    pushed,
+    put,
+    rows,
+    samples,
+)
+
+TRUCK = get("cheng_cebon_2011")
+FINE = simulate(TRUCK, count=2, rate=1000, seed=3)
+LANE_CHANGES = simulate(TRUCK, count=2, seed=7)
+
+
+def irregular() -> Record:
+    """5 to 15 Hz, irregular, with intervals of up to 0.2 s."""
+    gaps = np.random.default_rng(0).integers(67, 200, size=200)
+    gaps[::10] = 200
+    indices = np.cumsum(gaps)
+    return rows(FINE, indices[indices < len(FINE)])
+
+
+def with_gaps() -> Record:
+    """A third of the values of each measured channel is missing."""
+    random = np.random.default_rng(1)
+    signals = {
+        n: np.where(random.random(len(LANE_CHANGES)) < 1 / 3, np.nan, LANE_CHANGES.signals[n]) for n in (*YAWS, *ROLLS)
+    }
+    return LANE_CHANGES.with_signals(signals)
+
+
+def spiked() -> Record:
+    """Single spikes in all measured channels."""
+    record = LANE_CHANGES
+    for k, (name, size) in enumerate({YAWS[0]: 0.6, YAWS[1]: -0.5, ROLLS[0]: 1.5, ROLLS[1]: -1.0}.items()):
+        values = record.signals[name].copy()
+        values[[300 + k, 900 + 7 * k, 1400]] += size
+        record = record.with_signals({name: values})
+    return record
+
+
+def slowing() -> Record:
+    """The speed is zero for two seconds between the lane changes; the other signals are those of the moving vehicle."""
+    speed = np.interp(LANE_CHANGES.time, [4, 5.5, 7.5, 9], [1, 0, 0, 1]) * LANE_CHANGES.signals["speed"]
+    return LANE_CHANGES.with_signals({"speed": speed})
+
+
+def coasting() -> Record:
+    """No measurements from 5 to 8 s."""
+    record = LANE_CHANGES
+    for name in (*YAWS, *ROLLS):
+        record = put(record, name, 5, 8, np.nan)
+    return record
+
+
+SCENARIOS: dict[str, Record] = {
+    "regular": LANE_CHANGES,
+    "irregular": irregular(),
+    "with gaps": with_gaps(),
+    "spiked": spiked(),
+    "stop": slowing(),
+    "steer missing for 0.3 s": put(LANE_CHANGES, STEER, 3, 3.3, np.nan),
+    "steer missing for 2 s": put(LANE_CHANGES, STEER, 3, 5, np.nan),
+    "steer missing at the start": put(LANE_CHANGES, STEER, 0, 0.2, np.nan),
+    "speed missing for 2 s": put(LANE_CHANGES, "speed", 9, 11, np.nan),
+    "gap in time": rows(LANE_CHANGES, (LANE_CHANGES.time < 4) | (LANE_CHANGES.time > 7)),
+    "short gap in time": rows(LANE_CHANGES, (LANE_CHANGES.time < 4) | (LANE_CHANGES.time > 4.9)),
+    "coasting": coasting(),
+    "slow and missing": put(put(slowing(), STEER, 7, 9.5, np.nan), "speed", 5.5, 6.5, np.nan),
+    "always slow": put(LANE_CHANGES, "speed", 0, 99, 3.0),
+    "no speed": put(LANE_CHANGES, "speed", 0, 99, np.nan),
+    "no measurements": put(
+        put(put(put(LANE_CHANGES, YAWS[0], 0, 99, np.nan), YAWS[1], 0, 99, np.nan), ROLLS[0], 0, 99, np.nan),
+        ROLLS[1],
+        0,
+        99,
+        np.nan,
+    ),
+    "two samples": rows(LANE_CHANGES, np.array([100, 107])),
+}
+each = pytest.mark.parametrize("name", SCENARIOS)
+
+
+def observer(**changes) -> Observer:
+    return Observer(TRUCK, LANE_CHANGES.signals, ObserverSettings(**{**EXACT, **changes}))
+
+
+@each
+def test_push_equals_batch(name):
+    record, o = SCENARIOS[name], observer()
+    batch_result = batched(o, record)
+    assert_same(pushed(o, record), batch_result)
+    o.reset()
+    assert_same(pushed(o, record, omit_missing=True), batch_result)
+
+
+@each
+def test_states_are_finite_if_ok_or_coasting_and_nan_otherwise(name):
+    actual = batched(observer(), SCENARIOS[name])
+    valid = np.isin(actual["status"], [Status.OK, Status.COASTING, Status.SETTLING])
+    for column in actual.keys() - {"time", "status"}:
+        assert np.isfinite(actual[column][valid]).all(), column
+        assert np.isnan(actual[column][~valid]).all(), column
+        if column.endswith(".sigma"):
+            assert (actual[column][valid] > 0).all(), column
+
+
+@each
+def test_batch_does_not_change_the_stream(name):
+    o, other = observer(), observer()
+    for k, sample in enumerate(samples(LANE_CHANGES)):
+        answer = o.push(sample)
+        if k % 400 == 200:
+            o.batch(SCENARIOS[name])
+        assert answer == other.push(sample)
+
+
+@each
+@pytest.mark.parametrize("fraction", [0.0, 0.34, 0.6])
+def test_resumed_observer_continues_bit_for_bit(name, fraction):
+    record, o = SCENARIOS[name], observer()
+    batch_result = batched(o, record)
+    all_samples = list(samples(record))
+    cut = int(fraction * len(all_samples))
+    for sample in all_samples[:cut]:
+        o.push(sample)
+    saved = json.dumps(o.save(), allow_nan=False)
+    fresh = observer()
+    fresh.push({"time": -5.0, "speed": 20.0, STEER: 0.1, YAWS[0]: 0.3})  # the previous state has no effect
+    fresh.resume(json.loads(saved))
+    answers = [fresh.push(sample) for sample in all_samples[cut:]]
+    rest = {key: np.array([answer[key] for answer in answers]) for key in answers[0]}
+    assert_same(rest, {key: values[cut:] for key, values in batch_result.items()})
+    assert json.dumps(o.save(), allow_nan=False) == saved
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 2**32 - 1), missing=st.floats(0, 0.9), slow=st.booleans(), cut=st.floats(0, 1))
+def test_push_equals_batch_for_any_damaged_record(seed, missing, slow, cut):
+    random = np.random.default_rng(seed)
+    indices = np.cumsum(random.choice([3, 10, 50, 150, 700, 1500], size=120, p=[0.2, 0.4, 0.2, 0.1, 0.05, 0.05]))
+    record = rows(FINE, indices[indices < len(FINE)])
+    signals = {
+        n: np.where(random.random(len(record)) < missing * random.random(), np.nan, v)
+        for n, v in record.signals.items()
+    }
+    if slow:
+        signals["speed"] *= 0.6 + 0.6 * np.sin(record.time + random.random())
+    record = record.with_signals(signals)
+    o = observer()
+    batch_result = batched(o, record)
+    all_samples = list(samples(record))
+    half = int(cut * len(all_samples))
+    answers = [o.push(sample) for sample in all_samples[:half]]
+    resumed = observer()
+    resumed.resume(json.loads(json.dumps(o.save(), allow_nan=False)))
+    answers += [resumed.push(sample) for sample in all_samples[half:]]
+    assert_same({key: np.array([a[key] for a in answers]) for key in batch_result}, batch_result)
+
+
+def statuses(record: Record, **changes) -> np.ndarray:
+    return observer(**changes).batch(record).status
+
+
+def test_intact_records_are_ok():
+    for name in ("regular", "irregular", "with gaps", "spiked", "short gap in time", "two samples"):
+        assert (but_settling(statuses(SCENARIOS[name])) == Status.OK).all(), name
+
+
+def test_irregular_record_needs_additional_steps():
+    o = observer()
+    assert np.diff(SCENARIOS["irregular"].time).max() == pytest.approx(0.2)
+    speed = int(SCENARIOS["irregular"].signals["speed"][0])
+    assert o.stream.step_limit.safe_step_by_speed[speed] < np.diff(SCENARIOS["irregular"].time).max()
+
+
+def test_a_spike_counts_as_missing():
+    spikes, o = SCENARIOS["spiked"], observer()
+    differs = {n: spikes.signals[n] != LANE_CHANGES.signals[n] for n in (*YAWS, *ROLLS)}
+    without_spikes = spikes.with_signals({n: np.where(differs[n], np.nan, spikes.signals[n]) for n in differs})
+    with_spikes, without = o.batch(spikes), o.batch(without_spikes)
+    for name in differs:
+        assert not with_spikes.accepted[name][differs[name]].any()
+        assert with_spikes.accepted[name][~differs[name]].mean() > 0.999
+    for name in with_spikes.values:
+        np.testing.assert_array_equal(with_spikes.values[name], without.values[name])
+        np.testing.assert_array_equal(with_spikes.sigma[name], without.sigma[name])
+
+
+def test_without_the_gate_a_spike_is_used():
+    ungated = observer(gate=1e6).batch(SCENARIOS["spiked"])
+    assert all(values.all() for values in ungated.accepted.values())
+    difference = ungated.values[YAWS[0]] - observer().batch(LANE_CHANGES).values[YAWS[0]]
+    assert abs(difference[300]) > 0.005
+
+
+def test_too_slow_below_the_lowest_speed_and_a_new_start_after_it():
+    record = SCENARIOS["stop"]
+    actual = observer().batch(record)
+    slow = record.signals["speed"] < 5.0
+    assert 250 < slow.sum() < 350
+    np.testing.assert_array_equal(but_settling(actual.status), np.where(slow, Status.TOO_SLOW, Status.OK))
+    restart = record.time[np.flatnonzero(slow)[-1] + 1]
+    o = observer(speed_smoothing=np.inf)  # the derivative of the speed is known at the restart
+    fresh = batched(o, record.cut(restart))
+    assert_same(fresh, {k: v[record.time >= restart] for k, v in batched(o, record).items()})
+    assert (statuses(record, min_speed=1.0) == Status.TOO_SLOW).sum() == (record.signals["speed"] < 1.0).sum()
+
+
+def test_accuracy_after_a_new_start():
+    record = put(LANE_CHANGES, "speed", 4, 6, 1.0)  # an error of the speed channel only
+    actual = observer().batch(record)
+    later = record.time >= 6.5
+    for name, truth in record.reference.items():
+        error = (actual.values[name] - truth)[later]
+        assert np.abs(error / actual.sigma[name][later]).max() < 4, name
+
+
+def test_a_missing_steer_angle_keeps_its_value():
+    record, o = SCENARIOS["steer missing for 0.3 s"], observer()
+    at = np.searchsorted(record.time, 3.0)
+    held = put(record, STEER, 3, 3.3, record.signals[STEER][at - 1])
+    assert (but_settling(o.batch(record).status) == Status.OK).all()
+    assert_same(batched(o, record), batched(o, held))
+
+
+@pytest.mark.parametrize(("name", "start"), [("steer missing for 2 s", 3.0), ("speed missing for 2 s", 9.0)])
+def test_input_missing_for_longer(name, start):
+    record, o = SCENARIOS[name], observer()
+    status = o.batch(record).status
+    last = record.time[record.time < start - 1e-9][-1]
+    missing = (record.time - last > 0.5) & (record.time < start + 2)
+    assert missing.sum() == pytest.approx(150, abs=2)
+    np.testing.assert_array_equal(but_settling(status), np.where(missing, Status.INPUT_MISSING, Status.OK))
+    restart = record.time[np.flatnonzero(missing)[-1] + 1]
+    fresh = batched(observer(), record.cut(restart))
+    assert_same(fresh, {k: v[record.time >= restart] for k, v in batched(o, record).items()})
+    assert Status.INPUT_MISSING not in statuses(record, hold=3.0)
+    assert (statuses(record, hold=0.0) == Status.INPUT_MISSING).sum() == np.isnan(
+        record.signals[STEER if "steer" in name else "speed"]
+    ).sum()
+
+
+def test_implausible_speed_counts_as_missing():
+    """It keeps the last value, and no step is divided into thousands."""
+    wrong = put(put(LANE_CHANGES, "speed", 4.0, 4.3, 61.0), "speed", 8.0, 10.0, 1e6)
+    missing = put(put(LANE_CHANGES, "speed", 4.0, 4.3, np.nan), "speed", 8.0, 10.0, np.nan)
+    actual = batched(observer(), wrong)
+    assert_same(actual, batched(observer(), missing))
+    assert_same(actual, pushed(observer(), wrong))
+    assert (actual["status"][(LANE_CHANGES.time >= 8.6) & (LANE_CHANGES.time < 10.0)] == Status.INPUT_MISSING).all()
+    assert (but_settling(actual["status"][LANE_CHANGES.time < 8.4]) == Status.OK).all()
+
+
+def test_input_missing_at_the_start():
+    actual = observer().batch(SCENARIOS["steer missing at the start"])
+    early = actual.time < 0.2 - 1e-9
+    np.testing.assert_array_equal(but_settling(actual.status), np.where(early, Status.INPUT_MISSING, Status.OK))
+    assert (statuses(SCENARIOS["no speed"]) == Status.INPUT_MISSING).all()
+    assert (statuses(SCENARIOS["always slow"]) == Status.TOO_SLOW).all()
+
+
+def test_new_start_after_a_gap_in_time():
+    record, o = SCENARIOS["gap in time"], observer()
+    batch_result = batched(o, record)
+    assert (but_settling(batch_result["status"]) == Status.OK).all()
+    fresh = batched(o, record.cut(5.0))
+    assert_same(fresh, {k: v[record.time > 5] for k, v in batch_result.items()})
+    bridged = batched(observer(max_gap=5.0), record)
+    first = np.searchsorted(record.time, 5.0)
+    assert bridged["roll.semitrailer"][first] != fresh["roll.semitrailer"][0]
+
+
+def test_coasting_without_measurements():
+    record, o = SCENARIOS["coasting"], observer()
+    actual = o.batch(record)
+    last = record.time[record.time < 5][-1]
+    expected = (record.time - last > 1.0) & (record.time < 8)
+    assert expected.sum() == pytest.approx(200, abs=2)
+    np.testing.assert_array_equal(but_settling(actual.status), np.where(expected, Status.COASTING, Status.OK))
+    for name, sigma in actual.sigma.items():
+        assert sigma[799] > 1.04 * sigma[499], name
+        assert sigma[-1] == pytest.approx(sigma[499], rel=0.02), name
+        if name in record.reference:
+            assert np.abs((actual.values[name] - record.reference[name]) / sigma).max() < 4, name
+    assert (but_settling(statuses(record, coast=5.0)) == Status.OK).all()
+    assert (statuses(SCENARIOS["no measurements"]) == Status.COASTING).mean() == pytest.approx(15 / 16, abs=0.01)
+
+
+def test_rejected_measurements_count_as_missing():
+    record = LANE_CHANGES
+    for name in (*YAWS, *ROLLS):
+        record = put(record, name, 5, 8, 40.0)
+    actual, none = observer().batch(record), observer().batch(SCENARIOS["coasting"])
+    np.testing.assert_array_equal(actual.status, none.status)
+    for name in actual.values:
+        np.testing.assert_array_equal(actual.values[name], none.values[name])
+
+
+def test_infinite_samples_count_as_missing():
+    o, other = observer(), observer()
+    for k, sample in enumerate(samples(LANE_CHANGES.cut(0, 2))):
+        infinite = {YAWS[0]: np.inf} if k % 3 else {STEER: -np.inf, ROLLS[1]: np.inf}
+        if k:
+            answer = o.push(sample | infinite)
+            assert answer == other.push({n: v for n, v in sample.items() if n not in infinite})
+        else:
+            assert o.push(sample) == other.push(sample)
+
+
+@pytest.mark.parametrize("time", [3.0, 2.9999, 0.0, -1.0, np.nan, np.inf, -np.inf, None], ids=str)
+@pytest.mark.parametrize("at", [3.0, 3.3], ids=["running", "input missing"])
+def test_time_that_does_not_increase_is_refused_without_effect(time, at):
+    record, o = SCENARIOS["steer missing for 0.3 s"], observer()
+    before = list(samples(record.cut(0, at)))
+    for sample in before:
+        o.push(sample)
+    saved = o.save()
+    if time is not None and np.isfinite(time):
+        time = min(time, before[-1]["time"])
+    bad = {k: v for k, v in {**before[-1], "time": time}.items() if v is not None}
+    with pytest.raises(SignalError, match=r"^time: "):
+        o.push(bad)
+    assert o.save() == saved
+    rest = [o.push(sample) for sample in samples(record.cut(at + 0.005))]
+    batch_result = batched(observer(), record)
+    for name in batch_result:
+        np.testing.assert_array_equal([a[name] for a in rest], batch_result[name][len(before) :])
+
+
+def test_reset():
+    o = observer()
+    once = pushed(o, LANE_CHANGES)
+    o.reset()
+    assert_same(pushed(o, LANE_CHANGES), once)
+    o.reset()
+    o.push({"time": -100.0, "speed": 20.0, STEER: 0.0})  # before the previous samples
+
+
+def test_construction_builds_no_model(monkeypatch):
+    """Errors of the arguments are found without it; the first sample builds and compiles it."""
+    monkeypatch.setattr(dynamics, "model", None)
+    o = observer()
+    with pytest.raises(TypeError):
+        pushed(o, LANE_CHANGES.cut(0, 0.1))
+    monkeypatch.undo()
+    assert_same(pushed(observer(), LANE_CHANGES.cut(0, 0.1)), batched(o, LANE_CHANGES.cut(0, 0.1)))
+
+
+OTHERS = {
+    "another vehicle": lambda: Observer(get("auburn_6x4"), LANE_CHANGES.signals),
+    "other parameters": lambda: Observer(
+        TRUCK.replace({"semitrailer.payload.height": 1.0}), LANE_CHANGES.signals, ObserverSettings()
+    ),
+    "fewer signals": lambda: Observer(TRUCK, set(LANE_CHANGES.signals) - {ROLLS[1]}),
+    "no roll": lambda: Observer(TRUCK, {"speed", STEER, *YAWS}),
+    "another axle steered": lambda: Observer(TRUCK, {"speed", "steer.semitrailer.front", *YAWS, *ROLLS}),
+    "other noise": lambda: observer(noise={YAWS[0]: 1e-6}),
+    "other process noise": lambda: observer(process_noise=2.0),
+    "another gate": lambda: observer(gate=3.0),
+    "other offsets": lambda: observer(sensor_errors={f"{YAWS[0]}.offset": 0.01}),
+    "another lowest speed": lambda: observer(min_speed=8.0),
+    "another hold": lambda: observer(hold=0.1),
+    "another coast": lambda: observer(coast=3.0),
+    "another gap": lambda: observer(max_gap=3.0),
+}
+
+
+@pytest.mark.parametrize("other", OTHERS)
+def test_state_of_another_observer_is_refused(other):
+    o = observer()
+    for sample in samples(LANE_CHANGES.cut(0, 1)):
+        o.push(sample)
+    another = OTHERS[other]()
+    before = another.save()
+    with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
+        another.resume(json.loads(json.dumps(o.save())))
+    assert another.save() == before
+
+
+def test_state_of_an_earlier_version_is_refused():
+    """Its monitor did not count the samples since a start."""
+    o = observer()
+    for sample in samples(LANE_CHANGES.cut(0, 1)):
+        o.push(sample)
+    saved = o.save()
+    del saved["made_for"]["carry"]
+    with pytest.raises(SignalError, match="expected one of the same vehicle, signals and settings"):
+        observer().resume({**saved, "carry": saved["carry"][:-1]})

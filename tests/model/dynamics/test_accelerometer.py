@@ -1,0 +1,93 @@
+"""The lateral accelerometer against finite differences of a simulated run."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.model import dynamics
+
+from fifthwheel import truck as vehicle
+from fifthwheel.base.types import Array
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.estimate.filters.step_rows import corrected_inputs
+from fifthwheel.data.record import Record
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.unit import Accelerometer
+
+SPEED, RATE = 22.0, 1000.0
+STEER = "steer.tractor.front"
+TRUCK = vehicle.get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
+UNITS = ("tractor", "semitrailer")
+
+
+def placed(truck: Vehicle, position: float, height: float) -> Vehicle:
+    """The truck with an accelerometer on every unit."""
+    place = Accelerometer(position=position, height=height)
+    units = [unit.model_copy(update={"accelerometer": place}) for unit in truck.units]
+    return truck.model_copy(update={"units": tuple(units)})
+
+
+def run(truck: Vehicle, outputs: tuple[str, ...], *, extended: bool = False, **errors: float) -> dict[str, Array]:
+    """Outputs of a lane change on a road with a bank of 0.02 rad; keys of `errors` have "_" for "."."""
+    time = np.arange(round(4 * RATE)) / RATE
+    steer = 0.01 * np.sin(2.4 * time) * np.sin(0.7 * time)
+    record = Record(time=time, signals={"speed": np.full_like(time, SPEED), STEER: steer})
+    model = dynamics.model(truck, outputs, roll=True, bank=True, extended=extended)
+    values = dynamics.all_parameters(truck, outputs, extended=extended)
+    for sensor in outputs:
+        values |= {f"{sensor}.{kind}": value for kind, value in errors.items() if f"{sensor}.{kind}" in values}
+    start = np.zeros(len(model.states))
+    start[model.states.index(BANK)] = 0.02
+    _, y = free_response(model, values, time, corrected_inputs(record, model.inputs, values), start)
+    return dict(zip(outputs, y.T, strict=True))
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize(("position", "height"), [(0.0, 0.4), (-4.1, 2.3)])
+def test_output_is_acceleration_and_gravity_at_its_place(unit: str, position: float, height: float) -> None:
+    """dv/dt + u r of the sensor's place, and g times roll and bank."""
+    truck = placed(TRUCK, position, height)
+    quantities = ("lateral_acceleration", "lateral_velocity", "yaw_rate", "roll")
+    y = run(truck, tuple(f"{quantity}.{unit}" for quantity in quantities))
+    v = run(truck, (f"lateral_velocity.{unit}",), position=position, height=height)[f"lateral_velocity.{unit}"]
+    expected = np.gradient(v, 1 / RATE) + SPEED * y[f"yaw_rate.{unit}"] + GRAVITY * (y[f"roll.{unit}"] + 0.02)
+    actual = y[f"lateral_acceleration.{unit}"]
+    np.testing.assert_allclose(actual[5:-5], expected[5:-5], atol=1e-5)
+
+
+def test_it_is_positive_in_a_left_turn() -> None:
+    outputs = ("yaw_rate.tractor", "roll.tractor", "lateral_acceleration.tractor")
+    model = dynamics.model(TRUCK, outputs, roll=True)
+    time = np.arange(1000) / 100
+    inputs = {"speed": np.full_like(time, SPEED), STEER: np.full_like(time, 0.005)}
+    _, y = free_response(model, dynamics.all_parameters(TRUCK, outputs), time, inputs)
+    yaw_rate, roll, acceleration = y[-1]
+    assert acceleration == pytest.approx(SPEED * yaw_rate + GRAVITY * roll, rel=1e-3)
+    assert yaw_rate > 0.02
+    assert roll > 0.002
+
+
+def test_default_place_is_under_the_cog_on_the_roll_axis() -> None:
+    name, tractor = "lateral_acceleration.tractor", TRUCK.units[0]
+    by_default = run(TRUCK, (name,))[name]
+    here, ahead = (run(placed(TRUCK, tractor.cog + x, tractor.roll_axis_height), (name,))[name] for x in (0.0, 1.0))
+    assert (here == by_default).all()
+    assert np.abs(ahead - by_default).max() > 0.01
+
+
+def test_gain_and_offset() -> None:
+    name = "lateral_acceleration.semitrailer"
+    np.testing.assert_allclose(run(TRUCK, (name,), gain=1.1, offset=-0.3)[name], 1.1 * run(TRUCK, (name,))[name] - 0.3)
+
+
+@pytest.mark.parametrize("relaxation", [True, False])  # without, side forces follow the steer angle at once
+@pytest.mark.parametrize("unit", UNITS)
+def test_a_delay_shifts_the_output(unit: str, relaxation: bool) -> None:
+    truck, name, delay = placed(TRUCK, -2.0, 1.1), f"lateral_acceleration.{unit}", 0.01
+    if not relaxation:
+        truck = truck.replace({path: 0.0 for path in truck.parameters() if path.endswith("relaxation_length")})
+    exact, late = (run(truck, (name,), extended=True, delay=d)[name] for d in (0.0, delay))
+    shifted = exact - delay * np.gradient(exact, 1 / RATE)
+    np.testing.assert_allclose(late[5:-5], shifted[5:-5], atol=2e-4)
+    assert np.abs(late - exact).max() > 0.01

@@ -1,0 +1,150 @@
+"""Models with own equations of the steering, against filtered steer angles, closed forms and finite differences."""
+
+import casadi as ca
+import numpy as np
+import pytest
+from scipy import signal
+
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.dynamics.state_space import linear_system
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.truck import get
+
+STEER, STATE, LAG = "steer.tractor.front", "actuator.tractor", 0.15
+OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer", "roll.semitrailer", "lateral_acceleration.tractor")
+TRUCK = get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
+REAR = tuple(f"steer.semitrailer.{axle}" for axle in ("front", "middle", "rear"))
+
+
+def lag(steer, states, motion, p):
+    return {STEER: states[STATE]}, {STATE: (steer[STEER] - states[STATE]) / p["lag"]}
+
+
+def roll_steer(steer, states, motion, p):
+    return dict.fromkeys(REAR, p["coefficient"] * motion["roll.semitrailer"]), {}
+
+
+def by_articulation(steer, states, motion, p):
+    return dict.fromkeys(REAR, p["fraction"] * motion["articulation.semitrailer"]), {}
+
+
+def stiff_stop(steer, states, motion, p):
+    """A lag with a stop, which is not linear, and a gain that falls with the speed."""
+    z = states[STATE]
+    return {STEER: p["stop"] * ca.tanh(z / p["stop"])}, {STATE: 20 / motion["speed"] * (steer[STEER] - z) / p["lag"]}
+
+
+LAGGED = TRUCK.with_steering(lag, states={STATE: "0.01 rad"}, parameters={"lag": f"{LAG} s"})
+STOPPED = TRUCK.with_steering(
+    stiff_stop, states={STATE: "0.01 rad"}, parameters={"lag": f"{LAG} s", "stop": "0.02 rad"}
+)
+
+
+def response(truck, tyres, steer, time, outputs=OUTPUTS):
+    model = dynamics.model(truck, outputs, roll=True, tyres=tyres)
+    values = dynamics.all_parameters(truck, outputs, tyres=tyres)
+    return free_response(model, values, time, {"speed": np.full_like(time, 22.0), STEER: steer})[1]
+
+
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+def test_a_lag_filters_the_steer_angle(tyres) -> None:
+    """The filter is exact for inputs that change linearly between the samples, which are 1 ms apart."""
+    course = single_sine(TRUCK, acceleration=3.0)
+    time = np.arange(course.time[0], course.time[-1], 1e-3)
+    steer = np.interp(time, course.time, course.steer)
+    _, filtered, _ = signal.lsim(([1.0], [LAG, 1.0]), steer, time - time[0])
+    own = response(LAGGED, tyres, steer, time, (*OUTPUTS, STATE))
+    plain = response(TRUCK, tyres, filtered, time)
+    assert own[:, -1] == pytest.approx(filtered, abs=1e-8)
+    assert np.abs(own[:, :-1] - plain).max(axis=0) / np.abs(plain).max(axis=0) == pytest.approx(0, abs=3e-6)
+    assert np.abs(response(TRUCK, tyres, steer, time) - plain).max() > 0.01
+
+
+def test_the_frequency_response_has_the_lag_as_a_factor() -> None:
+    frequency = np.array([0.05, 0.3, 1.0, 3.0])
+    own, plain = (linear_system(truck, 22.0, OUTPUTS) for truck in (LAGGED, TRUCK))
+    factor = 1 / (1 + 2j * np.pi * frequency * LAG)
+    expected = plain.frequency_response(frequency) * factor[:, None, None]
+    assert own.frequency_response(frequency) == pytest.approx(expected, rel=1e-9)
+    assert sorted(own.eigenvalues.real)[0] == pytest.approx(sorted([*plain.eigenvalues.real, -1 / LAG])[0])
+    assert STATE in own.states
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_steering_by_the_articulation_is_command_steering(roll) -> None:
+    """The built-in law of command-steered axles is an independent implementation."""
+    fields = TRUCK.model_dump()
+    axles = [dict(axle, command_steering=0.3) for axle in fields["units"][1]["axle_groups"][0]["axles"]]
+    group = dict(fields["units"][1]["axle_groups"][0], axles=axles)
+    trailer = dict(fields["units"][1], axle_groups=(group,))
+    built_in = type(TRUCK)(**fields | {"units": (fields["units"][0], trailer)})
+    own = TRUCK.with_steering(by_articulation, parameters={"fraction": "0.3"})
+    for tyres in ("linear", "saturating"):
+        time = np.arange(0, 6, 0.01)
+        steer = 0.02 * np.sin(2 * np.pi * 0.3 * time)
+        outputs = ("yaw_rate.semitrailer", "articulation.semitrailer")
+        models = [dynamics.model(truck, outputs, roll=roll, tyres=tyres) for truck in (own, built_in)]
+        values = [dynamics.all_parameters(truck, outputs, tyres=tyres) for truck in (own, built_in)]
+        inputs = {"speed": np.full_like(time, 22.0), STEER: steer}
+        a, b = (free_response(m, v, time, inputs)[1] for m, v in zip(models, values, strict=True))
+        assert a == pytest.approx(b, rel=1e-9, abs=1e-12)
+    a, b = (dynamics.matrices(truck, 22.0, roll=roll) for truck in (own, built_in))
+    np.testing.assert_allclose(a.A, b.A, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(a.F, b.F, rtol=1e-9, atol=1e-6)
+
+
+def test_roll_steer_adds_a_column_to_the_matrices() -> None:
+    """x' = A x + k B_w roll, with the B of three steered axles."""
+    k, steered = 0.1, get("cheng_cebon_2011").with_logged_steering([STEER, *REAR], "the test")
+    own = dynamics.matrices(TRUCK.with_steering(roll_steer, parameters={"coefficient": f"{k}"}), 22.0, roll=True)
+    plain, all_steered = (dynamics.matrices(truck, 22.0, roll=True) for truck in (TRUCK, steered))
+    expected = plain.A.copy()
+    expected[:, plain.states.index("roll.semitrailer")] += k * all_steered.B[:, 1:].sum(axis=1)
+    np.testing.assert_allclose(own.A, expected, rtol=1e-9, atol=1e-9)
+    yaw = [dynamics.matrices(truck, 22.0, roll=False).A for truck in (own_truck(), TRUCK)]
+    assert yaw[0] == pytest.approx(yaw[1])  # roll is 0 there
+
+
+def own_truck():
+    return TRUCK.with_steering(roll_steer, parameters={"coefficient": "0.1"})
+
+
+@pytest.mark.parametrize(("truck", "tyres"), [(LAGGED, "linear"), (STOPPED, "saturating")])
+def test_jacobians_are_those_of_finite_differences(truck, tyres) -> None:
+    """Of a small step, because a model with saturating tyres is linearised at its beginning, and without the lateral
+    acceleration, of which it neglects a small derivative."""
+    model = dynamics.model(truck, (*OUTPUTS[:-1], STATE), roll=True, tyres=tyres, bank=True)
+    rng, n = np.random.default_rng(1), len(model.states)
+    x, dt, c = (
+        0.01 * rng.normal(size=n),
+        1e-5,
+        model.known_values(dynamics.all_parameters(truck, model.outputs, tyres=tyres)),
+    )
+    d = np.array([22.0, 0.01, 22.1, 0.012])
+    step = 1e-6
+    F = np.array(model.state_jacobian(x, dt, d, [], c))
+    H = np.array(model.observation_jacobian(x, d, [], c))
+    for i, e in enumerate(step * np.eye(n)):
+        column = (model.transition(x + e, dt, d, [], c) - model.transition(x - e, dt, d, [], c)) / (2 * step)
+        assert F[:, i] == pytest.approx(np.array(column).ravel(), rel=1e-4, abs=2e-6)
+        row = (model.observation(x + e, d, [], c) - model.observation(x - e, d, [], c)) / (2 * step)
+        assert H[:, i] == pytest.approx(np.array(row).ravel(), rel=1e-6, abs=1e-6)
+
+
+def test_equations_that_are_not_linear_limit_the_angle_of_the_wheels() -> None:
+    time = np.arange(0, 8, 0.01)
+    steer = 0.05 * np.minimum(time, 1.0)
+    own = response(STOPPED, "saturating", steer, time)[-1]
+    plain = response(
+        TRUCK, "saturating", np.full_like(time, 0.02 * np.tanh(0.05 / 0.02)) * np.minimum(time, 1.0), time
+    )[-1]
+    assert own == pytest.approx(plain, rel=5e-3)
+
+
+def test_other_equations_have_another_model() -> None:
+    trucks = (TRUCK, LAGGED, STOPPED, own_truck())
+    assert len({dynamics.model(truck, OUTPUTS, roll=True).identity for truck in trucks}) == len(trucks)
+    assert dynamics.model(LAGGED, OUTPUTS, roll=True) is dynamics.model(
+        LAGGED.replace({"steering.lag": 0.3}), OUTPUTS, roll=True
+    )

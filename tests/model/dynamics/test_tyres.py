@@ -1,0 +1,268 @@
+"""The tyre laws: their limits, and the forces of the Magic Formula."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from fifthwheel.model.dynamics.tyres import (
+    NOMINAL_LOAD,
+    Contact,
+    axle_forces,
+    linear,
+    longitudinal_forces,
+    saturating,
+    saturation_parameters,
+)
+from fifthwheel.model.dynamics.unit_equations import suspension_moment
+from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.truck import get
+from fifthwheel.truck.quantities import (
+    COMBINED_SLIP,
+    DRAG_AREA,
+    FRICTION,
+    FRICTION_SENSITIVITY,
+    ROLLING_RESISTANCE,
+    SHAPE,
+    STIFFNESS_SENSITIVITY,
+    TYRES,
+)
+
+TRUCK = get("cheng_cebon_2011")
+DEFAULTS = {name: parameter.default for name, parameter in TYRES.items()}
+
+
+TRAIL = {"semitrailer.pneumatic_trail": 0.05}
+
+
+@pytest.mark.parametrize("trail", [{}, TRAIL], ids=["no trail", "trail"])
+def test_linear_tyres_are_the_limit_for_a_high_friction(trail: dict[str, float]) -> None:
+    """The difference falls with the square of the friction: the law has no term of first order."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | trail
+    p |= {STIFFNESS_SENSITIVITY: 0.0, FRICTION_SENSITIVITY: 0.0}
+    contact = Contact(ca.SX(0.03), ca.SX(3e4), ca.SX(0.8), ca.SX(2e3))
+    expected = np.array(ca.evalf(linear(p | {"semitrailer.cornering_stiffness": 1.0}, "semitrailer", contact))).ravel()
+    load = 1 + 2e3 / p["semitrailer.static_load"]  # the force grows with the load of the group
+    errors = [
+        np.array(ca.evalf(saturating(p | {FRICTION: friction}, "semitrailer", contact))).ravel()
+        / (load * p["semitrailer.cornering_stiffness"])
+        / expected
+        - 1
+        for friction in (10.0, 100.0)
+    ]
+    assert len(expected) == 1 + len(trail)
+    assert np.abs(errors[0]).max() < 0.02
+    np.testing.assert_allclose(errors[1], errors[0] / 100, rtol=0.02)
+
+
+def aligning_moment(slip: float, **changes: float) -> float:
+    """Aligning moment of the trailer's axle group over its side force, m, without load transfer."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | TRAIL | {"body.half_track": 1e9} | changes
+    side, moment = axle_forces(saturating(p, "semitrailer", Contact(ca.SX(slip))), ca.SX(slip))
+    return float(ca.evalf(moment)) / float(ca.evalf(side))
+
+
+def test_the_trail_falls_from_its_value_at_small_slip_to_none_at_full_sliding() -> None:
+    assert aligning_moment(1e-6) == pytest.approx(-0.05, rel=1e-6)
+    trails = [-aligning_moment(slip) for slip in (0.01, 0.05, 0.1, 0.3, 10.0)]
+    assert trails == sorted(trails, reverse=True)
+    assert 0 < trails[-1] < 1e-3 * 0.05
+    assert -aligning_moment(0.05, **{FRICTION: 0.3}) < trails[1]
+    assert aligning_moment(-0.05) == aligning_moment(0.05)
+
+
+@pytest.mark.parametrize(("degrees", "limit"), [(3, 0.007), (6, 0.017), (12, 0.045)])
+def test_the_aligning_moment_is_that_of_the_magic_formula(degrees: float, limit: float) -> None:
+    """Of the tyre of the nonlinear truck at 0.5 to 1.5 times a load of 28 kN: 0.6, 1.5 and 4 % of the peak."""
+    tyre, errors, peak = MagicFormula(), [], 0.0
+    for load in 28e3 * np.array([0.5, 0.75, 1, 1.25, 1.5]):
+        own = {
+            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(load)),
+            "semitrailer.static_load": 6 * load,
+            "semitrailer.pneumatic_trail": float(tyre.pneumatic_trail(0.0, load)),
+            FRICTION: tyre.PDY1 + tyre.PDY2 * (load / tyre.FNOMIN - 1),
+            FRICTION_SENSITIVITY: 0.0,
+        }
+        for slip in np.radians(np.linspace(0.1, degrees, 40)):
+            force = 6 * float(tyre.side_force(np.tan(slip), load))
+            trail = float(tyre.pneumatic_trail(np.tan(slip), load))
+            errors.append(force * (trail + aligning_moment(slip, **own)))
+            peak = max(peak, force * trail)
+    assert np.sqrt(np.mean(np.square(errors))) < limit * peak
+
+
+def force(slip: float, roll: float = 0.0, **changes: float) -> float:
+    """Side force of the trailer's axle group, N, with the nominal load on each tyre."""
+    number = TRUCK.axle_loads()["semitrailer"] / NOMINAL_LOAD
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"semitrailer.tyres": number} | changes
+    suspension, height = suspension_moment(p, "semitrailer", ca.SX(roll), ca.SX(0)), p["semitrailer.roll_axis_height"]
+    return slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), suspension, height))))
+
+
+def test_the_force_tends_to_friction_times_load() -> None:
+    load = TRUCK.axle_loads()["semitrailer"]
+    no_transfer = {"body.half_track": 1e9}
+    assert force(100.0, **no_transfer) == pytest.approx(DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * load, rel=1e-3)
+    assert force(-0.1) == -force(0.1)
+    slope = TRUCK.parameters()["semitrailer.cornering_stiffness"]
+    assert force(1e-5, **no_transfer) == pytest.approx(1e-5 * slope, rel=1e-6)
+    assert force(0.1, **{FRICTION: 0.3}) < force(0.1) < force(0.1, roll=0.0, **no_transfer)
+
+
+def test_a_lifted_wheel_carries_nothing() -> None:
+    """With all load on one side, more roll does not change the force, and the group has the load of that side."""
+    lifted = force(0.1, roll=0.5)
+    assert force(0.1, roll=1.0) == lifted
+    load = TRUCK.axle_loads()["semitrailer"]
+    mu = DEFAULTS[SHAPE] * DEFAULTS[FRICTION] * (1 - DEFAULTS[FRICTION_SENSITIVITY])
+    C = TRUCK.parameters()["semitrailer.cornering_stiffness"] * (1 - DEFAULTS[STIFFNESS_SENSITIVITY])
+    assert lifted == pytest.approx(0.1 * C / np.sqrt(1 + (0.1 * C / (load * mu)) ** 2), rel=1e-12)
+
+
+@pytest.mark.parametrize("tyres", [6, 12])
+def test_the_force_is_that_of_the_magic_formula(tyres: int) -> None:
+    """Of the tyre of the nonlinear truck, at up to 12 deg and 0.1 to 1.9 times its static load; 0.5 % of the peak."""
+    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
+    static = load / tyres
+    own = {"semitrailer.cornering_stiffness": tyres * float(tyre.cornering_stiffness(static))}
+    own |= {FRICTION: 0.74, SHAPE: 1.15, "semitrailer.tyres": tyres}
+    slips, errors = np.radians(np.linspace(0.2, 12, 20)), []
+    for transfer in np.linspace(0, 0.9, 4):
+        for slip in slips:
+            p = TRUCK.parameters() | saturation_parameters(TRUCK) | own
+            suspension = ca.SX(transfer * load)
+            law = slip * float(ca.evalf(saturating(p, "semitrailer", Contact(ca.SX(slip), suspension, ca.SX(0)))))
+            sides = [float(tyre.side_force(np.tan(slip), n * static)) for n in (1 + transfer, 1 - transfer)]
+            errors.append((law - tyres / 2 * abs(sum(sides))) / (0.74 * load))
+    assert np.sqrt(np.mean(np.square(errors))) < 0.007
+
+
+@pytest.mark.parametrize(("used", "limit"), [(0.0, 0.004), (0.1, 0.007), (0.2, 0.02), (0.3, 0.04), (0.4, 0.07)])
+def test_the_force_while_braking_is_that_of_the_magic_formula(used: float, limit: float) -> None:
+    """F_x / N as given, at up to 12 deg and 0.5 to 1.6 times the static load: 0.3 to 6.9 % of the peak."""
+    tyre, load = MagicFormula(), TRUCK.axle_loads()["semitrailer"]
+    still, errors = (ca.SX(0), ca.SX(0), ca.SX(0)), []
+    for n in (0.5, 0.8, 1.0, 1.3, 1.6):
+        own = {
+            "semitrailer.cornering_stiffness": 6 * float(tyre.cornering_stiffness(n * load / 6)),
+            "semitrailer.static_load": n * load,
+            "semitrailer.tyres": 6.0,
+            FRICTION: 0.74,
+            SHAPE: 1.15,
+        }
+        p = TRUCK.parameters() | saturation_parameters(TRUCK) | own | {"body.half_track": 1e9}
+        for slip in np.radians([0.25, 0.5, 1, 2, 3, 4, 6, 8, 10, 12]):
+            contact = Contact(ca.SX(slip), *still, ca.SX(-used * n * load))
+            law = slip * float(ca.evalf(saturating(p, "semitrailer", contact)))
+            expected = side_force_while_braking(tyre, slip, n * load / 6, used)
+            errors.append((law / (n * load) - expected) / 0.73)
+    assert np.sqrt(np.mean(np.square(errors))) < limit
+
+
+def side_force_while_braking(tyre: MagicFormula, slip: float, load: float, used: float) -> float:
+    """Side force over load at the least longitudinal slip with a braking force of `used` times the load."""
+    kappa = np.linspace(0.0, -0.5, 10_001)
+    braking = np.array(ca.DM(tyre.longitudinal_force(ca.DM(kappa), load, lateral=np.tan(slip)))).ravel()
+    enough = braking <= -used * load
+    assert enough.any()
+    return float(tyre.side_force(np.tan(slip), load, longitudinal=kappa[np.argmax(enough)])) / load
+
+
+@pytest.mark.parametrize(("path", "locking"), [("tractor.front", -25.0), ("semitrailer", -9.0)])
+def test_locked_wheels_keep_a_small_side_force(path: str, locking: float) -> None:
+    """Also at a change of the speed that no truck has."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
+
+    def secant(rate: float) -> float:
+        change, braking = -p[f"{path}.braking_load"] * rate, p[f"{path}.static_load"] / GRAVITY * rate
+        contact = Contact(ca.SX(0.05), load_change=ca.SX(change), longitudinal=ca.SX(braking))
+        return float(ca.evalf(saturating(p, path, contact)))
+
+    rolling, locked, beyond = map(secant, (0.0, locking, -200.0))
+    assert 0.05 * rolling < locked < 0.2 * rolling
+    assert 0 <= beyond < 0.3 * rolling
+
+
+def test_the_effect_of_the_braking_force_is_smooth() -> None:
+    """Its slope does not jump where wheels lock; at a high friction it vanishes."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
+    rate, slip, none = ca.SX.sym("u'"), ca.SX(0.05), ca.SX(0)
+    contact = Contact(slip, none, ca.SX(1.0), none, p["semitrailer.static_load"] / GRAVITY * rate)
+    law = saturating(p, "semitrailer", contact)
+    slope = ca.Function("slope", [rate], [ca.jacobian(law, rate)])
+    rates = np.linspace(-12, -0.01, 2000)
+    slopes = np.array(slope(rates[None])).ravel()
+    assert np.abs(np.diff(slopes)).max() < 0.02 * np.abs(slopes).max()
+    law = ca.Function("law", [rate], [saturating(p | {FRICTION: 1e6}, "semitrailer", contact)])
+    np.testing.assert_allclose(np.array(law(rates[None])).ravel(), float(law(0.0)), rtol=1e-10)
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "truck_full_trailer", "a_double"])
+@pytest.mark.parametrize(
+    ("speed_rate", "state"), [(0.6, "drives"), (0.0, "drives"), (-0.05, "drives"), (-0.5, "brakes"), (-4.0, "brakes")]
+)
+def test_the_longitudinal_forces_accelerate_the_truck_against_its_drag(
+    name: str, speed_rate: float, state: str
+) -> None:
+    """At 22 m/s: their sum is m u' and the drag; only the last group of the first unit drives, every group brakes."""
+    truck = get(name)
+    p, loads = truck.parameters() | saturation_parameters(truck), truck.axle_loads()
+    forces = longitudinal_forces(p, truck, ca.SX(22.0), ca.SX(speed_rate))
+    total, driving, braking, rolling = (
+        {path: float(ca.evalf(getattr(force, part))) for path, force in forces.items()}
+        for part in ("total", "driving", "braking", "rolling")
+    )
+    mass = sum(unit.mass for unit in truck.units)
+    assert sum(total.values()) == pytest.approx(mass * speed_rate + 1.2 / 2 * 6.0 * 22.0**2, rel=1e-9)
+    assert rolling == pytest.approx({path: -0.006 * load for path, load in loads.items()}, rel=1e-12)
+    first = truck.units[0]
+    driven = first.group_path(first.axle_groups[-1])
+    assert {path for path, force in driving.items() if force} == ({driven} if state == "drives" else set())
+    for path, force in total.items():
+        assert force == pytest.approx(driving[path] + braking[path] + rolling[path], rel=1e-12)
+        fraction = loads[path] / sum(loads.values())
+        assert braking[path] == pytest.approx(fraction * sum(braking.values()), rel=1e-9)
+    assert (sum(braking.values()) < 0) == (state == "brakes")
+
+
+def test_a_truck_that_coasts_neither_drives_nor_brakes() -> None:
+    """At the deceleration of its drag and rolling resistance; without both, at a constant speed."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK)
+    mass, weight = sum(unit.mass for unit in TRUCK.units), sum(TRUCK.axle_loads().values())
+    coasting = -(1.2 / 2 * 6.0 * 22.0**2 + 0.006 * weight) / mass
+    for changes, rate in (({}, coasting), ({DRAG_AREA: 0.0, ROLLING_RESISTANCE: 0.0}, 0.0)):
+        for force in longitudinal_forces(p | changes, TRUCK, ca.SX(22.0), ca.SX(rate)).values():
+            assert float(ca.evalf(force.driving)) == pytest.approx(0.0, abs=1e-9 * weight)
+            assert float(ca.evalf(force.braking)) == pytest.approx(0.0, abs=1e-9 * weight)
+            assert (float(ca.evalf(force.rolling)) < 0) == (not changes)
+
+
+def test_drive_and_brakes_make_up_for_the_drag_of_side_forces() -> None:
+    """Each side force N a / g acts at its slip angle N a / (g C); a truck that spins is left to slow down."""
+    p, loads = TRUCK.parameters() | saturation_parameters(TRUCK), TRUCK.axle_loads()
+
+    def wheels(speed_rate: float, *lateral: float) -> float:
+        """Force of drive and brakes at 22 m/s, N."""
+        forces = longitudinal_forces(p, TRUCK, ca.SX(22.0), ca.SX(speed_rate), [ca.SX(a) for a in lateral])
+        return sum(float(ca.evalf(force.driving + force.braking)) for force in forces.values())
+
+    drag = sum((load / 9.80665 * 2.0) ** 2 / p[f"{path}.cornering_stiffness"] for path, load in loads.items())
+    for speed_rate in (0.3, 0.0, -0.15, -1.0):
+        assert wheels(speed_rate, 2.0, 2.0) - wheels(speed_rate) == pytest.approx(drag, rel=1e-9)
+        assert wheels(speed_rate, 9.0, 9.0) == wheels(speed_rate, 5.0, 5.0)
+
+
+def test_driving_reduces_the_side_force_of_the_driven_axles() -> None:
+    """As braking does: the stiffness by sqrt(1 - b (F_x / (mu N))^2), and the largest side force so that both forces
+    together are the peak friction; within 1 % of that factor, and 0.1 % at small forces."""
+    p = TRUCK.parameters() | saturation_parameters(TRUCK) | {"body.half_track": 1e9, FRICTION_SENSITIVITY: 0.0}
+    load = p["tractor.drive.static_load"]
+
+    def secant(used: float, slip: float) -> float:
+        force = used * p[SHAPE] * p[FRICTION] * load
+        return float(ca.evalf(saturating(p, "tractor.drive", Contact(ca.SX(slip), longitudinal=ca.SX(force)))))
+
+    for slip, loss in ((1e-4, p[COMBINED_SLIP]), (100.0, 1.0)):
+        for used, tolerance in ((0.05, 0.001), (0.2, 0.001), (0.6, 0.01)):
+            assert secant(used, slip) == pytest.approx(secant(0.0, slip) * np.sqrt(1 - loss * used**2), rel=tolerance)
+            assert secant(-used, slip) == secant(used, slip)

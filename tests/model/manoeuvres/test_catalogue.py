@@ -1,0 +1,130 @@
+"""The catalogue: every form of every manoeuvre works, and a form that does not exist is refused."""
+
+import numpy as np
+import pytest
+
+from fifthwheel.base.errors import SignalError
+from fifthwheel.model.manoeuvres import (
+    LINEAR_MANOEUVRES,
+    MANOEUVRES,
+    PLANT_MANOEUVRES,
+    OpenLoop,
+    Path,
+    acceleration_course,
+    course,
+)
+from fifthwheel.truck import get
+from tests.model.manoeuvres.conftest import KMH_88, check_geometry
+
+
+@pytest.mark.parametrize("name", MANOEUVRES)
+def test_every_manoeuvre_has_a_form_and_at_most_one_for_the_plant(name):
+    manoeuvre = MANOEUVRES[name]
+    assert manoeuvre.acceleration or manoeuvre.open_loop or manoeuvre.path
+    assert not (manoeuvre.open_loop and manoeuvre.path)
+    assert manoeuvre.description
+
+
+@pytest.mark.parametrize("name", PLANT_MANOEUVRES)
+def test_courses_of_the_plant(name, truck):
+    result = course(name, truck)
+    assert result.name == name
+    assert result.duration > 5
+    assert result.speed.min() >= 5
+    if isinstance(result, Path):
+        assert MANOEUVRES[name].path
+        check_geometry(result)
+    else:
+        assert MANOEUVRES[name].open_loop
+        np.testing.assert_allclose(np.diff(result.time), 0.01, atol=1e-9)
+        assert result.steer[0] == 0
+        assert 0 < np.abs(result.steer).max() < 0.1
+        assert result.time[-1] == result.duration
+
+
+@pytest.mark.parametrize("name", [name for name in LINEAR_MANOEUVRES if MANOEUVRES[name].acceleration])
+def test_lateral_accelerations_of_the_linear_model(name):
+    time = np.arange(6000) / 100
+    acceleration = acceleration_course(name, time, speed=KMH_88, count=2, seed=1)
+    assert acceleration.shape == time.shape
+    assert np.abs(acceleration).max() < 3.0
+    assert acceleration.any() == (name != "straight")
+
+
+def test_arguments_have_an_effect(truck):
+    assert course("lane_changes", truck, count=3, speed=20).duration == pytest.approx(1 + 3 * (61 / 20 + 5.5), abs=0.05)
+    assert course("straight", truck, duration=12).duration == 12
+    assert course("everyday", truck, speed=12, duration=60).speed.max() <= 12 + 1e-9
+    one, two = (course("random", truck, seed=seed, duration=20) for seed in (1, 2))
+    assert isinstance(one, OpenLoop)
+    assert isinstance(two, OpenLoop)
+    assert not np.array_equal(one.steer, two.steer)
+    assert course("straight", truck, seed=7).speed[0] == KMH_88
+
+
+@pytest.mark.parametrize("name", PLANT_MANOEUVRES)
+def test_braking_reduces_the_speed_and_nothing_else(name, truck):
+    """From 1 s on, by 3 m/s per second, to 6 m/s."""
+    free, result = course(name, truck), course(name, truck, braking=3.0)
+    for field in ("x", "y", "heading", "curvature", "steer", "duration"):
+        np.testing.assert_array_equal(getattr(result, field, None), getattr(free, field, None))
+    assert (result.speed <= free.speed).all()
+    assert result.speed.min() == 6.0
+    time = np.interp(result.arc, *_arc_over_time(result)) if isinstance(result, Path) else result.time
+    start, speed = result.speed[0], result.speed[time < 1]
+    assert (speed == free.speed[time < 1]).all()
+    falling = (time > 1.1) & (result.speed > 6.1) & (result.speed < free.speed)
+    np.testing.assert_allclose(result.speed[falling], start - 3.0 * (time[falling] - 1), atol=0.01)
+
+
+def _arc_over_time(path):
+    """Arc length and time at the points of a path."""
+    mean = (path.speed[1:] + path.speed[:-1]) / 2
+    return path.arc, np.concatenate([[0.0], np.cumsum(np.diff(path.arc) / mean)])
+
+
+@pytest.mark.parametrize("braking", [0.0, -1.0, 6.0, float("nan")])
+def test_braking_out_of_range(truck, braking):
+    with pytest.raises(SignalError, match=r"braking: expected a deceleration above 0, up to 5 m/s\^2"):
+        course("straight", truck, braking=braking)
+
+
+def test_above_its_critical_speed_a_truck_needs_a_path():
+    with pytest.raises(SignalError, match=r"speed: expected below 27\.6 m/s, .* got 30; .* along a path"):
+        course("step", get("auburn_6x4"), speed=30)
+    assert isinstance(course("lane_changes", get("auburn_6x4"), speed=30), Path)
+
+
+@pytest.mark.parametrize(
+    ("name", "given", "message"),
+    [
+        ("lane_change", {}, "manoeuvre: 'lane_change' is not known; choose one of lane_changes, test_track"),
+        ("xyz", {}, "everyday"),
+        ("bend", {}, "manoeuvre: 'bend' exists only for the linear model; .* choose one of lane_changes, test_track"),
+        ("straight", {"speed": 88}, r"speed: expected 5 to 40 m/s .* got 88 m/s .*; give a road speed"),
+        ("straight", {"speed": float("nan")}, r"speed: expected 5 to 40 m/s .* got nan"),
+        ("straight", {"count": 3}, r"count: straight does not have it, got 3; .* \(straight has speed, duration\)"),
+        ("lane_changes", {"duration": 30.0}, "duration: lane_changes does not have it, got 30"),
+        ("lane_changes", {"count": 0}, "count: expected a number above 0"),
+        ("step", {"duration": -1.0}, "duration: expected a number above 0, got -1"),
+        ("random", {"duration": 0.5}, r"duration: expected a period of 0\.05 to 1 Hz within 0\.5 s"),
+        ("random", {"seed": -1}, "seed: expected 0 or more"),
+        ("everyday", {"speed": 6.0}, "speed: expected 8 m/s or more as the highest speed of everyday driving, got 6"),
+    ],
+)
+def test_impossible_courses_are_refused(truck, name, given, message):
+    with pytest.raises(SignalError, match=message):
+        course(name, truck, **given)
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("slalom", "manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine, step"),
+        ("everyday", r"manoeuvre: 'everyday' exists only for the nonlinear truck \(--model nonlinear\)"),
+        ("step", "for the linear model choose one of lane_changes, single_sine, step"),
+    ],
+)
+def test_manoeuvres_that_the_linear_model_does_not_have(name, message):
+    with pytest.raises(SignalError, match=message):
+        acceleration_course(name, np.arange(100) / 10, speed=20.0, count=1, seed=0)

@@ -1,0 +1,192 @@
+"""Strip and animation: valid files with content, geometry of the drawn shapes, refused arguments."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.model.manoeuvres import course
+from fifthwheel.model.plant import Plant, PlantRun, Properties
+from fifthwheel.truck import Vehicle, get
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
+from film import EXAGGERATION, LIGHT, _blocks, _Scene, _window, film
+
+pytest.importorskip("matplotlib")
+
+
+@pytest.fixture(scope="module")
+def run() -> PlantRun:
+    pytest.importorskip("mujoco")
+    truck = get("cheng_cebon_2011")
+    return Plant(truck).drive(course("lane_changes", truck, count=1, speed=88 / 3.6))
+
+
+def synthetic_run(vehicle: Vehicle, *, yaw: float = 0.0, roll: float = 0.0, acceleration: float = 0.0) -> PlantRun:
+    """Straight ahead at 20 m/s for 12 s without articulation, with a pulse of lateral acceleration at 8 s."""
+    time = np.linspace(0, 12, 49)
+    truth = {"speed": np.full_like(time, 20.0)}
+    origin = 0.0
+    for i, unit in enumerate(vehicle.units):
+        if i:
+            origin += vehicle.couplings[i - 1].leading_position - vehicle.couplings[i - 1].trailing_position
+        distance = 20 * time + origin + unit.cog
+        truth |= {
+            f"position_x.{unit.name}": np.cos(yaw) * distance,
+            f"position_y.{unit.name}": np.sin(yaw) * distance,
+            f"yaw.{unit.name}": np.full_like(time, yaw),
+            f"roll.{unit.name}": np.full_like(time, roll),
+            f"lateral_acceleration.{unit.name}": acceleration * np.exp(-((time - 8) ** 2)),
+        }
+        for axle in unit.axles:
+            truth[f"vertical_force.{unit.name}.{axle.name}"] = np.full_like(time, 7e4)
+            truth[f"load_transfer.{unit.name}.{axle.name}"] = np.full_like(time, 10 * roll)
+    return PlantRun(vehicle=vehicle, properties=Properties(), time=time, truth=truth, name="synthetic")
+
+
+def semitrailer() -> Vehicle:
+    return get("cheng_cebon_2011")
+
+
+def tractor() -> Vehicle:
+    fields = semitrailer().model_dump()
+    return Vehicle(name="truck", units=fields["units"][:1])
+
+
+def b_double() -> Vehicle:
+    fields = semitrailer().model_dump()
+    tractor, trailer = fields["units"]
+    wheel = fields["couplings"][0]
+    second = wheel | {"name": "second", "leading_position": -7.8}
+    return Vehicle(name="b_double", units=[tractor, trailer | {"name": "lead"}, trailer], couplings=[wheel, second])
+
+
+def with_dolly() -> Vehicle:
+    fields = semitrailer().model_dump()
+    tractor, trailer = fields["units"]
+    wheel, axles = fields["couplings"][0], trailer["axle_groups"][0]
+    dolly = trailer | {"name": "dolly", "cog": -4.0, "payload": None}
+    dolly["axle_groups"] = [axles | {"axles": [{"name": "axle", "position": -4.0}]}]
+    eye = wheel | {"name": "eye", "leading_position": -5.3}
+    return Vehicle(
+        name="dolly", units=[tractor, dolly, trailer], couplings=[eye, wheel | {"leading_position": -4.0, "name": "on"}]
+    )
+
+
+def test_strip(run: PlantRun, tmp_path: Path):
+    from matplotlib.image import imread
+
+    picture = imread(film(run, tmp_path / "strip.png"))
+    assert min(picture.shape[:2]) > 500
+    assert np.std(picture[..., :3]) > 0.05
+    assert [path.name for path in tmp_path.iterdir()] == ["strip.png"]
+
+
+@pytest.mark.slow
+def test_animation(run: PlantRun, tmp_path: Path):
+    from PIL import Image
+
+    second = run.time <= 1.0
+    short = replace(run, time=run.time[second], truth={name: values[second] for name, values in run.truth.items()})
+    with Image.open(film(short, tmp_path / "film.gif")) as animation:
+        assert animation.n_frames >= 15
+        assert animation.info["duration"] == 50
+        first = np.array(animation.convert("L"))
+        animation.seek(animation.n_frames - 1)
+        assert (np.array(animation.convert("L")) != first).mean() > 0.005
+
+
+def test_an_unknown_suffix_leaves_no_file(run: PlantRun, tmp_path: Path):
+    with pytest.raises(SignalError, match=r"\.png, \.svg, \.gif"):
+        film(run, tmp_path / "film.mpeg")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("vehicle", [tractor, b_double, with_dolly])
+def test_any_chain(vehicle, tmp_path: Path):
+    path = film(synthetic_run(vehicle(), roll=0.01, acceleration=1.0), tmp_path / "strip.SVG")
+    assert path.read_text(encoding="utf-8").rstrip().endswith("</svg>")
+
+
+def test_files_are_reproducible(tmp_path: Path):
+    run = synthetic_run(semitrailer())
+    first, second = (film(run, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
+    assert first == second
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "bodies"), [(tractor, [0]), (semitrailer, [1]), (b_double, [1, 2]), (with_dolly, [0, 2])]
+)
+def test_units_with_a_body(vehicle, bodies):
+    truck = vehicle()
+    blocks = [_blocks(truck, i) for i in range(len(truck.units))]
+    assert [i for i, of_unit in enumerate(blocks) if LIGHT in [block.shade for block in of_unit]] == bodies
+    assert all(block.rear < block.front for of_unit in blocks for block in of_unit)
+    for unit, of_unit in zip(truck.units, blocks, strict=True):  # all axles are below the unit
+        front = max(block.front for block in of_unit)
+        assert all(of_unit[0].rear < axle.position < front for axle in unit.axles)
+
+
+@pytest.mark.parametrize("yaw", [0.0, 0.2, 3.0])
+def test_view_from_above_is_to_scale_with_the_direction_of_travel_upwards(yaw):
+    run = synthetic_run(semitrailer(), yaw=yaw)
+    run.truth["yaw.semitrailer"] = run.truth["yaw.semitrailer"] + 0.05 * (run.time > 6)  # to the left
+    shapes = _polygons(_Scene(run, np.array([3.0, 9.0])), "draw_from_above", 1)
+    body = max(shapes, key=lambda shape: np.ptp(shape.imag))
+    (block,) = [block for block in _blocks(run.vehicle, 1) if block.shade == LIGHT]
+    assert abs(body[1] - body[0]) == pytest.approx(block.front - block.rear)
+    assert np.angle(body[1] - body[0]) == pytest.approx(np.pi / 2 + 0.05)
+
+
+@pytest.mark.parametrize("roll", [0.02, -0.02])
+def test_body_rolls_towards_the_deflected_tyre(roll):
+    run = synthetic_run(semitrailer(), roll=roll)
+    shapes = _polygons(_Scene(run, np.array([3.0, 9.0])), "draw_from_behind", 0)
+    body = max(shapes, key=lambda shape: np.abs(shape - shape.mean()).max())  # of one unit: both have the same roll
+    assert np.angle((body[1] - body[0]) / 1j) == pytest.approx(-EXAGGERATION * roll)
+    left, right = sorted((s for s in shapes if np.ptp(s.real) < 0.5), key=lambda shape: shape.real.mean())
+    assert np.sign(left.imag.max() - right.imag.max()) == np.sign(roll)
+
+
+def test_default_window_contains_the_largest_acceleration():
+    first, last = _window(synthetic_run(semitrailer(), acceleration=-2.0), 4.0)
+    assert first == pytest.approx(6.0)
+    assert last == pytest.approx(10.0)
+    assert _window(synthetic_run(semitrailer()), 20.0) == (0.0, 12.0)
+
+
+@pytest.mark.parametrize("name", ["roll.semitrailer", "speed", "load_transfer.semitrailer.rear"])
+def test_a_missing_signal_is_named(name, tmp_path: Path):
+    run = synthetic_run(semitrailer())
+    del run.truth[name]
+    with pytest.raises(SignalError, match=f"{name}: missing"):
+        film(run, tmp_path / "strip.png")
+
+
+def test_without_matplotlib(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(FifthwheelError, match=r"fifthwheel\[figures\]"):
+        film(synthetic_run(semitrailer()), tmp_path / "strip.png")
+
+
+def test_an_old_file_stays_when_drawing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def fail(*_args: object, **_more: object) -> None:
+        raise OSError("disk full")
+
+    (tmp_path / "strip.png").write_text("old", encoding="utf-8")
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
+    with pytest.raises(OSError, match="disk full"):
+        film(synthetic_run(semitrailer()), tmp_path / "strip.png")
+    assert [(path.name, path.read_text(encoding="utf-8")) for path in tmp_path.iterdir()] == [("strip.png", "old")]
+
+
+def _polygons(scene: _Scene, method: str, k: int) -> list[np.ndarray]:
+    """Corners of all filled shapes, right + i up, m."""
+    from matplotlib.figure import Figure
+
+    axes = Figure().add_subplot()
+    getattr(scene, method)(axes, k)
+    return [patch.get_xy()[:-1] @ [1, 1j] for patch in axes.patches]

@@ -1,0 +1,233 @@
+"""Simulated records: the requested manoeuvre, the requested noise, and the true states as reference."""
+
+import numpy as np
+import pytest
+from scipy.integrate import cumulative_trapezoid
+
+from fifthwheel.model import dynamics
+from fifthwheel.data.channels import ROLL_RATE, YAW_RATE
+from fifthwheel.data.checks import check
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.base.errors import SignalError
+from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
+from fifthwheel.data.record import Record
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle, get
+
+KMH_88 = 88 / 3.6
+G = 9.80665
+STEER = "steer.tractor.front"
+GYROS = {channel.quantity: channel.noise for channel in (ROLL_RATE, YAW_RATE)}
+RATES = {f"{q}.{u}": GYROS[q][i] for q in GYROS for i, u in enumerate(("tractor", "semitrailer"))}
+NOISELESS = {"yaw_rate.tractor": 0.0, "yaw_rate.semitrailer": 0.0}
+
+
+@pytest.fixture(scope="module")
+def truck() -> Vehicle:
+    return get("cheng_cebon_2011")
+
+
+def lateral_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Lateral acceleration and position of the tractor's CoG from the true states: a = v' + u r, y'' = a."""
+    speed, rate = record.signals["speed"], record.signals["yaw_rate.tractor"]
+    lateral = speed * record.reference["sideslip.tractor"]
+    acceleration = np.gradient(lateral, record.time) + speed * rate
+    velocity = cumulative_trapezoid(acceleration, record.time, initial=0)
+    return acceleration, cumulative_trapezoid(velocity, record.time, initial=0)
+
+
+@pytest.mark.parametrize("roll", [True, False], ids=["yaw and roll", "yaw only"])
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"])
+def test_the_lane_change_is_that_of_the_standard(name, roll):
+    """SAE J2179: 1.464 m sideways in 61 m at 88 km/h with 0.15 g, first to the left, then back."""
+    record = simulate(get(name), count=2, rate=200, sensors=NOISELESS, roll=roll)
+    acceleration, offset = lateral_motion(record)
+    start, end = 1.0, 1.0 + 61 / KMH_88
+    first = record.time < 8.5
+    assert np.abs(acceleration[first]).max() == pytest.approx(0.15 * G, rel=0.03)
+    assert offset[np.searchsorted(record.time, end)] == pytest.approx(1.464, rel=0.02)
+    assert offset[np.searchsorted(record.time, 8.5)] == pytest.approx(1.464, rel=0.02)
+    assert offset[-1] == pytest.approx(0, abs=0.1)
+    outside = first & ((record.time < start - 0.1) | (record.time > end + 0.1))
+    assert np.abs(acceleration[outside]).max() < 0.02 * 0.15 * G
+    assert offset[np.searchsorted(record.time, start)] == pytest.approx(0, abs=0.01)
+    assert acceleration[first].argmax() < acceleration[first].argmin()
+    period = np.diff(record.time[[acceleration[first].argmax(), acceleration[first].argmin()]])
+    assert period[0] == pytest.approx(61 / KMH_88 / 2, rel=0.05)  # 0.4 Hz
+
+
+@pytest.mark.parametrize("speed", [5.0, 6.0, 8.0, 12.0, 30.0, 35.0])
+@pytest.mark.parametrize("count", [1, 2])
+def test_a_lane_change_is_complete_at_any_speed(truck, speed, count):
+    record = simulate(truck, count=count, speed=speed, rate=50, sensors=NOISELESS)
+    _, offset = lateral_motion(record)
+    steer = record.signals[STEER]
+    assert abs(steer[0]) < 0.02 * np.abs(steer).max()
+    assert abs(steer[-1]) < 0.05 * np.abs(steer).max()
+    assert offset.max() == pytest.approx(1.464, rel=0.02)
+    assert offset[-1] == pytest.approx(1.464 * (count % 2), abs=0.02)
+
+
+def test_noise_is_as_requested(truck):
+    noisy, noiseless = simulate(truck, seed=11), simulate(truck, sensors=dict.fromkeys(RATES, 0.0))
+    assert len(noisy) == 12_000
+    assert set(noisy.signals) == {"speed", STEER, *RATES}
+    for name, variance in RATES.items():
+        noise = noisy.signals[name] - noiseless.signals[name]
+        assert np.var(noise) == pytest.approx(variance, rel=5 * np.sqrt(2 / len(noise)))
+        assert abs(noise.mean()) < 5 * np.sqrt(variance / len(noise))
+        assert abs(np.corrcoef(noise[1:], noise[:-1])[0, 1]) < 5 / np.sqrt(len(noise))
+    for name in ("speed", STEER):
+        np.testing.assert_array_equal(noisy.signals[name], noiseless.signals[name])
+    assert GYROS == {"roll_rate": (4.52e-4, 4.70e-5), "yaw_rate": (1.52e-5, 1.11e-5)}  # the article's (12)
+
+
+def test_other_sensors(truck):
+    sensors = {"yaw_rate.tractor": 1e-4, "lateral_acceleration.tractor": 0.04, "articulation.semitrailer": 1e-6}
+    record = simulate(truck, count=6, sensors=sensors)
+    noiseless = simulate(truck, count=6, sensors=dict.fromkeys(sensors, 0.0))
+    assert set(record.signals) == {"speed", STEER, *sensors}
+    for name, variance in sensors.items():
+        assert np.var(record.signals[name] - noiseless.signals[name]) == pytest.approx(variance, rel=0.12)
+    np.testing.assert_allclose(
+        noiseless.signals["articulation.semitrailer"],
+        noiseless.reference["articulation.semitrailer"],
+        rtol=0,
+        atol=1e-14,
+    )
+
+
+@pytest.mark.parametrize("manoeuvre", LINEAR_MANOEUVRES)
+def test_equal_seeds_give_equal_records(truck, manoeuvre):
+    record, same, other = (simulate(truck, manoeuvre=manoeuvre, duration=8.0, seed=seed) for seed in (4, 4, 5))
+    assert record == same
+    for name in RATES:
+        difference = record.signals[name] - other.signals[name]
+        assert np.std(difference) > np.sqrt(RATES[name])
+    same_steering = np.array_equal(record.signals[STEER], other.signals[STEER])
+    assert same_steering == (manoeuvre != "random")
+
+
+@pytest.mark.parametrize("manoeuvre", LINEAR_MANOEUVRES)
+def test_reference_channels(truck, manoeuvre):
+    record = simulate(truck, manoeuvre=manoeuvre, duration=8.0)
+    states = {f"{q}.{u}" for q in ("sideslip", "roll") for u in ("tractor", "semitrailer")}
+    assert set(record.reference) == states | {"articulation.semitrailer"}
+    for values in record.reference.values():
+        assert np.isfinite(values).all()
+    if manoeuvre != "straight":
+        assert all(np.ptp(values) > 1e-3 for values in record.reference.values())
+
+
+@pytest.mark.parametrize("rate", [20.0, 50.0])
+def test_the_steer_angle_of_an_open_loop_is_that_of_the_plant(truck, rate):
+    record, driven = simulate(truck, manoeuvre="step", rate=rate, sensors=NOISELESS), course("step", truck)
+    assert isinstance(driven, OpenLoop)
+    assert record.span == (0.0, pytest.approx(driven.duration - 1 / rate))
+    assert record.signals[STEER] == pytest.approx(np.interp(record.time, driven.time, driven.steer), abs=1e-15)
+
+
+def test_straight_is_straight(truck):
+    record = simulate(truck, manoeuvre="straight", sensors=NOISELESS, duration=5)
+    assert record.span == (0, 4.99)
+    for values in (*record.reference.values(), record.signals[STEER], *(record.signals[n] for n in NOISELESS)):
+        assert (values == 0).all()
+    assert (record.signals["speed"] == KMH_88).all()
+    noisy = simulate(truck, manoeuvre="straight")
+    assert noisy.span[1] == pytest.approx(60, abs=0.02)
+    assert np.std(noisy.signals["yaw_rate.tractor"]) == pytest.approx(np.sqrt(1.52e-5), rel=0.05)
+
+
+def test_yaw_only(truck):
+    record = simulate(truck, count=1, roll=False)
+    assert not [name for name in (*record.signals, *record.reference) if "roll" in name]
+    assert set(record.reference) == {"sideslip.tractor", "sideslip.semitrailer", "articulation.semitrailer"}
+
+
+def test_true_states_solve_the_equations_of_motion(truck):
+    """Against scipy's solution of the continuous system; the steer angle is linear between samples."""
+    from scipy.signal import lsim
+
+    record = simulate(truck, count=1, rate=50, sensors=NOISELESS)
+    m = dynamics.matrices(truck, KMH_88, roll=True)
+    column = truck.steer_signals().index(STEER)
+    _, _, x = lsim(
+        (m.A, m.B[:, [column]], np.eye(len(m.A)), np.zeros((len(m.A), 1))), record.signals[STEER], record.time
+    )
+    truth = dict(zip(m.states, x.T, strict=True))
+    for name in ("roll.tractor", "roll.semitrailer", "articulation.semitrailer"):
+        np.testing.assert_allclose(record.reference[name], truth[name], atol=1e-6 * np.abs(truth[name]).max(), rtol=0)
+    slip = truth["lateral_velocity.tractor"] / KMH_88
+    np.testing.assert_allclose(record.reference["sideslip.tractor"], slip, atol=1e-6 * np.abs(slip).max(), rtol=0)
+    rate = truth["yaw_rate.tractor"]
+    np.testing.assert_allclose(record.signals["yaw_rate.tractor"], rate, atol=1e-6 * np.abs(rate).max(), rtol=0)
+
+
+def test_rate_duration_speed_and_name(truck):
+    record = simulate(truck, rate=20, duration=10, speed=20.0, name="test", count=1)
+    assert (len(record), record.rate, record.name) == (200, pytest.approx(20), "test")
+    assert (record.signals["speed"] == 20.0).all()
+    assert len(simulate(truck, count=3, rate=10)) == 240
+
+
+@pytest.mark.parametrize("manoeuvre", ["lane_changes", "sweep", "random"])
+def test_simulated_records_are_plausible(truck, manoeuvre):
+    count = {"count": 3} if manoeuvre == "lane_changes" else {}
+    for name in ("cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"):
+        vehicle = get(name)
+        assert check(simulate(vehicle, manoeuvre=manoeuvre, **count), wheelbase=vehicle.wheelbase) == ()
+
+
+def test_manoeuvres_stay_in_the_linear_range(truck):
+    for manoeuvre in ("sweep", "random", "bend"):
+        acceleration, _ = lateral_motion(simulate(truck, manoeuvre=manoeuvre, sensors=NOISELESS, seed=2))
+        assert 0.5 < np.abs(acceleration).max() < 3.0, manoeuvre
+
+
+def test_the_response_starts_at_the_initial_state(truck):
+    model = dynamics.model(truck, ("yaw_rate.tractor",), roll=False)
+    time = np.arange(0, 2, 0.01)
+    inputs = {name: np.zeros_like(time) for name in truck.steer_signals()} | {"speed": np.full_like(time, 20.0)}
+    start = {"lateral_velocity": 0.1, "yaw_rate": 0.02, "articulation": 0.01, "slip_angle": 0.003}
+    x0 = np.array([start[name.split(".")[0]] for name in model.states])
+    states, outputs = free_response(model, dynamics.all_parameters(truck, model.outputs), time, inputs, x0)
+    np.testing.assert_array_equal(states[0], x0)
+    assert np.abs(states[-1]).max() < 0.2 * np.abs(x0).max()
+    np.testing.assert_array_equal(outputs[:, 0], states[:, model.states.index("yaw_rate.tractor")])
+
+
+@pytest.mark.parametrize("speed", [0.0, -20.0, 4.9, 41.0, 88.0, np.nan, np.inf])
+def test_speed_out_of_range(truck, speed):
+    with pytest.raises(SignalError, match=r"^speed: expected 5 to 40 m/s"):
+        simulate(truck, speed=speed)
+
+
+def test_an_unknown_manoeuvre(truck):
+    with pytest.raises(
+        SignalError, match=r"^manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine"
+    ):
+        simulate(truck, manoeuvre="slalom")
+
+
+@pytest.mark.parametrize("manoeuvre", sorted(set(MANOEUVRES) - set(LINEAR_MANOEUVRES)))
+def test_manoeuvres_of_the_nonlinear_truck_only(truck, manoeuvre):
+    with pytest.raises(SignalError, match=rf"^manoeuvre: '{manoeuvre}' exists only for the nonlinear truck"):
+        simulate(truck, manoeuvre=manoeuvre)
+
+
+def test_a_sweep_is_finite_at_any_rate_and_duration(truck):
+    """At the end of its window the sine may be below zero by rounding."""
+    record = simulate(truck, manoeuvre="sweep", rate=20, duration=23.4)
+    assert np.isfinite(record.signals[STEER]).all()
+
+
+@pytest.mark.parametrize("name", ["yaw_rate.lorry", "speeed.tractor", "articulation.tractor"])
+def test_an_unknown_sensor(truck, name):
+    with pytest.raises(SignalError, match=rf"^{name}: "):
+        simulate(truck, sensors={name: 1e-4}, count=1)
+
+
+@pytest.mark.parametrize("manoeuvre", sorted({*LINEAR_MANOEUVRES} - {"lane_changes"}))
+def test_a_number_of_lane_changes_is_refused_where_there_are_none(truck, manoeuvre):
+    with pytest.raises(SignalError, match=f"count: {manoeuvre} does not have it, got 3; leave it out"):
+        simulate(truck, manoeuvre=manoeuvre, count=3)

@@ -1,0 +1,5 @@
+"""Fixtures of the tests of assessments."""
+
+from tests.results.report.conftest import result
+
+__all__ = ["result"]

@@ -1,0 +1,219 @@
+"""Comparison of identifications: differences in sigmas, and what the runs share."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import truck as vehicle
+from fifthwheel.results.assess import assess
+from fifthwheel.results.diagnose import compare, spoken
+from fifthwheel.base.errors import SignalError
+from fifthwheel.estimate.identify import OneStage, Verdict, identify
+from fifthwheel.results.report.comparison import headline
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck.quantities import quantity_of
+from tests.results.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
+
+
+def run(result, log, *estimates, **others):
+    """A result on a log of this name."""
+    logs = tuple(replace(summary, name=log) for summary in result.identification.logs[:1])
+    return of(result, *estimates, **{"logs": logs, "knowledge": None, **others})
+
+
+def difference(a, b, parameter=0):
+    return compare({"a": a, "b": b}).parameters[parameter].differences[1]
+
+
+def estimated(comparison):
+    """The parameters without derived quantities."""
+    return [p for p in comparison.parameters if not p.derived]
+
+
+def test_independent_errors_add(result):
+    a, b = run(result, "1", estimate(FRONT, sigma=0.03)), run(result, "2", estimate(FRONT, value=1.1, sigma=0.04))
+    found = difference(a, b)
+    assert found.value == pytest.approx(0.1)
+    assert found.sigma == pytest.approx(0.05)
+    assert found.sigmas == pytest.approx(2.0)
+    assert not found.at_least
+
+
+def test_errors_of_a_common_vehicle_file_cancel(result):
+    """9/25 and 16/25 of the variances come from the softening: 0.05^2 (16/25 + 9/25) + (0.03 - 0.04)^2."""
+    a = run(result, "1", estimate(FRONT, sigma=0.05), variance_budget={FRONT: {SOFTENING: 9 / 25}})
+    b = run(result, "2", estimate(FRONT, value=1.1, sigma=0.05), variance_budget={FRONT: {SOFTENING: 16 / 25}})
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(0.04**2 + 0.03**2 + 0.01**2))
+
+
+def test_what_the_logs_add_to_an_uncertain_number_is_independent(result):
+    """The logs of both leave 60 % of the prior sigma: the shift by the prior is 0.6 of the part in the budget."""
+    others = {"variance_budget": {FRONT: {SOFTENING: 16 / 25}}, "remaining_uncertainty": {SOFTENING: 0.6}}
+    a, b = (run(result, log, estimate(FRONT, sigma=0.05), **others) for log in "12")
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(2 * (0.05**2 - 0.024**2)))
+
+
+def test_errors_of_different_vehicle_files_do_not_cancel(result):
+    path = "semitrailer.roll_axis_height"
+    budget = {"variance_budget": {FRONT: {path: 9 / 25}}}
+    a, b = (run(result, log, estimate(FRONT, sigma=0.05), **budget) for log in "12")
+    truck = b.initial_vehicle
+    other = replace(b, initial_vehicle=truck.replace({path: 0.9 * truck.parameters()[path]}))
+    assert difference(a, b).sigma == pytest.approx(np.sqrt(2) * 0.04)
+    assert difference(a, other).sigma == pytest.approx(np.sqrt(2) * 0.05)
+
+
+def test_logs_that_a_run_began_with_are_shared_too(result):
+    knowledge = result.identification.knowledge
+    first = run(result, "1", estimate(FRONT, sigma=0.03), knowledge=knowledge)
+    assert difference(first, run(result, "2", estimate(FRONT, sigma=0.03), knowledge=knowledge)).at_least
+    aside = replace(knowledge, logs=tuple(replace(log, set_aside="late") for log in knowledge.logs))
+    assert not difference(first, run(result, "2", estimate(FRONT, sigma=0.03), knowledge=aside)).at_least
+
+
+def test_shared_logs_make_the_difference_a_lower_bound(result):
+    a, b = (run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, **fixed)) for fixed in ({}, FIXED))
+    comparison = compare({"a": a, "b": b})
+    assert [p.differences[1].at_least for p in estimated(comparison)] == [True, False]
+    assert any("a and b share 1" in note for note in comparison.notes)
+    moved = compare({"a": a, "b": run(result, "1", estimate(FRONT, value=1.1, sigma=0.03), estimate(REAR, **FIXED))})
+    assert moved.rows()[1][5].startswith("at least +")
+
+
+FIXED = {"verdict": Verdict.FIXED, "sigma": None}
+
+
+def test_what_differs_in_the_vehicle_files_is_noted(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.05))
+    longer = a.initial_vehicle.replace({"semitrailer.cog": -5.25})
+    b = run(result, "1", estimate(FRONT, value=1.1, sigma=0.05), initial_vehicle=longer)
+    notes = compare({"a": a, "b": b}).notes
+    assert notes[0].startswith(
+        "The vehicle file of b differs from that of a: Trailer, CoG position −5.25 m instead of "
+    )
+    assert notes[1].endswith("It shows the effect of the vehicle files.")
+    same = compare({"a": a, "b": a}).notes
+    assert not any("differs" in note for note in same)
+    assert any(note.endswith("Vehicle files and settings are equal.") for note in same)
+
+
+def test_a_stated_sigma_and_settings_are_differences_too(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.05))
+    known = a.initial_vehicle.with_stated({"semitrailer.cog": 0.02})
+    settings = replace(a.settings, tolerance=0.02, given={"tractor.yaw_inertia": "+- 2 %"})
+    notes = compare({"a": a, "b": replace(a, initial_vehicle=known, settings=settings)}).notes
+    assert "Trailer, CoG position −5.490 ± 0.020 m instead of −5.49 m" in notes[0]
+    assert "the vehicle files and the settings (tractor.yaw_inertia, tolerance)" in notes[1]
+
+
+def test_a_fixed_value_counts_as_exact(result):
+    a, b = run(result, "1", estimate(FRONT, sigma=0.03)), run(result, "2", estimate(FRONT, **FIXED))
+    assert difference(a, b).sigma == pytest.approx(0.03)
+    assert difference(b, b).sigmas is None
+
+
+def test_cog_height_and_rollover_threshold_of_each_run_follow_the_parameters(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03))
+    path = "semitrailer.payload.height"
+    higher = a.vehicle.replace({path: 1.2 * a.vehicle.parameters()[path]})
+    height = [e for e in a.derived if e.name == "semitrailer.cog_height"]
+    b = run(result, "2", estimate(FRONT, sigma=0.03), vehicle=higher)
+    *_, cog, threshold = compare({"a": a, "b": b}).parameters
+    assert (cog.name, cog.estimates) == ("semitrailer.cog_height", (height[0], height[0]))
+    expected = [assess(each, cheap=True)["rollover_threshold"] for each in (a, b)]
+    assert [(e.value, e.sigma) for e in threshold.estimates] == [(m.value, m.sigma) for m in expected]
+    assert threshold.differences[1].value < 0
+    assert threshold.differences[1].sigma == pytest.approx(np.hypot(*[m.sigma for m in expected]))
+    assert threshold.in_sigmas(1).startswith("at least −")
+
+
+def test_derived_quantities_do_not_count_in_the_headline(result):
+    a, b = (run(result, log, estimate(FRONT, sigma=0.03)) for log in "12")
+    other = replace(b, derived=tuple(replace(e, value=2 * e.value) for e in b.derived))
+    assert headline(compare({"a": a, "b": other})).startswith("No difference beyond chance. Largest: Front tyres")
+
+
+@pytest.mark.parametrize("value", [1.0, 1.0 - 1e-4])
+def test_no_difference_has_no_sign(result, value):
+    a, b = (run(result, "1", estimate(FRONT, value=v, sigma=0.03)) for v in (1.0, value))
+    assert compare({"a": a, "b": b}).rows()[1][5] == "0.0 sigma"
+
+
+def test_parameters_that_one_run_does_not_have(result):
+    a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(HEIGHT))
+    comparison = compare({"a": a, "b": b})
+    assert [p.name for p in estimated(comparison)] == [FRONT, HEIGHT]
+    assert [p.differences for p in estimated(comparison)] == [(None, None), (None, None)]
+    assert comparison.rows()[1][2:] == ("–", "", "", "")
+    assert headline(comparison) == "No difference from a has a sigma."
+
+
+def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):
+    a = run(result, "1", estimate(FRONT, value=4.8e5, sigma=3e3))
+    b = run(result, "2", estimate(FRONT, value=4.32e5, sigma=4e3))
+    row = compare({"a": a, "b": b}).rows()[1]
+    assert row[3:] == ("−48.0 ± 5.0 kN/rad", "−10.0 ± 1.0 %", "−9.6 sigma")
+    row = compare({"b": b, "a": a}).rows()[1]
+    assert row[3] == "+48.0 ± 5.0 kN/rad"
+
+
+def test_the_headline_names_what_differs_most(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, sigma=0.03))
+    b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), estimate(REAR, value=1.4, sigma=0.04))
+    assert headline(compare({"a": a, "b": b})) == (
+        f"Differs most from a: {spoken(REAR)} of b, +40.0 ± 5.0 % (+8.0 sigma). "
+        "1 other difference is beyond chance too."
+    )
+
+
+def test_the_headline_omits_what_a_run_does_not_identify(result):
+    a = run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, sigma=0.03))
+    unknown = estimate(REAR, value=1.4, sigma=0.04, verdict=Verdict.NOT_IDENTIFIABLE)
+    b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), unknown)
+    for first, second in ((a, b), (b, a)):
+        assert f"{spoken(FRONT)} of" in headline(compare({"a": first, "b": second}))
+        assert spoken(REAR) not in headline(compare({"a": first, "b": second}))
+
+
+def test_chance_takes_the_number_of_differences_into_account(result):
+    """2.1 sigma is beyond chance alone, and not as the largest of two differences."""
+    a, b = (run(result, log, estimate(FRONT, value=v, sigma=0.05 / 2**0.5)) for log, v in (("1", 1.0), ("2", 1.105)))
+    c = run(result, "3", estimate(FRONT, sigma=0.05 / 2**0.5))
+    assert len(compare({"a": a, "b": b}).beyond_chance()) == 1
+    assert compare({"a": a, "b": b, "c": c}).beyond_chance() == []
+    assert headline(compare({"a": a, "b": b, "c": c})).startswith(
+        f"No difference beyond chance. Largest: {spoken(FRONT)} of b, +10.5 ± 5.0 % (+2.1 sigma)"
+    )
+
+
+def test_the_influence_of_a_prior_is_noted(result):
+    run_with_prior = run(result, "1", estimate(FRONT, sigma=0.15, prior=0.3))
+    notes = compare({"a": run_with_prior, "b": run(result, "2", estimate(FRONT))}).notes
+    assert any(note.startswith("a: fraction of the information") and f"{spoken(FRONT)} 25 %" in note for note in notes)
+
+
+def test_a_single_run_is_refused(result):
+    with pytest.raises(SignalError, match="at least two"):
+        compare({"a": result.identification})
+
+
+def test_csv_has_no_formulas(result):
+    a, b = run(result, "1", estimate(FRONT)), run(result, "2", estimate(FRONT))
+    lines = compare({"=1+1": a, "b,c": b}).to_csv().splitlines()
+    assert lines[1].startswith(f"{FRONT},'=1+1,1.0,0.01,N/rad,converged")
+    assert lines[2].startswith(f'{FRONT},"b,c",1.0')
+
+
+@pytest.mark.slow
+def test_the_differences_of_equal_trucks_have_their_sigma():
+    """Over many pairs of logs of one truck, differences of the stiffness are as large as their sigmas."""
+    truck, name = vehicle.get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
+    others = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
+    settings = OneStage(given={**others, name: "free"}, tyres="linear")
+    runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
+    found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
+    assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
+    variation = quantity_of(f"{name}.variation").sigma * truck.parameters()[name]
+    expected = np.sqrt(found[0].sigma ** 2 - 2 * variation**2)  # each log has its own variation, these logs have none
+    assert 0.5 < np.sqrt(np.mean([d.value**2 for d in found])) / expected < 1.5

@@ -1,0 +1,152 @@
+"""What the logs contribute to each parameter, and what would reduce its sigma."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel import truck as vehicle
+from fifthwheel.results.diagnose.advice import next_steps
+from fifthwheel.results.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
+from fifthwheel.results.diagnose.summaries import summarise_runs
+from fifthwheel.estimate.identify import SensorError, Verdict, identify
+from fifthwheel.estimate.identify.design import Remedy
+from fifthwheel.estimate.identify.design.assess import predict_sigmas
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck.spoken_names import named
+from fifthwheel.truck.quantities import FRICTION
+from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment, estimate, of, outlook
+
+
+@pytest.fixture(scope="module")
+def straight():
+    truck = vehicle.get("cheng_cebon_2011")
+    record = simulate(truck, manoeuvre="straight", duration=10, seed=3, name="straight")
+    return record, identify([record], truck)
+
+
+def test_lane_changes_leave_little_of_the_prior_sigma(result):
+    rows = {row.estimate.name: row for row in information_summary(result.identification)}
+    assert set(rows) == {e.name for e in result.identification.parameters}
+    front = rows["tractor.front.cornering_stiffness"]
+    e = result.identification[front.estimate.name]
+    assert front.remaining == pytest.approx((e.sigma / e.value) / (e.prior / e.initial))
+    assert front.remaining < 0.5
+    assert front.change.startswith("±30 % → ±")
+    height = rows["semitrailer.payload.height"]
+    assert height.remaining == pytest.approx(height.estimate.sigma / height.estimate.prior)
+    assert height.change.startswith("±0.75 m → ±")
+
+
+def test_a_straight_run_contains_no_information_and_a_lane_change_would(straight):
+    record, identification = straight
+    outlook = predict_sigmas([record], identification.vehicle)
+    rows = information_summary(identification, outlook)
+    assert {row.estimate.verdict for row in rows} == {Verdict.NOT_EXCITED}
+    predicted = [row for row in rows if row.estimate.name != FRICTION]  # the prediction has linear tyres
+    assert len(predicted) == len(rows) - 1
+    assert all(any("one more lane change" in message for message in row.messages) for row in predicted)
+    first, second, *_ = next_steps(identification, summarise_runs(identification, [record]), outlook)
+    assert "two or more lane changes" in first.message
+    assert set(first.parameters) == {e.name for e in identification.parameters}
+    assert second.message.startswith("Predicted sigma if one more lane change (SAE J2179) at 88 km/h is driven")
+    sigma = outlook["tractor.front.cornering_stiffness"].remedies[0].sigma / 4.75e5
+    assert f"{100 * sigma:.2g} % for {named('tractor.front.cornering_stiffness')}" in second.message
+
+
+def test_a_sigma_far_above_the_sensor_noise_is_due_to_autocorrelation(result):
+    e = result.identification.parameters[0]
+    outlook = predict_sigmas(result.records[:1], result.identification.vehicle)
+    wide = replace(e, sigma=5 * outlook[e.name].sigma)
+    row = information_summary(replace(result.identification, parameters=(wide,)), outlook)[0]
+    assert row.noise_sigma == outlook[e.name].sigma
+    assert any("Sigma is 5" in message for message in row.messages)
+    assert row.improvements == ()
+
+
+def test_the_information_summary_of_an_outlook(result):
+    """Sigma above 1.5 times that of the noise is due to autocorrelation, otherwise changes are listed that bring it
+    below 0.9."""
+
+    def row(e, *remedies, **others):
+        return information_summary(of(result, e), outlook(assessment(FRONT, *remedies, **others)))[0]
+
+    useful, useless = Remedy(drive="again", sigma=0.0899), Remedy(drive="lane_change", sigma=0.0901)
+    for verdict in (Verdict.CONVERGED, Verdict.NOT_CONVERGED):
+        assert row(estimate(FRONT, verdict, sigma=0.151), useful).noise_sigma == 0.1
+        assert row(estimate(FRONT, verdict, sigma=0.151), useful).improvements == ()
+        assert row(estimate(FRONT, verdict, sigma=0.149)).noise_sigma is None
+    assert row(estimate(FRONT, Verdict.NOT_EXCITED, sigma=0.2)).noise_sigma is None
+    assert row(estimate(FRONT, sigma=0.2), verdict=Verdict.NOT_EXCITED).noise_sigma is None
+    improvements = row(estimate(FRONT, sigma=0.1), useful, useless).improvements
+    assert improvements == ((useful, 0.0899 / 2.0),)
+    assert len(row(estimate(FRONT, Verdict.NOT_EXCITED, sigma=None), useful, useless).improvements) == 2
+    assert row(estimate(REAR, sigma=0.2), useful).improvements == ()
+    fixed = of(result, estimate(FRONT, Verdict.FIXED), estimate(REAR))
+    assert [r.estimate.name for r in information_summary(fixed)] == [REAR]
+    ((_, relative_sigma),) = row(estimate(FRONT, sigma=0.1), useful, value=-2.0).improvements
+    assert relative_sigma == 0.0899 / 2.0
+
+
+def information(e, **others):
+    return ParameterInformation(estimate=e, **others)
+
+
+def test_the_part_of_the_prior_that_remains():
+    """Of a stiffness relative to its value, of a height in metres; at most all."""
+    assert information(estimate(FRONT, sigma=0.06, value=2.0)).remaining == pytest.approx(0.1)
+    assert information(estimate(FRONT, sigma=0.06, value=-2.0, initial=-1.0)).remaining == pytest.approx(0.1)
+    assert information(estimate(HEIGHT, sigma=0.06, value=2.0)).remaining == pytest.approx(0.2)
+    assert information(estimate(FRONT, sigma=0.06, value=0.0)).remaining == pytest.approx(0.2)
+    assert information(estimate(FRONT, sigma=9.0)).remaining == 1.0
+    assert information(estimate(FRONT, sigma=None)).remaining == 1.0
+    assert information(estimate(FRONT, prior=None)).remaining is None
+    assert information(estimate(FRONT, sigma=0.06, value=2.0)).change == "±30 % → ±3 %"
+    assert information(estimate(HEIGHT, sigma=0.06)).change == "±0.30 m → ±0.060 m"
+    assert information(estimate(FRONT, sigma=None)).change == "±30 % → –"
+    assert information(estimate(FRONT, prior=None, sigma=0.06)).change == "±6 %"
+
+
+def test_messages_of_the_information_summary():
+    rear, axis = named(REAR), named(AXIS)
+    correlated = estimate(FRONT, sigma=0.0499, correlated_with=(REAR, AXIS))
+    accurate = f"Accurate. Its error is correlated with the errors of {rear} and {axis}."
+    strong = f"Strongly correlated with {rear} and {axis}."
+    assert information(correlated).messages == (accurate,)
+    assert information(replace(correlated, value=-1.0)).messages == (accurate,)
+    for changes in ({"sigma": 0.0501}, {"verdict": Verdict.NOT_CONVERGED}, {"sigma": None}):
+        assert information(replace(correlated, **changes)).messages == (strong,)
+    assert information(estimate(FRONT), correlation=(REAR, 0.61)).messages == (f"Correlated with {rear} (0.61).",)
+    terms = tuple(VarianceTerm(source=s, fraction=f) for s, f in ((AXIS, 0.5), (REAR, 0.3), ("c", 0.1)))
+    assert information(estimate(FRONT), budget=terms[:1]).messages == (
+        f"Its variance would be 50 % smaller if {axis} were exact.",
+    )
+    assert information(estimate(FRONT), budget=terms).messages == (
+        f"Its variance would be 50 % smaller if {axis} were exact, 30 % if {rear} were.",
+    )
+    (noise,) = information(estimate(FRONT, sigma=0.2), noise_sigma=0.1).messages
+    assert noise.startswith("Sigma is 2.0 times the sigma from sensor noise alone")
+    assert information(estimate(FRONT, sigma=None), noise_sigma=0.1).messages == ()
+
+
+def test_the_largest_correlation_is_that_of_an_estimated_unknown(result):
+    """Not of the same parameter, of a fixed one, or of another log than those of the identification."""
+    covariance, first = result.identification.covariance, estimate(FRONT)
+    names = (FRONT, REAR, AXIS, "yaw_rate.tractor.offset@a", "yaw_rate.tractor.offset@", "roll_rate.tractor.offset@a")
+    factor = np.array([1.0, 0.55, 0.9, -0.7, 0.95, 0.8])  # correlations with the first
+    P = np.outer(factor, factor) + np.diag(1 - factor**2)
+    scale = np.array([3.0, 1.0, 2.0, 5.0, 1.0, 1.0])
+    joint = replace(covariance, names=names, covariance=P * np.outer(scale, scale))
+    offset = SensorError(name="yaw_rate.tractor.offset", value=0.0, sigma=0.1, unit="rad/s", log="a")
+
+    def found(*parameters, **others):
+        return information_summary(of(result, *parameters, covariance=joint, **others))[0].correlation
+
+    assert found(first, estimate(REAR), sensors=(offset,)) == ("yaw_rate.tractor.offset@a", pytest.approx(0.7))
+    assert found(first, estimate(REAR)) == (REAR, pytest.approx(0.55))
+    assert found(first) is None
+    assert found(first, uncertain=(estimate(AXIS, Verdict.FIXED),)) is None
+    assert found(first, uncertain=(estimate(AXIS),)) == (AXIS, pytest.approx(0.9))
+    assert found(replace(first, correlated_with=(REAR,)), estimate(REAR)) is None
+    assert found(replace(first, verdict=Verdict.NOT_CONVERGED), estimate(REAR)) is None
+    assert found(estimate(HEIGHT), estimate(REAR)) is None

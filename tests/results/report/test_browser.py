@@ -1,0 +1,203 @@
+"""The page in headless Chromium: it draws every plot, uses no network, fits a narrow or dark screen, and prints."""
+
+import json
+import re
+import shutil
+import subprocess
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.results.report import write_assessment_report, write_report
+from fifthwheel.results.report.evaluation import write_evaluation_report
+from fifthwheel.results.report.evidence import TruckEvidence, write_evidence
+
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH"),
+]
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--enable-logging=stderr",
+]
+TIME = "--virtual-time-budget=60000"
+"""Of a page that waits for its own scripts."""
+DARK = "--blink-settings=preferredColorScheme=0"
+
+PROBE = r"""
+<script>
+addEventListener("load", async () => {
+  const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+  const state = {};
+  state.synchronous = document.body.dataset.drawn === "yes";
+  const plots = () => [...document.querySelectorAll("div.plot")];
+  const open = plots().filter((p) => !p.closest("details"));
+  state.drawn = open.every((p) => p.querySelector("svg.main-svg"));
+  state.waiting = plots().some((p) => p.closest("details") && !p.dataset.drawn);
+  state.width = document.documentElement.scrollWidth;
+  state.window = innerWidth;
+  state.appendix = document.getElementById("appendix").getBoundingClientRect().top + scrollY;
+  const luminance = (colour) => colour.match(/[\d.]+/g).slice(0, 3).reduce((sum, part) => sum + part / 765, 0);
+  state.page = luminance(getComputedStyle(document.body).backgroundColor);
+  const styles = (selector) => [...document.querySelectorAll(selector)].map((element) => getComputedStyle(element));
+  state.words = styles("div.plot text, svg.truck text").map((style) => luminance(style.fill));
+  state.behind = styles("div.plot svg.main-svg").map((style) => style.backgroundColor);
+  state.legends = document.querySelectorAll("main .trace-legend").length;
+  const wide = [...document.querySelectorAll("main div.plot.wide")];
+  const [fit, , main] = wide;  // of the first log
+  fit.emit("plotly_hover", { xvals: [4] });
+  state.cursors = wide.map((p) => !p.cursor.hidden);
+  const keys = [...document.querySelectorAll("main .trace-legend button")];
+  keys.find((key) => key.textContent.trim() === "measured").click();
+  await wait(300);
+  state.hidden = wide.flatMap((p) => p.data).filter((trace) => trace.name === "measured").map((trace) => trace.visible);
+  state.wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
+  document.querySelectorAll("details").forEach((d) => { d.open = true; });
+  await wait(1500);
+  state.folded = plots().every((p) => p.querySelector("svg.main-svg"));
+  state.open = document.documentElement.scrollWidth;
+  const range = (p) => p._fullLayout.xaxis.range.map((v) => Math.round(100 * v) / 100);
+  const before = range(main);
+  await Plotly.relayout(fit, { "xaxis.range[0]": 3, "xaxis.range[1]": 5 });
+  await wait(300);
+  state.zoomed = range(main);
+  fit.emit("plotly_doubleclick");
+  await wait(500);
+  state.reset = JSON.stringify(range(main)) === JSON.stringify(before);
+  const loaded = performance.getEntriesByType("resource").map((entry) => entry.name);
+  state.network = loaded.filter((name) => !/^(data|blob):/.test(name));
+  parent.document.title = JSON.stringify(state);
+  document.title = JSON.stringify(state);
+});
+</script>
+"""
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What the probe measured, and the errors on the console."""
+
+    state: dict
+    errors: list[str]
+
+
+def browse(profile: Path, *arguments: str) -> subprocess.CompletedProcess:
+    command = [str(CHROMIUM), *FLAGS, f"--user-data-dir={profile}", *arguments]
+    return subprocess.run(command, capture_output=True, text=True, timeout=180, check=True)
+
+
+@pytest.fixture(scope="module")
+def report(result, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("browser") / "report.html"
+    write_report(path, result.identification, result.records, result.states, title="my <truck> & co")
+    return path
+
+
+def open_page(report: Path, width: int, *flags: str, probe: str = PROBE) -> Observation:
+    """Open a copy with a probe in a frame, because a headless window is at least 500 px wide."""
+    folder = report.parent
+    text = report.read_text(encoding="utf-8")
+    (folder / "probe.html").write_text(text.replace("</head>", probe + "</head>"), encoding="utf-8")
+    frame = f'<title>-</title><iframe src="probe.html" style="width:{width}px;height:900px;border:0"></iframe>'
+    (folder / "frame.html").write_text(frame, encoding="utf-8")
+    ran = browse(
+        folder / "profile",
+        "--allow-file-access-from-files",
+        TIME,
+        *flags,
+        f"--window-size={max(width, 500) + 50},1000",
+        "--dump-dom",
+        (folder / "frame.html").as_uri(),
+    )
+    title = re.search("<title>(.*?)</title>", ran.stdout)
+    assert title, ran.stdout[:500]
+    errors = [line for line in ran.stderr.splitlines() if "CONSOLE" in line]
+    return Observation(state=json.loads(title[1].replace("&quot;", '"').replace("&amp;", "&")), errors=errors)
+
+
+@pytest.mark.parametrize("width", [390, 1400])
+def test_the_page_in_a_browser(report, width):
+    observation = open_page(report, width)
+    state = observation.state
+    assert observation.errors == []
+    assert state["synchronous"], "a page that is printed at once would have no plots"
+    assert state["drawn"], "a plot that is not folded away was not drawn"
+    assert state["waiting"], "folded plots are drawn when they are opened, not before"
+    assert state["folded"], "a plot that was opened was not drawn"
+    assert state["network"] == []
+    assert state["window"] == width
+    assert state["width"] <= width
+    assert state["open"] <= width
+    assert state["wide"] == 0, "a table has to be scrolled sideways"
+    assert state["appendix"] <= 5000 or width < 1400
+    assert state["legends"] == 1
+    assert state["cursors"] == [True, False, True, False], "one cursor for all plots of a log"
+    assert state["hidden"] == [False] * len(state["hidden"]) != [], "a key of the legend hides its line everywhere"
+    assert state["zoomed"] == [3, 5], "the plots of a log zoom together"
+    assert state["reset"], "a double click shows all again"
+
+
+@pytest.mark.parametrize("flags", [(), (DARK,)])
+def test_texts_of_plots_and_drawings_can_be_read_on_light_and_dark(report, flags):
+    state = open_page(report, 1400, *flags).state
+    dark = bool(flags)
+    assert (state["page"] < 0.2) is dark
+    assert all(abs(words - state["page"]) > 0.45 for words in state["words"])
+    assert set(state["behind"]) == {"rgba(0, 0, 0, 0)"}
+
+
+@pytest.mark.parametrize("flags", [(), (DARK,)])
+def test_it_prints_at_once_what_is_not_folded(report, flags):
+    pdf = report.with_name("report.pdf")
+    browse(report.parent / "profile", *flags, "--no-pdf-header-footer", f"--print-to-pdf={pdf}", report.as_uri())
+    data = pdf.read_bytes()
+    assert data.startswith(b"%PDF")
+    assert 2 <= len(re.findall(rb"/Type\s*/Page\b", data)) <= 6
+    assert len(data) > 1e5, "the plots are not in it"
+
+
+TABLES = r"""
+<script>
+addEventListener("load", () => {
+  const wide = [...document.querySelectorAll(".scroll")].filter((s) => s.scrollWidth > s.clientWidth).length;
+  parent.document.title = JSON.stringify({ wide, page: document.documentElement.scrollWidth });
+});
+</script>
+"""
+
+
+@pytest.fixture(scope="module")
+def measures(tmp_path_factory) -> dict[str, Path]:
+    """Pages of measures."""
+    names = ("validation", "evaluation", "assessment", "evidence")
+    found = {name: tmp_path_factory.mktemp(name) / "page.html" for name in names}
+    truck = fw.vehicle("cheng_cebon_2011")
+    quiet = {f"yaw_rate.{unit}": 1e-6 for unit in ("tractor", "semitrailer")}
+    sensors = {**quiet, "roll.tractor": 1e-7, "roll.semitrailer": 1e-7}
+    log = fw.simulate(truck, manoeuvre="slowly_increasing_steer", sensors=sensors, seed=1)
+    write_evaluation_report(found["validation"], fw.validate(log, log, "steady_state", vehicle=truck))
+    write_evaluation_report(found["evaluation"], fw.evaluate(log, "steady_state", vehicle=truck))
+    assessment = fw.assess(truck, cheap=True, nonlinear=False)
+    write_assessment_report(found["assessment"], assessment)
+    contents = found["evidence"].with_suffix(".json")
+    contents.write_text("{}")
+    write_evidence(found["evidence"], TruckEvidence(assessment=assessment), contents)
+    return found
+
+
+@pytest.mark.parametrize("width", [390, 1000])
+@pytest.mark.parametrize("name", ["validation", "evaluation", "assessment", "evidence"])
+def test_tables_of_measures_fit_the_screen(measures, name, width):
+    state = open_page(measures[name], width, probe=TABLES).state
+    assert state["wide"] == 0, "a table has to be scrolled sideways"
+    assert state["page"] <= width

@@ -1,0 +1,112 @@
+"""The evidence for a truck: parameters with verdicts, what the page shows and leaves out, one sheet of paper."""
+
+import hashlib
+import json
+import re
+from dataclasses import replace
+
+import pytest
+
+import fifthwheel as fw
+from fifthwheel import truck as vehicle
+from fifthwheel.results.report.evidence import SHOWN_FILES, TruckEvidence, write_evidence
+from fifthwheel.results.report.provenance import FileUsed, Provenance
+from tests.results.report.conftest import Page
+from tests.results.report.test_browser import CHROMIUM, browse
+
+HEIGHT = "semitrailer.payload.height"
+DIGESTS = [hashlib.sha256(bytes([k])).hexdigest() for k in range(12)]
+PROVENANCE = Provenance(
+    command="fifthwheel assess found -o out",
+    time="2026-03-01",
+    files=tuple(FileUsed(path=f"{k}.csv", size=k, sha256=digest) for k, digest in enumerate(DIGESTS)),
+)
+
+
+@pytest.fixture(scope="module")
+def evidence(result):
+    """Cheap measures, of which the first misses a threshold that is not confirmed."""
+    identification = result.identification
+    assessment = fw.assess(identification, cheap=True)
+    first, *others = assessment.measures
+    threshold = replace(first.thresholds[0], confirmed=False, value=9.0, probability=0.0)
+    assessment = replace(assessment, measures=(replace(first, thresholds=(threshold,)), *others))
+    return TruckEvidence(
+        assessment=assessment, identification=identification, conclusion=["All <good>."], provenance=PROVENANCE
+    )
+
+
+def written(evidence, folder) -> Page:
+    contents = folder / "assessment.json"
+    contents.write_text(json.dumps(evidence.as_dict()), encoding="utf-8")
+    write_evidence(folder / "evidence.html", evidence, contents)
+    return Page((folder / "evidence.html").read_text(encoding="utf-8"))
+
+
+def test_the_json_has_every_estimate_with_sigma_and_verdict(evidence):
+    contents = json.loads(json.dumps(evidence.as_dict()))
+    rows = {row["name"]: row for row in contents["parameters"]}
+    for e in (*evidence.identification.parameters, *evidence.identification.derived):
+        assert (rows[e.name]["value"], rows[e.name]["sigma"], rows[e.name]["verdict"]) == (e.value, e.sigma, e.verdict)
+    assert rows.keys() >= evidence.assessment.uncertain.keys() - {"half_track"}
+    assert rows["tractor.front.roll_stiffness"]["verdict"] == "assumed"
+    assert [file["sha256"] for file in contents["provenance"]["files"]] == DIGESTS
+    assert contents["measures"][0]["thresholds"][0]["source"].endswith("10 November 2008")
+
+
+def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(result):
+    assessment = fw.assess(result.identification, cheap=True, changes={HEIGHT: 2.0}, sigmas={HEIGHT: 0.1})
+    found = TruckEvidence(assessment=assessment, identification=result.identification).parameters()
+    rows = {row.name: row for row in found}
+    assert found.index(rows[HEIGHT]) < next(k for k, row in enumerate(found) if row.verdict == "assumed")
+    assert rows[HEIGHT][1:] == (2.0, 0.1, "m", "stated")
+    assert "semitrailer.cog_height" not in rows
+    assert rows["semitrailer.cornering_stiffness"].verdict == "converged"
+
+
+def test_a_vehicle_has_no_estimates(tmp_path):
+    truck = vehicle.get("cheng_cebon_2011").with_stated({HEIGHT: 0.05})
+    rows = TruckEvidence(assessment=fw.assess(truck, cheap=True)).parameters()
+    assert (rows[0].name, rows[0].sigma, rows[0].verdict) == (HEIGHT, 0.05, "stated")
+    assert {row.verdict for row in rows[1:]} == {"assumed"}
+
+
+def test_the_page_has_measures_thresholds_digests_and_what_it_leaves_out(evidence, tmp_path):
+    page = written(evidence, tmp_path)
+    own = hashlib.sha256((tmp_path / "assessment.json").read_bytes()).hexdigest()
+    left_out = f"{len(evidence.parameters()) - 20} further parameters and {13 - SHOWN_FILES} further files"
+    for text in (*DIGESTS[: SHOWN_FILES - 1], own, "All <good>.", left_out, "(not confirmed)", "10 November 2008"):
+        assert text in page.text
+    assert DIGESTS[SHOWN_FILES - 1] not in page.text
+    assert all(measure.title in page.text for measure in evidence.assessment)
+    assert "Nonlinear" not in page.text
+    assert "missed" in page.text
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no chromium on the PATH")
+@pytest.mark.parametrize("long", [False, True])
+def test_it_prints_on_one_sheet_of_a4(long, evidence, tmp_path):
+    if long:
+        between = {"first.front_overhang": 1.0, "second.front_overhang": 1.0, "first.rear_overhang": 2.0}
+        body = {"rear_overhang": 2.7, **between}
+        values = {
+            "launch_torque": 1800.0,
+            "lowest_gear": 11.7,
+            "final_drive": 3.1,
+            "tyre_radius": 0.5,
+            "engine_torque": 2600.0,
+            "engine_power": 390e3,
+        }
+        changes = {f"driveline.{name}": value for name, value in values.items()}
+        truck = fw.assess(vehicle.get("a_double"), nonlinear=False, body=body, changes=changes)
+        assert len(truck) >= 28
+        evidence = replace(evidence, assessment=truck, identification=None, conclusion=["A caution. " * 20])
+    written(evidence, tmp_path)
+    pdf = tmp_path / "evidence.pdf"
+    page = (tmp_path / "evidence.html").as_uri()
+    browse(tmp_path / "profile", "--no-pdf-header-footer", f"--print-to-pdf={pdf}", page)
+    data = pdf.read_bytes()
+    assert len(re.findall(rb"/Type\s*/Page\b", data)) == 1
+    width, height = map(float, re.search(rb"/MediaBox \[0 0 ([\d.]+) ([\d.]+)\]", data).groups())
+    assert (width / 72 * 25.4, height / 72 * 25.4) == pytest.approx((210, 297), abs=1)

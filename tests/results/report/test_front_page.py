@@ -1,0 +1,200 @@
+"""The first page of the report: what an engineer sends on."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import fifthwheel as fw
+from fifthwheel.base import pages
+from fifthwheel.base.formatting import with_sigma
+from fifthwheel.estimate.identify import Verdict
+from fifthwheel.base.pages import page
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration, lateral_acceleration
+from fifthwheel.results.report import Provenance, front_page, write_report
+from fifthwheel.results.report.truck_drawing import CHARACTER, WIDTH, truck_drawing
+from tests.results.report.conftest import Page
+
+SECTIONS = ["Parameters", "Measured and predicted", "States", "Appendix"]
+
+
+@pytest.fixture(scope="module")
+def text(result, tmp_path_factory) -> str:
+    path, origin = (
+        tmp_path_factory.mktemp("front") / "report.html",
+        Provenance(note="J. <Smith>, dry", time="2026-03-01"),
+    )
+    performance = fw.assess(result.identification, cheap=True)
+    identification, records = result.identification, result.records
+    write_report(
+        path, identification, records, result.states, title="my truck", performance=performance, provenance=origin
+    )
+    return path.read_text(encoding="utf-8")
+
+
+def heads(html: str) -> list[str]:
+    return re.findall("<h2[^>]*>(.*?)</h2>", html)
+
+
+def test_note_date_headline_and_main_numbers_come_first(result, text):
+    (cog,) = (e for e in result.identification.derived if e.name == "semitrailer.cog_height")
+    words = [
+        "my truck",
+        "J. &lt;Smith&gt;, dry",
+        "2026-03-01. Identification",
+        "parameters are identified",
+        "Trailer, CoG height",
+    ]
+    words += [
+        with_sigma(cog.value, cog.sigma, cog.unit),
+        "Static rollover threshold",
+        "Next steps",
+        '<svg class="truck"',
+    ]
+    places = [text.index(word) for word in words]
+    assert places == sorted(places)
+
+
+def test_a_report_from_python_has_no_date(result, tmp_path):
+    write_report(tmp_path / "report.html", result.identification, [], [], title="truck", provenance=Provenance())
+    assert '<p class="subtitle">Identification: one-stage' in (tmp_path / "report.html").read_text(encoding="utf-8")
+
+
+def test_everything_but_three_sections_is_folded_in_the_appendix(text):
+    assert heads(text) == SECTIONS
+    main, appendix = text.split('<section id="appendix">')
+    outside = re.sub("<details.*</details>", "", appendix.split("</section>")[0], flags=re.DOTALL)
+    assert Page(f"<section>{outside.strip()}</section>").text.strip() == "AppendixUnfold all, such as for printing"
+    for title in ("What this truck will do", "Histories of the estimates", "All states", "Settings", "Sensor errors"):
+        assert f"<summary>{title}" in appendix
+        assert f"<summary>{title}" not in main
+
+
+def test_the_table_has_plain_names_with_their_paths_and_a_picture(result, text):
+    table = text[text.index('aria-label="Estimates"') : text.index("Notes, priors")]
+    for e in (*result.identification.parameters, *result.identification.derived):
+        assert f'title="{e.name}">{fw.diagnose.spoken(e.name)}<' in table
+    assert table.count('<svg class="whisker"') == table.count("<tr") - 1
+    inertia = next(e for e in result.identification.parameters if e.name == "semitrailer.yaw_inertia")
+    prior = with_sigma(inertia.initial, inertia.prior, inertia.unit)
+    assert f"<title>prior {prior}, vehicle file {with_sigma(inertia.initial, None, inertia.unit)}, estimate" in table
+
+
+def test_an_estimate_that_is_not_identified_is_grey_in_table_and_drawing(result):
+    first, *rest = result.identification.parameters
+    missing = replace(first, verdict=Verdict.NOT_EXCITED)
+    blocks = list(front_page.estimates(replace(result.identification, parameters=(missing, *rest))))
+    (row,) = (row for row in blocks[1].rows if row[0].hint == first.name)
+    assert row[5].row == "off"
+    assert "#0072B2" not in row[6]
+    assert "#0072B2" in blocks[1].rows[1][6]
+    drawing = truck_drawing(result.identification.vehicle, [missing, *rest])
+    assert f'class="off" x="{_x(drawing, "(not excited)")}"' in drawing
+    assert with_sigma(first.value, first.sigma, first.unit).rpartition(" ")[0] not in drawing
+
+
+def _x(drawing: str, line: str) -> str:
+    return re.search(rf'x="(\d+)" y="\d+"><title>[^<]*</title>{re.escape(line)}<', drawing)[1]
+
+
+def test_tyres_are_below_their_axles_and_other_numbers_at_their_unit(result):
+    drawing = truck_drawing(result.identification.vehicle, result.identification.parameters)
+    assert int(_x(drawing, "Trailer tyres")) < int(_x(drawing, "Drive tyres")) < int(_x(drawing, "Front tyres"))
+    inertia = next(e for e in result.identification.parameters if e.name == "semitrailer.yaw_inertia")
+    assert f"Yaw inertia {with_sigma(inertia.value, inertia.sigma, inertia.unit)}" in drawing
+
+
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", "a_double", "b_double", "truck_full_trailer"])
+def test_no_texts_of_a_drawing_overlap(result, name):
+    truck, template = fw.vehicle(name), result.identification.parameters[0]
+    wanted = ("cornering_stiffness", "yaw_inertia", "payload.height")
+    values = {path: v for path, v in truck.parameters().items() if path.endswith(wanted)}
+    estimates = [replace(template, name=path, value=v, sigma=0.05 * v) for path, v in values.items()]
+    drawing = truck_drawing(truck, estimates)
+    texts = re.findall(r'x="(-?\d+)" y="(-?\d+)"><title>[^<]*</title>([^<]*)<', drawing)
+    assert len(texts) > len(estimates)
+    for k, (x, y, line) in enumerate(texts):
+        half = CHARACTER * len(line) / 2
+        assert int(x) - half >= -1
+        assert int(x) + half <= WIDTH + 1
+        for x2, y2, other in texts[k + 1 :]:
+            apart = abs(int(x) - int(x2)) >= half + CHARACTER * len(other) / 2 - 1
+            assert apart or abs(int(y) - int(y2)) >= 15, (line, other)
+    below = {int(y) for _, y, line in texts if line.endswith("tyres")}
+    assert len(below) <= 3, "texts stay near their axles"
+
+
+def test_what_was_driven(result):
+    identification, record = result.identification, result.records[0]
+    runs = fw.diagnose.summarise_runs(identification, [record])
+    (beside,) = front_page.truck_and_runs(identification, [record], runs)
+    (figure,) = beside.blocks[1].plots
+    speed, lateral = (panel.items[0] for panel in figure.plot.panels)
+    assert figure.group == f"log {record.name}", "it has the cursor of the log"
+    assert np.allclose(speed.y, 3.6 * record.signals["speed"])
+    assert np.nanmax(np.abs(lateral.y)) == pytest.approx(runs[0].acceleration, rel=0.02)
+    assert f"up to {runs[0].acceleration:.2f} m/s²" in figure.note
+    both = fw.diagnose.summarise_runs(identification, result.records)
+    (beside,) = front_page.truck_and_runs(identification, result.records, both)
+    (figure,) = beside.blocks[1].plots
+    assert [line.name for line in figure.plot.panels[0].items] == [r.name for r in result.records]
+    (beside,) = front_page.truck_and_runs(identification, [], [])
+    assert len(beside.blocks) == 1
+
+
+def test_lateral_acceleration_over_time(result):
+    record = result.records[1]
+    mean = lateral_acceleration(record, "tractor")
+    assert np.isnan(mean[1100])
+    slow = record.signals["speed"] < 5
+    largest = largest_lateral_acceleration(replace(record, signals={"speed": record.signals["speed"]}), "tractor")
+    assert np.isnan(largest)
+    assert np.isnan(lateral_acceleration(record, "trailer")).all()
+    assert np.nanmax(np.abs(mean[~slow])) > 1
+
+
+def test_a_log_shorter_than_the_average_has_a_lateral_acceleration():
+    record = Record(time=[0, 0.01, 0.02], signals={"speed": [20.0] * 3, "yaw_rate.tractor": [0.1, 0.2, 0.3]})
+    assert lateral_acceleration(record, "tractor") == pytest.approx([3.0, 4.0, 5.0])  # over three samples and fewer
+
+
+def test_of_many_logs_three_are_drawn_before_the_appendix(result, tmp_path):
+    identification, names = result.identification, [f"log{k}" for k in range(5)]
+    fit, log = identification.fits[0], identification.logs[0]
+    fits = [replace(fit, log=name, identified_on=name != "log4") for name in names]
+    logs = [replace(log, name=name) for name in names[:4]]
+    many = replace(identification, fits=tuple(fits), logs=tuple(logs))
+    records = [replace(result.records[0], name=name) for name in names]
+    write_report(tmp_path / "report.html", many, records, [], title="truck")
+    main, appendix = (tmp_path / "report.html").read_text(encoding="utf-8").split('<section id="appendix">')
+    shown = main[main.index('id="fits"') :]
+    assert [name for name in names if f"<figcaption>{name}" in shown] == ["log0", "log1", "log4"]
+    assert "Measured and predicted, 2 more logs" in appendix
+    assert "<figcaption>log3<" in appendix
+
+
+def test_logs_with_many_channels_leave_room_for_fewer(result, tmp_path):
+    identification, fit = result.identification, result.identification.fits[0]
+    names, log = ["log0", "log1", "log2"], result.identification.logs[0]
+    fits = [replace(fit, log=name, signal=f"roll_rate.unit{k}") for name in names for k in range(8)]
+    many = replace(identification, fits=tuple(fits), logs=tuple(replace(log, name=name) for name in names))
+    write_report(tmp_path / "report.html", many, [], [], title="truck")
+    main, appendix = (tmp_path / "report.html").read_text(encoding="utf-8").split('<section id="appendix">')
+    assert [name for name in names if f"<figcaption>{name}" in main] == ["log0", "log1"]
+    assert "Measured and predicted, 1 more log<" in appendix
+
+
+def test_without_fits_and_states_the_sections_are_left_out(result, tmp_path):
+    write_report(tmp_path / "report.html", replace(result.identification, fits=()), [], [], title="truck")
+    assert heads((tmp_path / "report.html").read_text(encoding="utf-8")) == ["Parameters", "Appendix"]
+
+
+def test_a_section_without_blocks_is_not_folded():
+    assert list(pages.folded(())) == []
+    section = (pages.Heading("Title", key="key"), pages.Paragraph("text"))
+    assert list(pages.folded(section)) == [pages.Folded("Title", [section[1]], key="key")]
+    html = page.page(pages.Document("t", [], appendix=list(pages.folded(section))))[0].decode()
+    assert '<details id="key"><summary>Title</summary>' in html
+    assert '<a href="#appendix">' in html

@@ -1,0 +1,244 @@
+"""The page: complete and self-contained."""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.base.formatting import with_sigma
+from fifthwheel.estimate.identify.result import display
+from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.observe import Status
+from fifthwheel.estimate.observe.states import SHADES
+from fifthwheel.base.plots import Plot, downsample, plotly_figure
+from fifthwheel.base.plots.palette import rgba
+from fifthwheel.results.report import write_report, write_states_report
+from fifthwheel.results.report.consistency import innovation_figure
+from fifthwheel.results.report.identification import _uncertain_numbers
+from fifthwheel.results.report.words import MARKS, spoken_verdict
+from fifthwheel.truck import changes
+from tests.results.report.conftest import NASTY, Page
+
+
+@pytest.fixture(scope="module")
+def text(result, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    write_report(path, result.identification, result.records, result.states, title="my <truck> & co")
+    assert [p.name for p in path.parent.iterdir()] == ["report.html"]
+    return path.read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def parsed(text) -> Page:
+    return Page(text)
+
+
+@pytest.fixture(scope="module")
+def plots(parsed) -> list:
+    return drawn(parsed)
+
+
+def drawn(parsed: Page) -> list:
+    """The plots of the page."""
+    return json.loads(parsed.data("figures"), parse_constant=pytest.fail)
+
+
+def of_section(plots: list, *sections: str) -> list:
+    """The plots of these sections."""
+    return [plot for plot in plots if plot["name"][1] in sections]
+
+
+def test_every_value_is_there(result, parsed):
+    text = parsed.text.replace("\u00a0", " ")
+    for estimate in (*result.identification.parameters, *result.identification.derived):
+        assert estimate.name in parsed.text
+        assert with_sigma(estimate.value, estimate.sigma, estimate.unit) in text
+    for error in result.identification.sensors:
+        assert with_sigma(error.value, error.sigma, error.unit) in parsed.text
+    assert result.identification.version in parsed.text
+    assert "process_noise" in parsed.text
+
+
+def test_uncertain_numbers_have_the_prior_of_the_settings(result):
+    """Their sigma is that of the estimate: the prior times what remains of it."""
+    identification = result.identification
+    before, mass = identification.initial_vehicle, "semitrailer.mass"
+    (own,) = [change.slopes[mass] for change in changes(before) if change.name == mass]
+    of_mass = []
+    for one in (identification, replace(identification, initial_vehicle=before.with_stated({mass: 5 * own}))):
+        (folded,) = _uncertain_numbers(one)
+        (row,) = [r for r in folded.blocks[1].rows if getattr(r[0], "hint", "").endswith(mass)]
+        of_mass.append(float("".join(str(row[2]).split())))
+    assert of_mass[1] == pytest.approx(5 * of_mass[0], rel=0.05)
+
+
+def test_every_uncertain_number_has_a_sigma_and_a_prior(result):
+    """The scale of all masses as the mass of all units; numbers of the model alone have no value."""
+    identification = result.identification
+    (folded,) = _uncertain_numbers(identification)
+    rows = {getattr(row[0], "hint", ""): row for row in folded.blocks[1].rows}
+    assert [hint for hint, row in rows.items() if "–" in row[2:]] == []
+    (scale,) = [row for hint, row in rows.items() if hint.startswith("mass_scale")]
+    gross = sum(unit.mass for unit in identification.vehicle.units)
+    assert float(scale[1].replace("\u202f", "")) == pytest.approx(gross, rel=1e-3)
+    assert scale[3] == "kg"
+    assert scale[4].startswith("40\u202f650 ± 810")
+    assert rows["yaw_rate.tractor.delay"][3:5] == ("ms", "0 ± 10")
+
+
+def test_names_are_escaped(text, parsed):
+    assert NASTY in parsed.text
+    assert "my <truck> & co" in parsed.text
+    assert "<truck>" not in text
+    assert "bend <b>" not in text.replace(parsed.scripts["figures"], "")
+
+
+def test_opens_without_a_network(text, parsed):
+    assert {link for _, link in parsed.links if not link.startswith("#")} == set()
+    own = text
+    for script in parsed.scripts.values():
+        own = own.replace(script, "")
+    assert not re.search(r"https?://|url\(|@import", own)
+    assert "default-src &#x27;none&#x27;" in text
+    assert any("Plotly.newPlot" in script for script in parsed.scripts.values())
+    assert b"plotly.js v" in parsed.data("library")[:200]
+
+
+def test_links_lead_somewhere(parsed):
+    assert len(parsed.ids) == len(set(parsed.ids))
+    assert {link[1:] for _, link in parsed.links} <= set(parsed.ids)
+
+
+def test_every_plot_has_its_place(parsed, plots):
+    assert [f"plot{k}" for k in range(len(plots))] == [i for i in parsed.ids if i.startswith("plot")]
+
+
+def test_every_history_channel_and_state_has_a_plot(result, plots):
+    identification = result.identification
+    histories = sum(len(h.names) for h in identification.histories.values())
+    assert len(of_section(plots, "history")) == histories == 6
+    for name, states in zip((r.name for r in result.records), result.states, strict=True):
+        own = [plot for plot in plots if plot["group"] == f"log {name}"]
+        assert len(of_section(own, "states")) == 1 + len(states.values)
+        assert len(of_section(own, "innovations")) == len(states.innovation)
+        (fit,), (residual,) = of_section(own, "fit"), of_section(own, "residual")
+        channels = [f for f in identification.fits if f.log == name]
+        axes = [key for key in fit["layout"] if key.startswith("yaxis")]
+        assert len(axes) == len(channels) == len([key for key in residual["layout"] if key.startswith("yaxis")])
+        assert [key for key in fit["layout"] if key.startswith("xaxis")] == ["xaxis"]
+
+
+def test_lines_are_short_and_as_long_as_their_time(plots):
+    for plot in plots:
+        for line in plot["data"]:
+            assert len(line["x"]) == len(line["y"]) <= downsample.MAX_POINTS + downsample.MAX_GAPS + 2
+
+
+def test_histories_have_band_levels_and_passes(result, plots):
+    history, plot = result.identification.histories["one stage"], of_section(plots, "history")[0]
+    names = [line["name"] for line in plot["data"]]
+    assert names == [display.HISTORY_BAND, "initial", "final", "estimate"]
+    assert len(plot["layout"]["shapes"]) == history.passes - 1
+    estimate = result.identification[history.names[0]]
+    assert plot["data"][2]["y"][0] == pytest.approx(estimate.value / 1e3)
+    assert plot["layout"]["yaxis"]["title"]["text"] == "kN/rad"
+
+
+def test_angles_are_in_degrees(result):
+    states, record = result.states[0], result.records[0]
+    figure = plotly_figure.figure(Plot(panels=[states.panel("sideslip.tractor", record)]))
+    lines = {line["name"]: line for line in figure["data"]}
+    assert set(lines) == {"± 2 sigma", "estimate", "reference"}
+    assert max(lines["reference"]["y"]) == pytest.approx(
+        np.degrees(record.reference["sideslip.tractor"].max()), rel=1e-3
+    )
+    assert figure["layout"]["yaxis"]["title"]["text"] == "deg"
+
+
+def test_status_is_shaded_and_rejected_samples_are_marked(result):
+    states = result.states[1]
+    assert (states.status == Status.TOO_SLOW).any()
+    figure = plotly_figure.figure(innovation_figure(states, "yaw_rate.tractor").plot)
+    colours = [shape.get("fillcolor") for shape in figure["layout"]["shapes"]]
+    assert rgba(*SHADES[Status.TOO_SLOW]) in colours
+    assert rgba(*SHADES[Status.COASTING]) in colours
+    marks = figure["data"][1]
+    assert marks["name"] == "rejected"
+    assert 8.0 in marks["x"]
+
+
+def test_gaps_are_null(result):
+    panel = result.states[1].panel("yaw_rate.tractor", result.records[1])
+    lines = plotly_figure.figure(Plot(panels=[panel]))["data"]
+    assert None in next(line for line in lines if line["name"] == "estimate")["y"]
+    assert not any(line["y"].count(None) > 5 for line in lines)
+
+
+def test_predicted_logs_are_marked(text):
+    section = text[text.index('id="fits"') : text.index('id="states"')]
+    assert section.count(": validation log</figcaption>") == 1
+    assert section.index("lane changes") < section.index("validation log</figcaption>")
+
+
+def test_states_alone(result, tmp_path):
+    path = tmp_path / "report.html"
+    write_states_report(path, result.states, result.records, title="truck")
+    parsed = Page(path.read_text(encoding="utf-8"))
+    assert "The states are reliable in" in parsed.text
+    assert "too slow for the model" in parsed.text
+    assert "rms difference from the reference" in parsed.text
+    assert "parameters" not in parsed.ids
+    plots = drawn(parsed)
+    assert len(of_section(plots, "states")) == sum(1 + len(s.values) for s in result.states)
+    assert len(of_section(plots, "innovations")) == sum(len(s.innovation) for s in result.states)
+
+
+def test_a_channel_without_samples(result, tmp_path):
+    states, nothing = result.states[0], np.full(len(result.states[0].time), np.nan)
+    silent = replace(
+        states,
+        values=dict.fromkeys(states.values, nothing),
+        sigma=dict.fromkeys(states.sigma, nothing),
+        innovation=dict.fromkeys(states.innovation, nothing),
+        innovation_sigma=dict.fromkeys(states.innovation, nothing),
+        accepted={name: np.zeros(len(nothing), dtype=bool) for name in states.innovation},
+        status=np.full(len(nothing), Status.INPUT_MISSING, dtype=np.int8),
+    )
+    write_states_report(tmp_path / "report.html", [silent], result.records, title="truck")
+    parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert "never estimated" in parsed.text
+    assert "never used" in parsed.text
+    drawn(parsed)
+
+
+def test_every_verdict_has_its_mark(every_verdict, result, tmp_path):
+    path = tmp_path / "report.html"
+    write_report(path, every_verdict, result.records, [], title="truck")
+    text = path.read_text(encoding="utf-8")
+    assert set(MARKS) == set(Verdict)
+    for name, mark in MARKS.items():
+        assert f'<span class="{name}"><span class="mark">{mark}</span>{spoken_verdict(name)}</span>' in text
+
+
+def test_import_is_cheap():
+    heavy = ("rich", "plotly", "scipy", "pyarrow", "pandas")
+    code = f"import sys, fifthwheel.results.report; print([m for m in {heavy} if m in sys.modules])"
+    ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert ran.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("value", [np.inf, np.nan, 1e200])
+def test_a_prediction_that_diverges(result, tmp_path, value):
+    fit = result.identification.fits[0]
+    predicted = fit.predicted.copy()
+    predicted[100:] = value
+    lost = replace(fit, predicted=predicted, explained=-np.inf if value == np.inf else np.nan, rms=value)
+    identification = replace(result.identification, fits=(lost, *result.identification.fits[1:]))
+    write_report(tmp_path / "report.html", identification, result.records, result.states, title="truck")
+    parsed = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    drawn(parsed)
+    assert "explained" in parsed.text

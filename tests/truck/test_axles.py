@@ -1,0 +1,120 @@
+"""Raised, self-steering and command-steered axles in vehicle files."""
+
+import pytest
+
+from fifthwheel.model.dynamics.model import topology
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.truck import Vehicle, catalogue
+from fifthwheel.truck.edited_file import edited
+
+TEXT = catalogue.text("cheng_cebon_2011")
+REAR = '{ name = "rear", position = "-9.3 m", steerable = true }'
+FRONT = '{ name = "front", position = "-6.7 m", steerable = true }'
+
+
+def with_rear(keys: str, front: str = "steerable = true") -> str:
+    """The catalogue's file with other keys of the first and the last axle of the trailer."""
+    text = TEXT.replace(REAR, f'{{ name = "rear", position = "-9.3 m", {keys} }}')
+    return text.replace(FRONT, f'{{ name = "front", position = "-6.7 m", {front} }}')
+
+
+def test_a_file_states_how_axles_steer():
+    truck = Vehicle.loads(with_rear('self_steering = "0.8 +- 0.05"', "command_steering = 0.3"))
+    parameters = truck.parameters()
+    assert parameters["semitrailer.rear.self_steering"] == 0.8
+    assert parameters["semitrailer.front.command_steering"] == 0.3
+    assert truck.stated["semitrailer.rear.self_steering"] == 0.05
+    assert "semitrailer.middle.self_steering" not in parameters
+    assert 'self_steering = "0.8 +- 0.05"' in truck.to_toml()
+    assert Vehicle.loads(truck.to_toml()) == truck
+
+
+def test_a_file_with_comments_keeps_them_where_the_number_of_an_axle_changes():
+    text = with_rear("self_steering = 0.8")
+    truck = Vehicle.loads(text).replace({"semitrailer.rear.self_steering": 0.7})
+    assert 'self_steering = "0.7"' in edited(text, truck)
+    assert "#" in edited(text, truck)
+
+
+def test_a_single_axle_has_its_keys_in_its_group():
+    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\nself_steering = "0.5 exact"', 1)
+    truck = Vehicle.loads(text)
+    assert truck.units[0].axles[-1].self_steering == 0.5
+    assert truck.stated["tractor.drive.self_steering"] == 0
+
+
+def test_a_raised_axle_carries_no_load():
+    """The moments about the kingpin: the group is then at the mean of the other two axles, 8.65 m behind it."""
+    truck = Vehicle.loads(with_rear("steerable = false", "lifted = true"))
+    trailer = truck.units[1]
+    load = trailer.mass * STANDARD_GRAVITY * trailer.cog / -8.65
+    assert truck.axle_loads()["semitrailer"] == pytest.approx(load)
+    down = Vehicle.loads(with_rear("steerable = false", "steerable = false"))
+    assert sum(truck.axle_loads().values()) == pytest.approx(sum(down.axle_loads().values()))
+    assert truck.axle_loads()["tractor.drive"] > down.axle_loads()["tractor.drive"]
+    assert [axle.name for axle in trailer.on_road] == ["middle", "rear"]
+    assert topology(truck) != topology(down)
+    assert Vehicle.loads(truck.to_toml()) == truck
+    assert truck.to_toml().count("lifted") == 1
+
+
+def test_a_class_gives_the_numbers_of_the_axles_on_the_road():
+    text = """
+name = "truck"
+[[unit]]
+name = "tractor"
+class = "tractor_4x2"
+mass = "7.4 t"
+axle_group = [{ name = "front", position = "0 m" }, { name = "drive", position = "-3.7 m" }]
+[[unit]]
+name = "semitrailer"
+class = "semitrailer_3"
+mass = "15 t"
+payload = { mass = "8 t" }
+[[unit.axle_group]]
+axles = [{ name = "front", position = "-6.7 m" LIFTED }, { name = "rear", position = "-9.3 m" }]
+[[coupling]]
+leading_position = "-3.1 m"
+"""
+    down, lifted = (Vehicle.loads(text.replace("LIFTED", key)) for key in ("", ", lifted = true"))
+    stiffness = "semitrailer.roll_stiffness"
+    assert lifted.parameters()[stiffness] == pytest.approx(down.parameters()[stiffness] / 2)
+    assert lifted.tyres()["semitrailer"] == 2
+
+
+@pytest.mark.parametrize(
+    ("rear", "message"),
+    [
+        ("self_steering = 1.2", r"semitrailer\.rear\.self_steering: expected a number <= 1, got 1.2"),
+        ("self_steering = -0.1", r"self_steering: expected a number >= 0, got -0.1; correct it"),
+        ("command_steering = 30", r"command_steering: expected a number <= 1"),
+        ("self_steering = 0.8, steerable = true", "one kind of steering, got steerable and self_steering; keep"),
+        ("self_steering = 0.8, command_steering = 0.1", "self_steering and command_steering; keep one"),
+        ("lifted = true, steerable = true", r"rear\.lifted: expected false for a steerable axle; remove"),
+        ("castor = 0.8", "castor: no such key"),
+    ],
+)
+def test_invalid_keys_are_refused_with_a_cure(rear: str, message: str):
+    with pytest.raises(VehicleError, match=message):
+        Vehicle.loads(with_rear(rear))
+
+
+def test_a_group_needs_an_axle_on_the_road():
+    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\nlifted = true', 1)
+    with pytest.raises(VehicleError, match=r"tractor\.drive\.axles: expected one on the road.*leave the group out"):
+        Vehicle.loads(text)
+
+
+def test_a_unit_needs_an_axle_with_side_force():
+    middle = '{ name = "middle", position = "-8.0 m", steerable = true }'
+    text = with_rear("self_steering = 1", "self_steering = 1")
+    text = text.replace(middle, '{ name = "middle", position = "-8.0 m", self_steering = 1 }')
+    with pytest.raises(VehicleError, match=r"semitrailer\.rear\.self_steering: expected an axle with side force"):
+        Vehicle.loads(text)
+
+
+def test_the_first_unit_has_no_articulation_angle_to_steer_by():
+    text = TEXT.replace('position = "-3.7 m"', 'position = "-3.7 m"\ncommand_steering = 0.2', 1)
+    with pytest.raises(VehicleError, match=r"tractor\.drive\.command_steering: expected a unit behind a coupling"):
+        Vehicle.loads(text)

@@ -1,0 +1,159 @@
+"""The catalogue against the published numbers, each within half a unit of its last digit."""
+
+import pytest
+
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.truck import Payload, Vehicle, catalogue, unit_of
+
+ARTICLE = catalogue.get("cheng_cebon_2011")
+
+
+def with_shape(vehicle: Vehicle, shape: str) -> Vehicle:
+    tractor, trailer = vehicle.units
+    assert trailer.payload is not None
+    payload = Payload(**(trailer.payload.model_dump() | {"shape": shape}))
+    return vehicle.model_copy(update={"units": (tractor, trailer.model_copy(update={"payload": payload}))})
+
+
+@pytest.mark.parametrize(
+    ("payload_height", "cog_height", "half_cog", "roll_inertia", "half_inertia"),
+    [
+        (1.237, 1.602, 5e-4, 4.35e4, 50),  # 3.3, the simulation
+        (1.257, 1.609, 5e-4, 4.40e4, 50),  # 4.3, the test track
+        (1.084, 1.553, 5e-4, 3.99e4, 50),  # 3.3, estimate for the point payload
+        (1.230, 1.600, 5e-3, 4.35e4 / 1.004, 50),  # the reference; 4.35e4 is within 0.4 % of it
+    ],
+)
+def test_article_pairs(
+    payload_height: float, cog_height: float, half_cog: float, roll_inertia: float, half_inertia: float
+) -> None:
+    derived = ARTICLE.replace({"semitrailer.payload.height": payload_height}).derived()
+    assert abs(derived["semitrailer.cog_height"] - cog_height) <= half_cog
+    assert abs(derived["semitrailer.roll_inertia"] - roll_inertia) <= half_inertia
+
+
+def test_article_point_payload() -> None:
+    derived = with_shape(ARTICLE, "point").derived()
+    assert abs(derived["semitrailer.roll_inertia"] - 33308) <= 0.5
+    assert derived["semitrailer.cog_height"] == ARTICLE.derived()["semitrailer.cog_height"]
+
+
+def test_article_unladen_trailer() -> None:
+    p = ARTICLE.parameters()
+    lever = p["semitrailer.sprung.cog_height"] - p["semitrailer.roll_axis_height"]
+    about_axis = p["semitrailer.sprung.roll_inertia"] + p["semitrailer.sprung.mass"] * lever**2
+    assert about_axis == pytest.approx(1.27e4, abs=1e-6)
+    assert p["semitrailer.sprung.cog_height"] == 1.20
+
+
+def test_article_published_values() -> None:
+    p = ARTICLE.parameters()
+    assert p["tractor.front.cornering_stiffness"] == 4.75e5
+    assert p["tractor.drive.cornering_stiffness"] == 7.66e5
+    assert p["semitrailer.cornering_stiffness"] == 1.273e6
+    assert p["semitrailer.yaw_inertia"] == 4.137e5
+    kingpin = ARTICLE.units[1].mass - ARTICLE.axle_loads()["semitrailer"] / 9.80665
+    assert kingpin == pytest.approx(10.5e3, rel=0.01)
+
+
+@pytest.mark.parametrize(("name", "payload"), [("auburn_6x4", 17000.0), ("auburn_6x4_unladen", 0.0)])
+def test_auburn_sums(name: str, payload: float) -> None:
+    """Mass, CoG and yaw inertia of each unit, computed again from the bodies of the published set."""
+    tractor = [(6493.0, -1.384, 19658.0), (570.0, 0.0, 0.0), (785.0, -5.0, 0.0), (785.0, -6.27, 0.0)]
+    trailer = [
+        (3196.0, -7.303, 180015.0),
+        (payload, -7.303, payload * (12**2 + 2.4**2) / 12),
+        (665.0, -13.124, 0.0),
+        (665.0, -14.412, 0.0),
+    ]
+    vehicle = catalogue.get(name)
+    for unit, bodies in zip(vehicle.units, (tractor, trailer), strict=True):
+        mass = sum(m for m, _, _ in bodies)
+        cog = sum(m * x for m, x, _ in bodies) / mass
+        assert unit.mass == mass
+        assert unit.cog == pytest.approx(cog, abs=5e-4)
+        assert unit.yaw_inertia == pytest.approx(sum(i + m * (x - cog) ** 2 for m, x, i in bodies), abs=0.5)
+        sprung_cog, height = bodies[0][1], vehicle.derived()[f"{unit.name}.cog_height"]
+        published = 130.0 if unit.name == "tractor" else 0.0
+        product = published + unit.laden_sprung_mass * (sprung_cog - cog) * (height - unit.roll_axis_height)
+        assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
+
+
+def test_laden_and_unladen_auburn_differ_only_in_what_depends_on_the_payload() -> None:
+    laden, unladen = (catalogue.get(name).parameters() for name in ("auburn_6x4", "auburn_6x4_unladen"))
+    different = {path for path in unladen if unladen[path] != laden[path]}
+    assert different == {f"semitrailer.{word}" for word in ("mass", "cog", "yaw_inertia", "sprung.roll_yaw_product")}
+
+
+SEMITRAILER = "semitrailer"
+PARTS = {
+    ("b_double", "lead"): [
+        (4800, -4.0, 9.3, 0.0),
+        (13000, -2.6, 6.1, 2.11),
+        *[(700, x, 0.0, 0.0) for x in (-5.2, -6.5, -7.8)],
+    ],
+    ("truck_full_trailer", "trailer"): [(3000, -2.6, 7.7, 0.0), (11500, -2.6, 7.2, 2.4), (700, -5.1, 0.0, 0.0)],
+}
+"""Mass, position, length and width of uniform parts, kg and m, as in the comments of the files."""
+
+
+@pytest.mark.parametrize(("name", "unit_name"), list(PARTS))
+def test_chosen_units_are_the_sums_of_their_parts(name: str, unit_name: str) -> None:
+    unit, parts = catalogue.get(name).unit(unit_name), PARTS[name, unit_name]
+    mass = sum(m for m, *_ in parts)
+    cog = sum(m * x for m, x, *_ in parts) / mass
+    assert unit.mass == mass
+    assert unit.cog == pytest.approx(cog, abs=5e-4)
+    inertia = sum(m * (x - cog) ** 2 + m * (length**2 + width**2) / 12 for m, x, length, width in parts)
+    assert unit.yaw_inertia == pytest.approx(inertia, abs=0.5)
+    sprung = [(m, x) for m, x, length, _ in parts if length]
+    sprung_cog = sum(m * x for m, x in sprung) / sum(m for m, _ in sprung)
+    lever = catalogue.get(name).derived()[f"{unit_name}.cog_height"] - unit.roll_axis_height
+    product = unit.laden_sprung_mass * (sprung_cog - cog) * lever
+    assert unit.sprung.roll_yaw_product == pytest.approx(product, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("name", "kinds", "mass"),
+    [
+        ("b_double", ["fifth_wheel", "fifth_wheel"], 62.0),
+        ("a_double", ["fifth_wheel", "drawbar_eye", "fifth_wheel"], 78.3),
+        ("truck_dolly_semitrailer", ["drawbar_eye", "fifth_wheel"], 61.2),
+        ("truck_full_trailer", ["drawbar_eye", "turntable"], 39.2),
+    ],
+)
+def test_long_combinations(name: str, kinds: list[str], mass: float) -> None:
+    """Couplings, mass, and tyres by the coefficients of the article at the static loads."""
+    vehicle, article = catalogue.get(name), ARTICLE.parameters()
+    assert [c.kind for c in vehicle.couplings] == kinds
+    assert sum(unit.mass for unit in vehicle.units) == pytest.approx(mass * 1000, abs=100)
+    trailer = vehicle.units[-1]
+    if trailer.name in (SEMITRAILER, "second"):
+        same = {p: v for p, v in article.items() if p.startswith(f"{SEMITRAILER}.")}
+        ours = vehicle.parameters()
+        assert {p: ours[p.replace(SEMITRAILER, trailer.name)] for p in same} == pytest.approx(same, rel=1e-8)
+    for path, load in vehicle.axle_loads().items():
+        if path.split(".")[0] in (SEMITRAILER, "first", "second"):
+            continue
+        coefficient = 7.0 if "." in path else 5.7
+        stiffness = vehicle.parameters()[f"{path}.cornering_stiffness"]
+        assert stiffness == pytest.approx(coefficient * load, abs=2500), path
+
+
+@pytest.mark.parametrize("name", catalogue.names())
+def test_every_entry_is_complete(name: str) -> None:
+    vehicle = catalogue.get(name)
+    assert vehicle.name == name
+    assert vehicle.source
+    assert all(load > 0 for load in vehicle.axle_loads().values())
+    assert all(unit_of(path) for path in vehicle.parameters())
+    values = [line for line in catalogue.text(name).splitlines() if " = " in line and not line.startswith(("#", "  "))]
+    without_origin = [
+        line for line in values if "#" not in line and not line.startswith(("name", "source", "steerable"))
+    ]
+    assert without_origin == []
+
+
+def test_unknown_name_is_answered_with_a_similar_one() -> None:
+    with pytest.raises(VehicleError, match="did you mean 'cheng_cebon_2011'"):
+        catalogue.get("cheng_cebon")

@@ -1,0 +1,130 @@
+"""Masses and CoG positions from axle loads, and axle loads from them."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.truck import Vehicle, catalogue, with_axle_loads
+
+ARTICLE = catalogue.get("cheng_cebon_2011")
+TRUE_TRACTOR = {
+    "tractor.front": 7200 * STANDARD_GRAVITY * (3.7 - 1.03) / 3.7,
+    "tractor.drive": 7200 * STANDARD_GRAVITY * 1.03 / 3.7,
+}
+
+
+def loaded(mass: float, cog: float) -> Vehicle:
+    """The article's vehicle with another payload and CoG of the trailer."""
+    return ARTICLE.replace(
+        {"semitrailer.mass": 33450 - 20122 + mass, "semitrailer.payload.mass": mass, "semitrailer.cog": cog}
+    )
+
+
+@given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
+def test_round_trip(mass: float, cog: float) -> None:
+    truth = loaded(mass, cog)
+    weighed = with_axle_loads(ARTICLE, truth.axle_loads())
+    assert weighed.parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+    assert weighed.axle_loads() == pytest.approx(truth.axle_loads(), rel=1e-9)
+
+
+@given(mass=st.floats(6500, 9e3), cog=st.floats(-2.0, -0.5))
+def test_unladen_tractor(mass: float, cog: float) -> None:
+    truth = ARTICLE.replace({"tractor.mass": mass, "tractor.sprung.mass": mass - 1900, "tractor.cog": cog})
+    front = mass * STANDARD_GRAVITY * (3.7 + cog) / 3.7
+    alone = {"tractor.front": front, "tractor.drive": mass * STANDARD_GRAVITY - front}
+    weighed = with_axle_loads(ARTICLE, truth.axle_loads(), unladen_tractor=alone)
+    assert weighed.parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+
+
+def test_without_payload_the_difference_goes_to_the_sprung_body() -> None:
+    empty = catalogue.get("auburn_6x4_unladen")
+    truth = empty.replace({"semitrailer.mass": 4726, "semitrailer.sprung.mass": 3396})
+    weighed = with_axle_loads(empty, truth.axle_loads())
+    assert weighed.parameters() == pytest.approx(truth.parameters(), rel=1e-12)
+
+
+def test_loads_that_contradict_the_tractors_cog_are_refused() -> None:
+    loads = ARTICLE.axle_loads()
+    shifted = loads | {
+        "tractor.front": loads["tractor.front"] + 5000,
+        "tractor.drive": loads["tractor.drive"] - 5000,
+    }
+    with pytest.raises(VehicleError, match=r"tractor\.front: expected 67642 N .*, got 72642 N; check tractor\.cog"):
+        with_axle_loads(ARTICLE, shifted)
+    assert with_axle_loads(ARTICLE, shifted, tolerance=0.05).units[1].mass == pytest.approx(33450)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"semitrailer.axles": 1.0}, r"semitrailer\.axles: no such axle load; did you mean 'semitrailer'"),
+        ({"tractor.drive": 0.0}, r"tractor\.drive: expected a load > 0 N"),
+        ({"tractor.drive": float("nan")}, r"tractor\.drive: expected a load > 0 N"),
+        (TRUE_TRACTOR | {"tractor.front": 4e4}, r"expected more than the tractor's own 70608 N"),
+        ({"semitrailer": 1e4}, r"semitrailer: expected more than 13328 kg, its mass without payload"),
+    ],
+)
+def test_impossible_loads_are_refused(change: dict[str, float], message: str) -> None:
+    with pytest.raises(VehicleError, match=message):
+        with_axle_loads(ARTICLE, ARTICLE.axle_loads() | change)
+
+
+def test_a_single_unit_is_determined_by_its_loads() -> None:
+    alone = Vehicle(name="alone", units=ARTICLE.units[:1])
+    truth = alone.replace({"tractor.mass": 7500.0, "tractor.sprung.mass": 5600.0, "tractor.cog": -1.2})
+    assert with_axle_loads(alone, truth.axle_loads()).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+
+
+@given(mass=st.floats(100, 30e3), cog=st.floats(-7.5, -1))
+def test_without_the_front_axle(mass: float, cog: float) -> None:
+    truth = loaded(mass, cog)
+    loads = {path: load for path, load in truth.axle_loads().items() if path != "tractor.front"}
+    assert with_axle_loads(ARTICLE, loads).parameters() == pytest.approx(truth.parameters(), rel=1e-9)
+    with pytest.raises(VehicleError, match=r"tractor.drive: expected more than the tractor's own"):
+        with_axle_loads(ARTICLE, loads | {"tractor.drive": 1e3})
+
+
+LONG = ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"]
+
+
+@pytest.mark.parametrize("name", LONG)
+def test_long_combinations_have_the_weighed_loads(name: str) -> None:
+    """Loads of payloads 20 % lighter and 0.3 m further back: the result has these loads, and so the same total mass."""
+    vehicle = catalogue.get(name)
+    values = {}
+    for unit in vehicle.units:
+        if unit.payload:
+            values[f"{unit.name}.payload.mass"] = 0.8 * unit.payload.mass
+            values[f"{unit.name}.mass"] = unit.mass - 0.2 * unit.payload.mass
+            values[f"{unit.name}.cog"] = unit.cog - 0.1
+    truth = vehicle.replace(values)
+    weighed = with_axle_loads(vehicle, truth.axle_loads())
+    assert weighed.axle_loads() == pytest.approx(truth.axle_loads(), rel=1e-9)
+    assert sum(u.mass for u in weighed.units) == pytest.approx(sum(u.mass for u in truth.units), rel=1e-9)
+    for ours, true in zip(weighed.units, truth.units, strict=True):
+        assert ours.mass == pytest.approx(true.mass, rel=0.06), true.name
+        assert ours.mass - ours.laden_sprung_mass == pytest.approx(true.mass - true.laden_sprung_mass)
+
+
+def test_a_rigid_truck_is_determined_by_two_loads() -> None:
+    """A full trailer puts no load on its truck, so that the truck alone has two unknowns and two loads."""
+    vehicle = catalogue.get("truck_full_trailer")
+    truck = vehicle.units[0]
+    assert truck.payload
+    truth = vehicle.replace(
+        {"truck.mass": truck.mass - 3000, "truck.payload.mass": truck.payload.mass - 3000, "truck.cog": -3.2}
+    )
+    weighed = with_axle_loads(vehicle, truth.axle_loads()).units[0]
+    assert (weighed.mass, weighed.cog) == pytest.approx((truck.mass - 3000, -3.2), rel=1e-9)
+
+
+def test_a_long_combination_needs_all_loads() -> None:
+    vehicle = catalogue.get("b_double")
+    loads = vehicle.axle_loads()
+    with pytest.raises(VehicleError, match=r"lead: expected a load > 0 N, got None"):
+        with_axle_loads(vehicle, {path: load for path, load in loads.items() if path != "lead"})
+    with pytest.raises(VehicleError, match=r"unladen_tractor: expected none for b_double"):
+        with_axle_loads(vehicle, loads, unladen_tractor={})
