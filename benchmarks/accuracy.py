@@ -23,9 +23,13 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.data.channels import SignalName
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.apps.cheng_cebon_2011.experiments import SPEED, point_payload
+from fifthwheel.apps.studies.scenarios import effective_stiffness, initial_guess
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.data.channels import SignalName
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.record import segments_above
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.given import applied
@@ -35,12 +39,8 @@ from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.model.manoeuvres import lane_changes
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.model.plant import Plant, PlantRun, Properties, article_sensors
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import segments_above
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.scenarios import effective_stiffness, initial_guess
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from trust_runs import peak_friction, sensor_sigma

@@ -26,15 +26,15 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.base.types import Array
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
-from fifthwheel.model.manoeuvres import Course, everyday, slow_turns
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.manoeuvres import Course, everyday, slow_turns
 from fifthwheel.model.plant import DrivenTruck, Plant, Properties, Sensor, bus_sensors, measure
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from sharpness import KNOWLEDGE
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, sensor_sigma

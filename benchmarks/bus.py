@@ -18,14 +18,14 @@ from itertools import product
 
 import numpy as np
 
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.data.logs import read_log, write_record
-from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.model.manoeuvres import lane_changes
 from sharpness import CAREFUL, careful_truck, estimate_samples, true_signals
 from trust_coverage import GYROS as VARIANCES
 from trust_coverage import Sample, drawn_file, log_errors, measured_record, shared_errors

@@ -28,15 +28,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.fit_evaluation import free_run_fits
 from fifthwheel.estimate.identify.unknowns.parameters import sensor_error_unknowns
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 from fifthwheel.truck.uncertainty import changes
 

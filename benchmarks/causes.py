@@ -17,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.apps.workflow.identification import run_identification
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow.identification import run_identification
 from sharpness import CAREFUL, careful_truck
 from trust_corruptions import DEGREE, ROLL, ROLL2, SPEED, STEER, YAW, YAW2, gained, late, on
 from trust_coverage import drawn_file, log_errors, measured_record, shared_errors

@@ -17,15 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.truck.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
 from fifthwheel.truck.classes.table import (
@@ -38,7 +39,6 @@ from fifthwheel.truck.classes.table import (
     VehicleClass,
 )
 from fifthwheel.truck.slip import Slip
-from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
 from trust_runs import sensor_sigma
 
 INTERVAL = 1.645

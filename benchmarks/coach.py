@@ -16,19 +16,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.design.next_manoeuvre import InformativeManoeuvre
-from fifthwheel.estimate.identify.online import LearnedValue, Learner
 from fifthwheel.apps.live.coach import Coach
 from fifthwheel.apps.live.learning import Learning
 from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.design.next_manoeuvre import InformativeManoeuvre
+from fifthwheel.estimate.identify.online import LearnedValue, Learner
 from fifthwheel.model.manoeuvres import Course
 from fifthwheel.model.manoeuvres.courses import OpenLoop
 from fifthwheel.model.manoeuvres.lane_change import LaneChange
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from sharpness import KNOWLEDGE
 from trust_coverage import GYROS, SPEED, STEER, drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table

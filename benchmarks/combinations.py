@@ -15,12 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.data.channels import SignalName
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.identify.design.assess import predict_sigmas
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, Sensor, article_sensors
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 

@@ -17,12 +17,12 @@ from types import ModuleType
 from typing import Any
 
 from causes import CAREFUL, FAULTS, logs_and_file, parser_of
+from fifthwheel.apps.workflow.identification import run_identification
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.identify import OneStage, doubts
 from fifthwheel.estimate.identify.doubts import PriorTest
 from fifthwheel.estimate.identify.one_stage import causes, evidence, identify
 from fifthwheel.estimate.identify.unknowns import gross_errors
-from fifthwheel.apps.workflow.identification import run_identification
 from trust_runs import table
 
 CONSTANTS: tuple[tuple[ModuleType, str], ...] = (

@@ -22,14 +22,14 @@ from functools import partial
 
 import numpy as np
 
-from fifthwheel.base.types import Array
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.manoeuvres import Course, OpenLoop, lane_changes
 from fifthwheel.model.manoeuvres.paths import everyday
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from trust_coverage import drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK
 

@@ -25,8 +25,8 @@ from pathlib import Path
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.base.types import Array
 from fifthwheel.apps.live.learning import Learning
+from fifthwheel.base.types import Array
 from trust_runs import table
 
 GAP, WRONG, FROZEN = 400, 5.0, 1000

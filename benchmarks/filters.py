@@ -25,18 +25,18 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.native.c_code import function
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.model import packed_size, unpack_array
+from fifthwheel.estimate.observe import Observer, ObserverSettings, monitor, offline
+from fifthwheel.estimate.observe.observer_model import ObserverModel
+from fifthwheel.estimate.stream import stream_segments
 from fifthwheel.model.manoeuvres.courses import STANDARD_SPEED, Course
 from fifthwheel.model.manoeuvres.lane_change import LaneChange
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.base.native.c_code import function
-from fifthwheel.estimate.observe import Observer, ObserverSettings, monitor, offline
-from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
-from fifthwheel.data.record import Record
-from fifthwheel.estimate.stream import stream_segments
 from fifthwheel.truck import Vehicle
 from limits import PEAK, SIGNALS, UNITS
 from trust_runs import TRUCK, table

@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel.base.atomic import atomic_write
-from fifthwheel.data.channels import si_unit
 from fifthwheel.base.formatting import approximate, percent, with_sigma
+from fifthwheel.data.channels import si_unit
 
 ENDINGS = (".csv", ".tsv", ".txt", ".dat", ".parquet", ".mf4", ".mdf", ".mat", ".mcap", ".blf", ".asc", ".trc", ".log")
 """Of logs; their content then decides on the format."""

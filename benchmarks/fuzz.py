@@ -39,15 +39,15 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.data.logs.formats import CAN_MAP, DBC, FORMATS, stored
 
+from fifthwheel.apps.workflow import survey_file
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.can.database import load as load_database
-from fifthwheel.model.plant import read_sensors
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.model.plant import read_sensors
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, catalogue, get
-from fifthwheel.apps.workflow import survey_file
 
 OUTCOMES = ("read", "refused", "time limit", "memory limit", "crash of the child", "foreign", "hang")
 LIMITS = {"SECONDS": "10", "MEMORY": "1000", "SAMPLES": "100"}

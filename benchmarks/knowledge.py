@@ -27,16 +27,16 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.base.types import Array
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import MagicFormula, Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from sharpness import CAREFUL, WEIGHED, careful_truck

@@ -22,13 +22,13 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.stream import Status
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
-from fifthwheel.data.record import Record
-from fifthwheel.estimate.stream import Status
 from fifthwheel.truck import get
 from trust_runs import TRUCK, table
 

@@ -21,10 +21,10 @@ import numpy as np
 
 import fifthwheel as fw
 from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.model.manoeuvres import everyday
 from fifthwheel.model.plant import DrivenTruck, Plant, Properties, bus_sensors
 from fifthwheel.model.plant.driving import drive
-from fifthwheel.data.record import Record
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 MASSES = (16e3, 42e3)

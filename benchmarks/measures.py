@@ -24,17 +24,17 @@ from tests.results.assess.test_longitudinal import RATIO, N, simulated
 from tests.results.assess.test_swings import rolled
 from tests.results.assess.trucks import CATALOGUE, with_engine
 
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.formatting import percent
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.estimate.observe.uncertainty import displaced
+from fifthwheel.model.dynamics import linear_system
 from fifthwheel.results.assess import assess, braking, lane_change, longitudinal, low_speed_turn
 from fifthwheel.results.assess.assess import FAMILIES
 from fifthwheel.results.assess.low_speed_turn import RADIUS
 from fifthwheel.results.assess.propagation import Neighbourhood
 from fifthwheel.results.assess.truck import Body, Truck, Values
 from fifthwheel.results.assess.uncertainty import complete, of_vehicle
-from fifthwheel.model.dynamics import linear_system
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.formatting import percent
-from fifthwheel.estimate.observe.uncertainty import displaced
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 
 

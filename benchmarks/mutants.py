@@ -71,7 +71,10 @@ TESTS = {
         SOLVER_TESTS,
     ),
     f"{ONE_STAGE}/posterior.py": ("tests/estimate/identify/test_doubts.py", SOLVER_TESTS),
-    f"{ONE_STAGE}/shared_information.py": ("tests/estimate/identify/knowledge/test_shared_information.py", SOLVER_TESTS),
+    f"{ONE_STAGE}/shared_information.py": (
+        "tests/estimate/identify/knowledge/test_shared_information.py",
+        SOLVER_TESTS,
+    ),
     ONE_STAGE: ("tests/estimate/identify/one_stage/test_estimator.py", SOLVER_TESTS),
 }
 """Paths of tests by file or folder, the narrowest first. `test_<module>.py` in one of the folders runs first."""

@@ -19,10 +19,10 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.dynamics import linear_system
 from fifthwheel.results.assess import lane_change, low_speed_turn
 from fifthwheel.results.assess.truck import Body, Truck
-from fifthwheel.model.dynamics import linear_system
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 
 FILES = {"A-double": "Adouble6x4.mo", "truck, dolly and semitrailer": "NordicCombination.mo"}

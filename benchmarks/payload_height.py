@@ -17,19 +17,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fifthwheel.apps.workflow import roll_tested_vehicle
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, Sensor, measure
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Measured, RollTest, Vehicle
 from fifthwheel.truck.quantities import MASS_SCALE, quantity_of
 from fifthwheel.truck.roll_test import stiffness_of_rest
 from fifthwheel.truck.uncertainty import changes
-from fifthwheel.apps.workflow import roll_tested_vehicle
 from knowledge import retyred
 from trust_coverage import GYROS, INTERVAL, SPEED, STEER
 from trust_runs import TRUCK, sensor_sigma, table

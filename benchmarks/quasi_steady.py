@@ -18,16 +18,16 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from fifthwheel.base.types import Array
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.observe import Status
 from fifthwheel.model.manoeuvres import Course, OpenLoop, lane_changes
 from fifthwheel.model.manoeuvres.open_loops import single_track_steer
 from fifthwheel.model.manoeuvres.paths import everyday
-from fifthwheel.estimate.observe import Status
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.plant.magic_formula import MagicFormula
-from fifthwheel.apps.studies.scenarios import initial_guess
 from trust_coverage import drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table
 

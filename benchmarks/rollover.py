@@ -14,12 +14,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.manoeuvres import constant_radius
+from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.results.assess.nonlinear import GRIP, RATE, ROLLOVER_RADIUS, ROLLOVER_RANGE, ROLLOVER_RATE
 from fifthwheel.results.assess.rollover import rollover
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.model.manoeuvres import constant_radius
-from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import AxleGroup, Vehicle, get, laden
 
 NAMES = ("cheng_cebon_2011", "auburn_6x4", "b_double", "a_double", "truck_dolly_semitrailer")

@@ -23,18 +23,18 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
-from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
+from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.manoeuvres import Course, lane_changes
 from fifthwheel.model.manoeuvres.catalogue import course
-from fifthwheel.base.names import ParameterPath
-from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.plant import Plant, PlantRun, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import Vehicle
 from trust_coverage import (
     IDENTIFIED,

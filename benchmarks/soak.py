@@ -35,8 +35,8 @@ from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 from fifthwheel import truck as vehicle
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer, Status
-from fifthwheel.model.simulate import simulate
 from fifthwheel.estimate.stream import VALID
+from fifthwheel.model.simulate import simulate
 
 TRUCK = vehicle.get("cheng_cebon_2011")
 RECORD = simulate(TRUCK, count=2, seed=1)

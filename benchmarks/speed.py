@@ -35,21 +35,19 @@ import casadi as ca
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from fifthwheel.model import dynamics
-
-from fifthwheel.data import logs
-
 from fifthwheel import truck as vehicle
 from fifthwheel.apps.cheng_cebon_2011 import dual
+from fifthwheel.base.native import Scan
+from fifthwheel.data import logs
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import Noise, kalman, sample_rows
 from fifthwheel.estimate.filters.model import pack_array
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.one_stage.log_posterior import log_posterior
 from fifthwheel.estimate.identify.online.learner import Learner
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
-from fifthwheel.base.native import Scan
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 
 SAMPLES, VEHICLES = 20_000, 64

@@ -40,17 +40,17 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.results.diagnose.cautions import Caution, identification_cautions
-from fifthwheel.results.diagnose.summaries import summarise_runs
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, identify
 from fifthwheel.estimate.observe import Observer, States
 from fifthwheel.model.plant import Properties, article_sensors
 from fifthwheel.model.plant.properties import with_changes
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import conclude_identification
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.results.diagnose.cautions import Caution, identification_cautions
+from fifthwheel.results.diagnose.summaries import summarise_runs
+from fifthwheel.results.report import conclude_identification
 from trust_corruptions import CORRUPTIONS, Corruption
 from trust_coverage import coverage_tables
 from trust_runs import RUNS, TRUCK, Changes, Range, driven, table, true_ranges

@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 from trust_runs import TRUCK, Changes
 

@@ -14,21 +14,21 @@ from typing import Literal
 
 import numpy as np
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.plant import PlantRun, Sensor, measure
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from fifthwheel.truck.uncertainty import changes

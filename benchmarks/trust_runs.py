@@ -6,6 +6,7 @@ from functools import cache
 import numpy as np
 
 from fifthwheel.apps.cheng_cebon_2011.experiments import SPEED
+from fifthwheel.apps.studies.scenarios import effective_stiffness
 from fifthwheel.estimate.identify import CommonSettings
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.model.manoeuvres import Course, lane_changes
@@ -13,7 +14,6 @@ from fifthwheel.model.manoeuvres.catalogue import course
 from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.model.plant import Plant, PlantRun, Properties
 from fifthwheel.model.plant.properties import with_changes
-from fifthwheel.apps.studies.scenarios import effective_stiffness
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

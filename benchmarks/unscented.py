@@ -19,14 +19,14 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel.base.lazy import lazy
+from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.estimate.filters.kalman import ChannelUpdate, gate
 from fifthwheel.estimate.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
-from fifthwheel.base.native import Scan
 from fifthwheel.estimate.observe.observed_chain import ObservedChain
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
+from fifthwheel.model.dynamics.kinematics import BANK
 
 
 class Deviations(NamedTuple):

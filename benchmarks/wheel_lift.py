@@ -26,18 +26,18 @@ from pathlib import Path
 import numpy as np
 
 from classes import COMBINATIONS, Draw, drawn_truck
-from fifthwheel.base.types import Array
-from fifthwheel.results.assess.rollover import rollover
-from fifthwheel.results.assess.truck import Truck
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.model.manoeuvres import Course
 from fifthwheel.model.manoeuvres.courses import OpenLoop
 from fifthwheel.model.manoeuvres.open_loops import INTERVAL, sine_with_dwell, single_sine, single_track_steer
 from fifthwheel.model.manoeuvres.paths import everyday
-from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, measure
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.results.assess.rollover import rollover
+from fifthwheel.results.assess.truck import Truck
 from fifthwheel.truck import Vehicle
 from trust_runs import table
 

@@ -20,13 +20,13 @@ from functools import partial
 
 import numpy as np
 
+from fifthwheel.apps.studies.scenarios import initial_guess
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.plant.sensors import Sensor, measure
-from fifthwheel.data.record import Record
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import Vehicle
 from sharpness import CAREFUL, SPEEDS, careful_truck
 from trust_coverage import INTERVAL, drawn_file, log_errors, measured_record, shared_errors

@@ -15,11 +15,11 @@ from pathlib import Path
 import numpy as np
 
 from causes import AXLES, moved
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.manoeuvres.paths import slow_turns
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.apps.studies.scenarios import initial_guess
 from sharpness import CAREFUL, careful_truck
 from trust_coverage import drawn_file, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table

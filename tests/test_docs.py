@@ -16,25 +16,24 @@ import typer
 from pydantic import BaseModel
 
 import fifthwheel
-from fifthwheel.apps import cli
-from fifthwheel.model import dynamics
-from fifthwheel.model import plant
 from fifthwheel import truck as vehicle
+from fifthwheel.apps import cli
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.data.channels import _ALL, MODELLED, channels_with_errors
 from fifthwheel.data.checks import Fault
-from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.model.dynamics import sensors
-from fifthwheel.model.dynamics.model import steer_parameters
-from fifthwheel.results.evaluate import METHODS
-from fifthwheel.results.evaluate.tolerances import DEFAULTS
+from fifthwheel.data.logs import SignalMap
+from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
 from fifthwheel.estimate.identify import OneStage, statement
 from fifthwheel.estimate.identify.online import LearnerSettings
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.logs import SignalMap
-from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
-from fifthwheel.model.manoeuvres import MANOEUVRES
 from fifthwheel.estimate.observe import ObserverSettings, Status
+from fifthwheel.model import dynamics, plant
+from fifthwheel.model.dynamics import sensors
+from fifthwheel.model.dynamics.model import steer_parameters
+from fifthwheel.model.manoeuvres import MANOEUVRES
+from fifthwheel.results.evaluate import METHODS
+from fifthwheel.results.evaluate.tolerances import DEFAULTS
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from fifthwheel.truck.classes import CLASSES
 from fifthwheel.truck.component import Component

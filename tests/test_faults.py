@@ -15,18 +15,18 @@ import pytest
 from pyarrow import parquet
 
 from fifthwheel.apps import cli
-from fifthwheel.data.checks import Fault
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.apps.workflow import check_signals
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.checks import Fault
+from fifthwheel.data.logs import read_log, write_record
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
-from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.estimate.observe import Observer, Status
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import conclude_identification
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.report import conclude_identification
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow import check_signals
 from tests.estimate.observe.conftest import but_settling
 
 TRUCK = get("cheng_cebon_2011")

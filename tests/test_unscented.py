@@ -7,8 +7,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.observe import ObserverSettings, offline
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import ObserverSettings, offline
 from fifthwheel.model.simulate import simulate
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))

@@ -10,9 +10,9 @@ from typer.testing import CliRunner
 
 from fifthwheel.apps import selfcheck
 from fifthwheel.apps.cli import app
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live.setup import LiveOptions, _require_working
 from fifthwheel.apps.selfcheck import STORED, self_check
+from fifthwheel.base.errors import FifthwheelError
 
 
 def found(folder: Path) -> dict[str, str]:

@@ -2,8 +2,8 @@
 
 import pytest
 
-from fifthwheel.base.extras import require
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.extras import require
 
 
 def test_files_that_pip_left_behind_are_no_package(tmp_path, monkeypatch) -> None:

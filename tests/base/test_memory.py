@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.memory import release_memory
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.observe import Observer, Uncertainty
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

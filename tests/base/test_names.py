@@ -2,8 +2,8 @@
 
 import pytest
 
-from fifthwheel.data.channels import SensorErrorName, split_reference
 from fifthwheel.base.names import NumberedName, ParameterPath, begins_with, split_kind
+from fifthwheel.data.channels import SensorErrorName, split_reference
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,6 @@ import typer
 
 from fifthwheel.apps import cli
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify import OneStage
 from fifthwheel.base.options import FleetSettings, IdentifyOptions, LiveOptions, ObserverOptions, TruckOptions
 from fifthwheel.base.settings import (
     Cure,
@@ -25,6 +24,7 @@ from fifthwheel.base.settings import (
     meanings,
     options_of,
 )
+from fifthwheel.estimate.identify import OneStage
 
 CLASSES = (TruckOptions, ObserverOptions, IdentifyOptions, FleetSettings, LiveOptions)
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.data.channels import CHANNELS, header, si_unit, split_header
 from fifthwheel.base.errors import UnitError
 from fifthwheel.base.units import _SYMBOLS, base_units, factor, is_unit, quantity, uncertain_quantity
+from fifthwheel.data.channels import CHANNELS, header, si_unit, split_header
 
 DIFFERENT = {"g", "-", "%", "degC", "C", "kn", "gon", "rev", "bit"} | {
     f"{p}g" for p in ("M", "k", "da", "c", "m", "u", "µ", "μ", "n")

@@ -12,13 +12,13 @@ import numpy as np
 
 import fifthwheel as fw
 from fifthwheel.apps.fleet.trips import log_knowledge
+from fifthwheel.apps.workflow import run_identification
 from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.model.manoeuvres.catalogue import course
 from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.model.plant import Plant, Properties, Sensor, article_sensors
 from fifthwheel.model.plant.properties import with_changes
-from fifthwheel.apps.workflow import run_identification
 from tests.apps.fleet.synthetic import Synthetic
 
 ROOT = Path(__file__).parents[2]

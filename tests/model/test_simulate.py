@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import ROLL_RATE, YAW_RATE
 from fifthwheel.data.checks import check
-from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.base.errors import SignalError
-from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
 from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 

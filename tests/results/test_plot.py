@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.model import dynamics
-from fifthwheel.results import plot
 from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.model.manoeuvres.linear import lateral_acceleration
 from fifthwheel.base.plots import Line, Points
+from fifthwheel.model import dynamics
+from fifthwheel.model.manoeuvres.linear import lateral_acceleration
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results import plot
 from tests.model.dynamics.test_analysis import WHEELBASE, truck, truck_and_trailer, understeer
 
 ARTICLE = fw.vehicle("cheng_cebon_2011")

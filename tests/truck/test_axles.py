@@ -2,9 +2,9 @@
 
 import pytest
 
-from fifthwheel.model.dynamics.model import topology
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.model.dynamics.model import topology
 from fifthwheel.truck import Vehicle, catalogue
 from fifthwheel.truck.edited_file import edited
 

@@ -10,8 +10,8 @@ import tomli_w
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.model.dynamics.model import topology
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.model.dynamics.model import topology
 from fifthwheel.truck import Vehicle, catalogue, unit_of
 from fifthwheel.truck.edited_file import edited
 from fifthwheel.truck.toml_format import read_quantity

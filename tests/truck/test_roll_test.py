@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from fifthwheel.apps.workflow import roll_tested_vehicle
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Measured, RollTest, Vehicle, catalogue, with_roll_test
-from fifthwheel.apps.workflow import roll_tested_vehicle
 from tests.truck.test_vehicle import b_double
 
 TRUCK = catalogue.get("cheng_cebon_2011")

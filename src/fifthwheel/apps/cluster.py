@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, TypeVar
 
-from fifthwheel.base.extras import require
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.extras import require
 
 S = TypeVar("S")
 T = TypeVar("T")

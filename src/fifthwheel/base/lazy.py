@@ -23,27 +23,29 @@ class lazy(functools.cached_property[T]):  # noqa: N801 (a decorator)
         self.lock = nullcontext()
 
 
-def lazy_names(package: str, *modules: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+def lazy_names(
+    package: str, **renamed: tuple[str, str]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
     """`__getattr__`, `__dir__` and `__all__` of a package whose names are imported when they are first used.
 
     The package states each name once, as type checkers need it: `from module import name as name` below
-    `TYPE_CHECKING`.
+    `TYPE_CHECKING`; the name may be that of a module.
 
     Args:
         package: its `__name__`.
-        modules: names of modules of the package itself, which may be called like functions (`_callable`).
+        renamed: module and name there, by the name in the package, where they differ.
     """
     this = sys.modules[package]
     source = this.__loader__.get_source(package)  # type: ignore[union-attr]  # also in an archive
-    places = {name: module for module, name in re.findall(r"from ([\w.]+) import (\w+) as \2\b", source)}
-    places |= dict.fromkeys(modules)
+    places = {name: (module, name) for module, name in re.findall(r"from ([\w.]+) import (\w+) as \2\b", source)}
+    places |= renamed
 
     def imported(name: str) -> Any:
         if name not in places:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
-        if (module := places[name]) is None:
-            return import_module(f"{package}.{name}")
-        value = getattr(import_module(module), name)
+        module, original = places[name]
+        home = import_module(module)
+        value = getattr(home, original) if hasattr(home, original) else import_module(f"{module}.{original}")
         setattr(this, name, value)
         return value
 

@@ -4,15 +4,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.arguments import expect, expect_number, expect_road_speed
-from fifthwheel._callable import make_callable
-from fifthwheel.data.channels import ROLL, ROLL_RATE, is_of
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.model.manoeuvres import linear_course
+from fifthwheel.data.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres import linear_course
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 
@@ -89,6 +88,3 @@ def simulate(
         reference={n: y[:, len(sensors) + i] for i, n in enumerate(states)},
         name=name,
     )
-
-
-make_callable(__name__, simulate)

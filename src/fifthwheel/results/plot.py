@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fifthwheel.base.arguments import expect
-from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics import LinearSystem, critical_speed, linear_system, modes, steady_steer
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.formatting import shown
-from fifthwheel.model.manoeuvres import LaneChange, inverse_steer
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.data.record import Record
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics import LinearSystem, critical_speed, linear_system, modes, steady_steer
+from fifthwheel.model.manoeuvres import LaneChange, inverse_steer
 from fifthwheel.truck import Vehicle
 
 SPEEDS = np.linspace(5.0, 35.0, 61)

@@ -2,7 +2,6 @@
 
 from typing import TYPE_CHECKING
 
-from fifthwheel._callable import make_callable
 from fifthwheel.base.lazy import lazy_names
 from fifthwheel.truck.catalogue import get as get
 
@@ -26,6 +25,4 @@ if TYPE_CHECKING:
     from fifthwheel.truck.vehicle import Vehicle as Vehicle
     from fifthwheel.truck.weighing import with_axle_loads as with_axle_loads
 else:
-    __getattr__, __dir__, __all__ = lazy_names(__name__, "catalogue")
-
-make_callable(__name__, get)
+    __getattr__, __dir__, __all__ = lazy_names(__name__)

@@ -1,7 +1,7 @@
 """Spoken names of parameters, sensor errors and signals: "Trailer, yaw inertia" for semitrailer.yaw_inertia."""
 
-from fifthwheel.data.channels import SensorErrorName, SignalName, channel_of
 from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.data.channels import SensorErrorName, SignalName, channel_of
 from fifthwheel.truck.quantities import COUPLINGS, MASS_SCALE, quantity_of
 
 FIRST_UNITS = ("tractor", "truck")

@@ -9,10 +9,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.native import own_function
 from fifthwheel.base.native.own_function import Fault, name_of
+from fifthwheel.base.types import Array
 
 ARGUMENTS = ("steer", "states", "motion", "p")
 SPEEDS = (3.0, 20.0)

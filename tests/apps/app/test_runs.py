@@ -14,18 +14,18 @@ from fifthwheel.apps.app.pages import explore
 from fifthwheel.apps.app.pages.identify import plain_name
 from fifthwheel.apps.app.pages.signals import objections
 from fifthwheel.apps.app.workspace import Choices, LogChoice, Workspace
-from fifthwheel.results.diagnose import LogPrediction
+from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.base.pages import Code, Plots
 from fifthwheel.base.pages.html import cell
 from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
-from fifthwheel.model.simulate import simulate
+from fifthwheel.data.logs import SignalMap, write_record
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.time_bases.evidence import signal_evidence
+from fifthwheel.model.simulate import simulate
+from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
 from tests.results.report.conftest import NASTY, result
 
 __all__ = ["result"]

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from fifthwheel.apps.app.workspace import Workspace
-from fifthwheel.estimate.identify import Identification
 from fifthwheel.data.logs import write_record
+from fifthwheel.estimate.identify import Identification
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from tests.apps.app.buses import write_can_mf4, write_candump

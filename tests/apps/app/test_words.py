@@ -7,14 +7,14 @@ import pytest
 
 import fifthwheel
 from fifthwheel.apps.app import words
-from fifthwheel.results.diagnose import advice
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import Verdict
-from fifthwheel.base.options import IdentifyOptions
-from fifthwheel.base.pages import Items, Table, Verbatim, html
-from fifthwheel.truck import get
 from fifthwheel.apps.workflow import starts_of
 from fifthwheel.apps.workflow.vehicle_questions import describe
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.pages import Items, Table, Verbatim, html
+from fifthwheel.estimate.identify import Verdict
+from fifthwheel.results.diagnose import advice
+from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")
 OPTION = re.compile(r"--[a-z]")

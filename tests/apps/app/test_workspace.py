@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.base.atomic import result_folder
 from fifthwheel.apps.app import workspace as module
 from fifthwheel.apps.app.serve import serve
 from fifthwheel.apps.app.workspace import CHOICES, HIDDEN, SIGNALS, VEHICLE, LogChoice, StaleError, Workspace
+from fifthwheel.base.atomic import result_folder
 from fifthwheel.base.errors import FifthwheelError
 
 MAP = '[signals]\nspeed = "v"\n'

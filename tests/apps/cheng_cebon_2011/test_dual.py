@@ -10,10 +10,10 @@ from hypothesis import example as instance
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fifthwheel.model import dynamics
 from fifthwheel.apps.cheng_cebon_2011 import dual
 from fifthwheel.apps.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, Scaling
 from fifthwheel.estimate.filters import Model, Noise, sample_rows
+from fifthwheel.model import dynamics
 from tests.estimate.filters.examples import (
     Array,
     Article,

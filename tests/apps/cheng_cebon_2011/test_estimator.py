@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fifthwheel.estimate import identify as methods
 from fifthwheel import truck as vehicle
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
+from fifthwheel.estimate import identify as methods
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names, stage_2_names
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.conftest import without

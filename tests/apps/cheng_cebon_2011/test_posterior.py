@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from fifthwheel.model import dynamics
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.apps.cheng_cebon_2011.stage import run_stage
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
 from fifthwheel.estimate.identify.unknowns import parameters
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

@@ -10,8 +10,8 @@ import pytest
 
 from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import Vehicle, get
+from fifthwheel.truck.spoken_names import spoken
 from tests.apps.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
 
 HEIGHT, INERTIA = ESTIMATED[-1], ESTIMATED[-2]

@@ -22,12 +22,12 @@ import fifthwheel
 from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import article
 from fifthwheel.apps.cli.vehicles.new import ask
+from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
 from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.estimate.observe import Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, catalogue, changes, get
 from fifthwheel.truck.quantities import FRICTION
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
 from tests.estimate.observe.conftest import but_settling
 from tests.truck.test_classes import TEXT
 

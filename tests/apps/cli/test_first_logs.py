@@ -10,14 +10,14 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011.experiments import section_4
 from fifthwheel.apps.cheng_cebon_2011.outcomes import outcome
+from fifthwheel.apps.studies.scenarios import article_sensors, initial_guess
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.model.manoeuvres import OpenLoop, lane_changes
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.results.report.conclusion import conclude_identification
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.scenarios import article_sensors, initial_guess
+from fifthwheel.results.report.conclusion import conclude_identification
 from fifthwheel.truck import get
 from tests.apps.cli.test_cli import run  # noqa: F401 - a fixture
 

@@ -10,11 +10,11 @@ from typer.testing import CliRunner
 
 import fifthwheel as fw
 from fifthwheel.apps import cli
-from fifthwheel.results.diagnose.caution import CautionKind
-from fifthwheel.results.diagnose.cautions import signal_cautions
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.mass import mass_findings
 from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.results.diagnose.caution import CautionKind
+from fifthwheel.results.diagnose.cautions import signal_cautions
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GROSS = sum(unit.mass for unit in TRUCK.units)

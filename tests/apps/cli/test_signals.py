@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.model.simulate import simulate
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle, get
 from tests.apps.cli.test_cli import TRUCK, refused, run  # noqa: F401 - a fixture
 

@@ -8,11 +8,10 @@ import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
 
-from fifthwheel.apps import cli
-
 from fifthwheel import truck as vehicle
-from fifthwheel.estimate.identify import Identification, LogSummary, OneStage
+from fifthwheel.apps import cli
 from fifthwheel.data.logs import write_record
+from fifthwheel.estimate.identify import Identification, LogSummary, OneStage
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.model.simulate import simulate
 from tests.estimate.observe.conftest import STEER

@@ -5,8 +5,8 @@ import pytest
 
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import SignalMap, read_log, write_record
-from fifthwheel.model.simulate import simulate
 from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.test_faults import run
 

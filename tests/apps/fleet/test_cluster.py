@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from fifthwheel.apps.cluster import AHEAD, Lost, connected, run_on
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import report, run
 from fifthwheel.apps.fleet.dataset import TripDataset
+from fifthwheel.base.errors import FifthwheelError
 from tests.apps.fleet.make import FAST, make_fleet
 
 pytestmark = pytest.mark.slow

@@ -7,11 +7,11 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from fifthwheel.estimate.filters.model import pack_array, unpack_array
 from fifthwheel.apps.fleet import FleetSettings, storage
 from fifthwheel.apps.fleet.dataset import TripDataset
 from fifthwheel.apps.fleet.tables import SCHEMAS, CombinationJob, combine_trucks
 from fifthwheel.apps.fleet.trips import SCHEMA, log_knowledge, parquet
+from fifthwheel.estimate.filters.model import pack_array, unpack_array
 from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
 from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.knowledge.information import Labels

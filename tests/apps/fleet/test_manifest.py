@@ -6,9 +6,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import manifest
 from fifthwheel.apps.fleet.manifest import read_manifest
+from fifthwheel.base.errors import FifthwheelError
 
 HEAD = "log,truck,trailer,vehicle,signals,load,date\n"
 

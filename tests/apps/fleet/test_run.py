@@ -12,15 +12,15 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.apps.cluster import Lost
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import FleetRun, FleetSettings, Trip, read_manifest, report, run, storage, trips
 from fifthwheel.apps.fleet.dataset import TripDataset
 from fifthwheel.apps.fleet.report import limit
 from fifthwheel.apps.fleet.tables import SCHEMAS, Rows
 from fifthwheel.apps.fleet.trips import TripJob, TripOutcome, log_knowledge
-from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.record import EARLIEST_DATE
+from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
 from tests.apps.fleet.make import DRIVE, FAST, OTHER, TRUCK, make_fleet, write_manifest
 
 RUN = import_module("fifthwheel.apps.fleet.run")

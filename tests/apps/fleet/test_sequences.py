@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import fifthwheel as fw
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import report, run, storage, trips
+from fifthwheel.base.errors import FifthwheelError
 from tests.apps.fleet.make import FAST, OTHER, make_fleet
 
 SETTINGS = {"fast": FAST, "other": OTHER}

@@ -6,10 +6,10 @@ import shutil
 import pyarrow as pa
 import pytest
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import dataset, storage
 from fifthwheel.apps.fleet.dataset import TripDataset, batches
 from fifthwheel.apps.fleet.trips import SCHEMA, parquet
+from fifthwheel.base.errors import FifthwheelError
 
 START = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
 

@@ -11,7 +11,6 @@ import pytest
 from typer.testing import CliRunner
 
 from fifthwheel.apps.cli import app
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live import coach as coaching
 from fifthwheel.apps.live.checkpoint import make_learning
 from fifthwheel.apps.live.coach import Coach
@@ -22,6 +21,7 @@ from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.setup import completed_map, make_node
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
 from fifthwheel.apps.live.summary import Summary
+from fifthwheel.base.errors import FifthwheelError
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, write_candump, write_files
 
 FRONT, INERTIA = "tractor.front.cornering_stiffness", "semitrailer.yaw_inertia"

@@ -5,17 +5,17 @@ import math
 
 import pytest
 
-from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.estimate.identify import OneStage, identify
-from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.apps.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.apps.live.learning import STANDSTILL, Learning
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
 from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.setup import completed_map, make_node
 from fifthwheel.apps.live.status import LiveFault
+from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.logs.can.decoder import Frame
 from fifthwheel.data.record import SensorPrior
+from fifthwheel.estimate.identify import OneStage, identify
+from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.model.simulate import simulate
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, frames, write_files
 

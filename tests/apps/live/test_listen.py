@@ -9,11 +9,11 @@ import can
 import cantools
 import pytest
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live.setup import opened
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.options import LiveOptions, ObserverOptions
 from tests.apps.live.truck_bus import driven, frames, observer_node, write_files
 

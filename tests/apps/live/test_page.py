@@ -8,13 +8,13 @@ from dataclasses import replace
 
 import pytest
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live import coach as coaching
 from fifthwheel.apps.live.checkpoint import make_learning
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
 from fifthwheel.apps.live.page.server import Page
 from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.setup import completed_map, make_node
+from fifthwheel.base.errors import FifthwheelError
 from tests.apps.live.browser import browser
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_files
 

@@ -6,9 +6,9 @@ import pyarrow.parquet as pq
 import pytest
 from mcap.reader import make_reader
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live.outputs import recorder
 from fifthwheel.apps.live.outputs.recorder import KIND, PIECE, BackgroundWriter, Recorder
+from fifthwheel.base.errors import FifthwheelError
 
 SUFFIXES = [".parquet", ".mcap"]
 

@@ -6,8 +6,8 @@ import pytest
 from fifthwheel.apps.live.sources.feed import read_trace, replay
 from fifthwheel.apps.live.status import NodeStatus
 from fifthwheel.data.logs import SignalMap, read_log
-from fifthwheel.estimate.observe import Observer
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_candump, write_files
 
 

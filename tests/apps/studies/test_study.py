@@ -14,12 +14,6 @@ from pyarrow import parquet
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cluster import connected
-from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
-from fifthwheel.estimate.observe import Observer
-from fifthwheel.model.plant import Sensor, article_sensors
-from fifthwheel.data.record import Record
 from fifthwheel.apps.studies import (
     Estimates,
     Identified,
@@ -33,6 +27,12 @@ from fifthwheel.apps.studies import (
 from fifthwheel.apps.studies.estimators import as_estimator
 from fifthwheel.apps.studies.result_table import COLUMNS, ResultTable, RunName, as_table
 from fifthwheel.apps.studies.scenarios import simulated
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.online import Learner, LearnerSettings
+from fifthwheel.estimate.observe import Observer
+from fifthwheel.model.plant import Sensor, article_sensors
 from fifthwheel.truck import Vehicle, get
 from tests.test_architecture import SOURCE
 

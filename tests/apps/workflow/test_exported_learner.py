@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import pytest
 
+from fifthwheel.apps.workflow import exported_learner
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow import exported_learner
 
 TRUCK = get("cheng_cebon_2011")
 FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")

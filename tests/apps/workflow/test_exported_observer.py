@@ -2,11 +2,11 @@
 
 import pytest
 
+from fifthwheel.apps.workflow import exported_observer
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow import exported_observer
 
 TRUCK = get("cheng_cebon_2011")
 

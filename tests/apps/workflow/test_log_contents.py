@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fifthwheel.apps.workflow import propose_signals, survey_file
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import sample as sampling
 from fifthwheel.data.logs.readers import text
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow import propose_signals, survey_file
 
 
 def test_a_log_without_signals_has_a_survey(tmp_path: Path) -> None:

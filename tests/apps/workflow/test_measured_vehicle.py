@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from fifthwheel.apps.workflow import axle_load_differences, weigh_by_slip, weigh_vehicle
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle, catalogue, get
 from fifthwheel.truck.slip import Slip
-from fifthwheel.apps.workflow import axle_load_differences, weigh_by_slip, weigh_vehicle
 from tests.truck.test_classes import TEXT as CLASSES_TEXT
 
 TRUCK = get("cheng_cebon_2011")

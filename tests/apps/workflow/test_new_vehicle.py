@@ -5,11 +5,11 @@ import tomllib
 
 import pytest
 
+from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
+from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, describe
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle, changes
-from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, describe
 from tests.truck.test_slip import LADEN, SOLO, TRUCK
 
 ANSWERS = {

@@ -9,12 +9,6 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.data.logs import write_record
-from fifthwheel.estimate.observe import Observer, ObserverSettings
-from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import Vehicle, get
 from fifthwheel.apps.workflow import (
     read_records,
     read_vehicle,
@@ -23,6 +17,12 @@ from fifthwheel.apps.workflow import (
     write_results,
 )
 from fifthwheel.apps.workflow.identification import IdentificationRun
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.logs import write_record
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")
 RUN, OTHER = simulate(TRUCK, count=2, seed=1, name="run"), simulate(TRUCK, count=1, seed=2, name="other")

@@ -2,12 +2,12 @@
 
 import pytest
 
+from fifthwheel.apps.workflow import chosen_one_stage, identification_settings
 from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
-from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.truck import get
-from fifthwheel.apps.workflow import chosen_one_stage, identification_settings
 
 TRUCK = get("cheng_cebon_2011")
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import fifthwheel
-from fifthwheel.model import dynamics
 from fifthwheel import truck as vehicle
-from fifthwheel.estimate.filters import kalman, tangent
 from fifthwheel.base.native import AdjointScan, Scan, compiled, source
 from fifthwheel.base.native import step as module
 from fifthwheel.base.native.llvm_ir import module as assembly
 from fifthwheel.base.native.source import closure
+from fifthwheel.estimate.filters import kalman, tangent
+from fifthwheel.model import dynamics
 from tests.base.native.conftest import times
 
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer")
@@ -95,8 +95,15 @@ def test_source_that_may_not_be_the_imported_one_is_unknown(monkeypatch: pytest.
 
 
 def test_the_source_of_a_step_is_what_its_builder_imports() -> None:
-    files = {str(path.relative_to(SOURCE)) for path in closure(frozenset({"fifthwheel.estimate.observe.observer_step"}))}
-    assert {"model/dynamics/chain.py", "model/dynamics/tyres.py", "estimate/filters/kalman.py", "base/native/llvm_ir.py"} <= files
+    files = {
+        str(path.relative_to(SOURCE)) for path in closure(frozenset({"fifthwheel.estimate.observe.observer_step"}))
+    }
+    assert {
+        "model/dynamics/chain.py",
+        "model/dynamics/tyres.py",
+        "estimate/filters/kalman.py",
+        "base/native/llvm_ir.py",
+    } <= files
     assert not any(name.startswith(("report", "cli", "identify", "logs", "app")) for name in files)
 
 
@@ -127,7 +134,9 @@ print(len(built))
 
 
 def test_the_package_is_imported_before_its_source_is_read() -> None:
-    code = "import time; t = time.time(); import fifthwheel.base.native as n; print(n.source.fifthwheel.imported_at - t)"
+    code = (
+        "import time; t = time.time(); import fifthwheel.base.native as n; print(n.source.fifthwheel.imported_at - t)"
+    )
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 0 <= float(run.stdout) < 10
     assert fifthwheel.imported_at < time.time()

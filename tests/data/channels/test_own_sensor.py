@@ -12,15 +12,15 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import CHANNELS, IDENTIFIED, MEASURED, MODELLED, SensorErrorName, own_channels, register
 from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits
-from fifthwheel.model.dynamics import linear_system, model
-from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.observe import Observer, ObserverSettings, offline
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import write_report
+from fifthwheel.model.dynamics import linear_system, model
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.report import write_report
 from fifthwheel.truck import get
 from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
 

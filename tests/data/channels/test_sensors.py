@@ -11,13 +11,13 @@ import pyarrow.parquet as pq
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.apps.workflow.identification import design_run
+from fifthwheel.apps.workflow.states import run_states
+from fifthwheel.base.units import quantity
 from fifthwheel.data.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.data.channels.sensors import SENSOR_CLASSES
 from fifthwheel.estimate.identify.given import common_sensors, with_sensors
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
-from fifthwheel.base.units import quantity
-from fifthwheel.apps.workflow.identification import design_run
-from fifthwheel.apps.workflow.states import run_states
 
 STEER_ANGLE, YAW = "steer.tractor.front", "yaw_rate.tractor"
 MAP = """

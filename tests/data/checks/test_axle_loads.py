@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.checks.axle_loads import static_loads
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.checks.axle_loads import static_loads
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.record import Record
 

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.checks import Fault, Finding, check, raise_errors
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.checks import Fault, Finding, check, raise_errors
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.signal_map import SignalSource
 from fifthwheel.data.record import Record

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from fifthwheel.data.checks.samples import without_spikes
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.checks.samples import without_spikes
 from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.data.record import Record
 

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.data.logs.formats import FORMATS, stored

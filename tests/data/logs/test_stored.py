@@ -7,13 +7,13 @@ import pytest
 from asammdf import MDF, Signal
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.data.logs.files import record_of
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.signal_map import SignalMap
 from fifthwheel.data.logs.source import Chunk, Column, LogSource
 from fifthwheel.data.logs.stored import StoredLog, store_log
+from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.data.logs.formats import FORMATS, stored

@@ -8,14 +8,13 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.estimate.filters import Model, Noise, kalman, smoother
 from fifthwheel.estimate.filters.model import pack_array, packed_size, sizes, unpack_array
 from fifthwheel.estimate.filters.step_rows import step_rows
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

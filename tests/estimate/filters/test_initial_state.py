@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from fifthwheel.model import dynamics
 from fifthwheel.estimate.filters.initial_state import (
     initial_factor,
     initial_sigma,
@@ -12,6 +11,7 @@ from fifthwheel.estimate.filters.initial_state import (
     random_steer_covariance,
     steady_initial_state,
 )
+from fifthwheel.model import dynamics
 from fifthwheel.truck import get
 from fifthwheel.truck.quantities import ROAD_BANK, quantity_of
 

@@ -5,16 +5,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.options import TyreLaw
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.curves import WIDTH
 from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY, StepRows, corrected_inputs, play_contact, step_rows
-from fifthwheel.base.options import TyreLaw
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
-from fifthwheel.base.units import STANDARD_GRAVITY
 from tests.estimate.observe.conftest import STEER, YAWS, put, rows
 
 TRUCK = vehicle.get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")

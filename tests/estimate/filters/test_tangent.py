@@ -6,13 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
 from fifthwheel.estimate.filters import Noise, tangent
 from fifthwheel.estimate.filters.model import sizes
 from fifthwheel.estimate.filters.step_rows import step_rows
 from fifthwheel.estimate.filters.variances import PROCESS_VARIANCE, process_covariance
+from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 
 YAW_RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer")

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels import MEASURED, SIDESLIP
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import MEASURED, SIDESLIP
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.filters.variances import (
     OBSERVER_PROCESS_VARIANCE,
     PROCESS_VARIANCE,
     process_covariance,
     sensor_variance,
 )
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

@@ -3,8 +3,8 @@
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.truck import Vehicle
 
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.options import TyreLaw
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.base.options import TyreLaw
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.conftest import without

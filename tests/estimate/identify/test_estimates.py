@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels import YAW_RATE
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import YAW_RATE
 from fifthwheel.estimate.identify import Estimate, Verdict
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.estimates import (

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, OneStage, fit_evaluation
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
 from fifthwheel.estimate.identify.fit_evaluation import (
@@ -18,7 +17,8 @@ from fifthwheel.estimate.identify.fit_evaluation import (
     free_run_fits,
 )
 from fifthwheel.estimate.identify.unknowns import parameters
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

@@ -13,18 +13,18 @@ from hypothesis import strategies as st
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
+from fifthwheel.apps.workflow.settings import chosen_one_stage, identification_settings
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import CommonSettings, OneStage
 from fifthwheel.estimate.identify.given import applied, possible_names, require_signals
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.statement import Statement, combined, parse, prior_of
 from fifthwheel.estimate.identify.statement import stated as stated_on
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
-from fifthwheel.base.options import IdentifyOptions
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle, changes, get
 from fifthwheel.truck.quantities import ROADS, quantity_of, unit_of
-from fifthwheel.apps.workflow.settings import chosen_one_stage, identification_settings
 from tests.apps.cli.test_cli import run
 from tests.truck.test_classes import TEXT
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.model.dynamics import SPEED_RATE
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.estimate.identify.grade import with_grade
-from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.model.dynamics import SPEED_RATE
 from fifthwheel.truck.driveline import AIR_DENSITY, driveline_numbers
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

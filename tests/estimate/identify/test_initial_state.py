@@ -3,10 +3,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.initial_state import (
@@ -15,6 +13,8 @@ from fifthwheel.estimate.identify.initial_state import (
     steady_state_slopes,
 )
 from fifthwheel.estimate.identify.unknowns import parameters
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels import SignalName
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import SignalName
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.design.assess import predict_sigmas
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import get
 
 FULL_TRAILER = get("truck_full_trailer")

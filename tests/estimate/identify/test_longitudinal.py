@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.estimate.identify.longitudinal import drive_axle_braking
 from fifthwheel.model.plant.driving import DrivenTruck, drive
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck.driveline import AIR_DENSITY, driveline_numbers
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.apps.workflow import drive_vehicle
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import check
 from fifthwheel.data.checks.axle_loads import mean_weights
 from fifthwheel.estimate.identify.mass import mass_findings
 from fifthwheel.model.plant.driving import DrivenTruck, drive
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck.axle_loads import axle_loads
 from fifthwheel.truck.uncertainty import changes
-from fifthwheel.apps.workflow import drive_vehicle
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GROSS = sum(unit.mass for unit in TRUCK.units)

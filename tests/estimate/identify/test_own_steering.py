@@ -8,25 +8,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.data import channels
-
-from fifthwheel.model import dynamics
-from fifthwheel.results.assess import assess
-from fifthwheel.data.channels.channel import Channel, SensorModel, SignalLimits
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.model.dynamics import linear_system
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.apps.studies.monte_carlo import _digest
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data import channels
+from fifthwheel.data.channels.channel import Channel, SensorModel, SignalLimits
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import write_report
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.monte_carlo import _digest
+from fifthwheel.results.assess import assess
+from fifthwheel.results.report import write_report
 from fifthwheel.truck import Vehicle, get
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))

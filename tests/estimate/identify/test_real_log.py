@@ -9,11 +9,11 @@ import pytest
 
 from fifthwheel import truck as vehicle
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.data.logs import SignalMap, read_log
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.estimate.observe import Observer, Status
-from fifthwheel.data.record import Record
 from tests.estimate.observe.conftest import but_settling
 
 DATA = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "real_truck"

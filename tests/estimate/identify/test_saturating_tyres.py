@@ -7,9 +7,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.apps.workflow import IdentifyOptions, identification_settings, run_states
 from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
@@ -17,16 +19,14 @@ from fifthwheel.estimate.identify.one_stage.free_run import _of_log
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.plant import Plant, Properties, Sensor, article_sensors
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.quantities import COMBINED_SLIP, FRICTION, quantity_of
-from fifthwheel.apps.workflow import IdentifyOptions, identification_settings, run_states
 
 TRUCK = get("cheng_cebon_2011")
 GYROS = [f"{quantity}.{unit}" for quantity in ("yaw_rate", "roll_rate") for unit in ("tractor", "semitrailer")]

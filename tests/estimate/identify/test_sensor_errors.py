@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.estimate.observe import Observer, ObserverSettings
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

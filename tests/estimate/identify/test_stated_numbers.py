@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fifthwheel.base.pages import html
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.base.pages import html
-from fifthwheel.results.report import front_page, identification_document
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck.spoken_names import spoken
+from fifthwheel.results.report import front_page, identification_document
 from fifthwheel.truck import Vehicle, get
+from fifthwheel.truck.spoken_names import spoken
 
 TRUCK = get("cheng_cebon_2011")
 GIVEN = {

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import expm
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import channel_of
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
 from fifthwheel.estimate.filters.variances import OBSERVER_PROCESS_VARIANCE
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.observe.conftest import ROLLS, STEER, YAWS
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.observe.conftest import EXACT, STEER, YAWS, batched, pushed

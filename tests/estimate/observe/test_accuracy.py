@@ -5,13 +5,13 @@ import pytest
 from scipy.signal import cont2discrete
 from scipy.stats import chi2
 
-from fifthwheel.model import dynamics
-from fifthwheel.data.channels import channel_of
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import channel_of
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import TYPICAL_STEER_SIGMA, initial_state
 from fifthwheel.estimate.filters.variances import OBSERVER_PROCESS_VARIANCE
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
 from tests.estimate.observe.conftest import EXACT, ROLLS, STEER, YAWS, batched, but_settling, pushed

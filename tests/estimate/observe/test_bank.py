@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-from fifthwheel.data.channels import channel_of
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.filters.initial_state import steady_initial_state
-from fifthwheel.model.manoeuvres import acceleration_course, inverse_steer
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.data.channels import channel_of
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.filters.initial_state import steady_initial_state
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres import acceleration_course, inverse_steer
 from tests.estimate.observe.conftest import EXACT, STEER, assert_same, batched, but_settling, pushed
 from tests.estimate.observe.exact import OUTPUTS, SPEED, TRUCK
 

@@ -7,14 +7,25 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.filters.model import unpack_array
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.estimate.observe.monitor import START
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from tests.estimate.observe.conftest import EXACT, ROLLS, STEER, YAWS, assert_same, batched, but_settling, pushed, put, samples
+from tests.estimate.observe.conftest import (
+    EXACT,
+    ROLLS,
+    STEER,
+    YAWS,
+    assert_same,
+    batched,
+    but_settling,
+    pushed,
+    put,
+    samples,
+)
 
 TRUCK = get("cheng_cebon_2011")
 LANE_CHANGES = simulate(TRUCK, count=2, seed=7)

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels.others import HORIZON
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels.others import HORIZON
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, time_to_lift
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.courses import OpenLoop
 from fifthwheel.model.manoeuvres.open_loops import sine_with_dwell, single_sine, step_input
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, time_to_lift
 from fifthwheel.model.plant import Plant, article_sensors, measure
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import conclude_states
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.report import conclude_states
 from fifthwheel.truck import Vehicle, get
 from tests.estimate.observe.conftest import EXACT
 

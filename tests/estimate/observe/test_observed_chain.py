@@ -2,8 +2,8 @@
 
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.estimate.observe.observed_chain import _observed_chain
+from fifthwheel.model import dynamics
 from tests.estimate.observe.conftest import YAWS
 
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.model import pack_array
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, monitor
 from fifthwheel.model.manoeuvres import braked
 from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, monitor
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.unit import Accelerometer

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.base.plots import Band, Line, Span
+from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

@@ -5,14 +5,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.model.manoeuvres.open_loops import single_sine
-from fifthwheel.estimate.observe import Observer, ObserverSettings
-from fifthwheel.model.plant import Plant, article_sensors, measure
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.model.manoeuvres.open_loops import single_sine
+from fifthwheel.model.plant import Plant, article_sensors, measure
 from fifthwheel.model.simulate import simulate
+from tests.estimate.observe.test_saturating_tyres import SIDESLIP, SIGNALS
 from tests.model.dynamics.test_steered_axles import COMMAND, LIFTED, SELF_STEERING, with_axle
 from tests.results.export.test_c_observer import COMPILER, assert_equal, compiled, pushed, replayed
-from tests.estimate.observe.test_saturating_tyres import SIDESLIP, SIGNALS
 
 
 @pytest.mark.parametrize("keys", [{}, SELF_STEERING, COMMAND, LIFTED])

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
+from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.estimate.observe.conftest import (

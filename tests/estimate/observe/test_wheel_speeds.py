@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.observe.conftest import EXACT, STEER, YAWS, batched, pushed

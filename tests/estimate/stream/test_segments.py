@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.model.dynamics import SPEED_RATE, steps
-from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.data.record import Record
-from fifthwheel.model.simulate import simulate
+from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.stream import Status, Stream, StreamSettings, stream_segments, without_measurement
 from fifthwheel.estimate.stream.segments import held_inputs
+from fifthwheel.model.dynamics import SPEED_RATE, steps
+from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.estimate.observe.conftest import STEER, YAWS, put
 from tests.estimate.stream.test_stream import Rows

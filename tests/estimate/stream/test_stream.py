@@ -7,8 +7,6 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from fifthwheel.model.dynamics import steps
-from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify.online import LearnerSettings
 from fifthwheel.estimate.identify.online.live_filter import stream_settings
@@ -16,6 +14,8 @@ from fifthwheel.estimate.identify.online.online_model import online_setup
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.stream import Status, Stream, StreamSettings
+from fifthwheel.model.dynamics import steps
+from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.truck import get
 
 EDGE = 1e-6

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.checks import Fault
-from fifthwheel.model.simulate import simulate
 from fifthwheel.estimate.time_bases.evidence import signal_evidence
+from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

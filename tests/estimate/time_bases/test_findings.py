@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.checks import Fault, Finding
-from fifthwheel.estimate.identify.dataset import prepare_dataset
-from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.data.logs.signal_map import SignalSource
 from fifthwheel.data.record import Record
-from fifthwheel.model.simulate import simulate
+from fifthwheel.estimate.identify.dataset import prepare_dataset
+from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")

@@ -6,13 +6,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from fifthwheel.model.manoeuvres import course
-from fifthwheel.model.manoeuvres.open_loops import single_sine, single_track_steer
 from fifthwheel.data.record import Record
-from fifthwheel.model.simulate import simulate
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.estimate.time_bases.offsets import TimeOffset, offsets_of
 from fifthwheel.estimate.time_bases.predictions import predict_channels
+from fifthwheel.model.manoeuvres import course
+from fifthwheel.model.manoeuvres.open_loops import single_sine, single_track_steer
+from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011_vehicle")

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.time_bases.predictions import predict_channels
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
-from fifthwheel.estimate.time_bases.predictions import predict_channels
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

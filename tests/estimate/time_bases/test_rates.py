@@ -6,7 +6,16 @@ import pytest
 from fifthwheel.estimate.time_bases.lags import RATE
 from fifthwheel.estimate.time_bases.predictions import Prediction
 from fifthwheel.estimate.time_bases.rates import channel_rates, common_rates
-from tests.estimate.time_bases.test_known_lags import ACCELERATION, ANGLE, SOURCES, STEER, WHITE, YAW, YAW2, prediction_of
+from tests.estimate.time_bases.test_known_lags import (
+    ACCELERATION,
+    ANGLE,
+    SOURCES,
+    STEER,
+    WHITE,
+    YAW,
+    YAW2,
+    prediction_of,
+)
 from tests.estimate.time_bases.test_lags import TIME, slow_noise
 
 

@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.filters.step_rows import corrected_inputs
+from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.estimate.filters.step_rows import corrected_inputs
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.unit import Accelerometer
 

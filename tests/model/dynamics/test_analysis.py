@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.model.dynamics import (
     critical_speed,
     frequency_response,
@@ -15,7 +16,6 @@ from fifthwheel.model.dynamics import (
     steady_steer,
     understeer_gradient,
 )
-from fifthwheel.base.errors import VehicleError
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, get
 
 ARTICLE = get("cheng_cebon_2011")

@@ -3,10 +3,18 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model.dynamics import SPEED_RATE, TIME_SCALE, ChainModel, all_parameters, contact_input, model, rate_input
-from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.filters.step_rows import corrected_inputs
+from fifthwheel.model.dynamics import (
+    SPEED_RATE,
+    TIME_SCALE,
+    ChainModel,
+    all_parameters,
+    contact_input,
+    model,
+    rate_input,
+)
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.lagrangian import Array, axle_compliance
 from tests.model.dynamics.test_lagrangian import TRUCK, VEHICLES

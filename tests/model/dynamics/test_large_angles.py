@@ -4,13 +4,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.large_angles import large_angles
 from fifthwheel.model.dynamics.tyres import AUXILIARY, LAWS, Contact, Law, saturating, saturation_parameters
 from fifthwheel.model.manoeuvres import braked, straight
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import AxleGroup, Vehicle, get
 from fifthwheel.truck.quantities import (
     DRAG_AREA,

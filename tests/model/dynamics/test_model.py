@@ -7,11 +7,19 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fifthwheel.model.dynamics import ChainModel, all_parameters, model, steps
 from fifthwheel.base.errors import SignalError
+from fifthwheel.model.dynamics import ChainModel, all_parameters, model, steps
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.lagrangian import GRAVITY, Array, linear
-from tests.model.dynamics.test_lagrangian import ARTICLE, FAST_AND_SLOW, TRUCK, VEHICLES, b_double, changed, with_relaxation
+from tests.model.dynamics.test_lagrangian import (
+    ARTICLE,
+    FAST_AND_SLOW,
+    TRUCK,
+    VEHICLES,
+    b_double,
+    changed,
+    with_relaxation,
+)
 
 TYPICAL = {
     "lateral_velocity": 0.5,

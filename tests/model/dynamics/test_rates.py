@@ -4,9 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
+from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.tyre_law import Tyres
 

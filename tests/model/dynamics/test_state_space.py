@@ -7,10 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.truck import get
 from tests.model.dynamics.test_analysis import ARTICLE, COG, FRONT, REAR, WHEELBASE, G, truck
 

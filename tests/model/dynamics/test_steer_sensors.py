@@ -4,8 +4,8 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.data.channels import STEER
+from fifthwheel.model import dynamics
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 
 from fifthwheel.model import dynamics
-from fifthwheel.results.assess.low_speed_turn import equivalent_axle, measure, turn
-from fifthwheel.results.assess.truck import Truck
 from fifthwheel.model.dynamics import chain, frequency_response, matrices
 from fifthwheel.model.dynamics.large_angles import large_angles
 from fifthwheel.model.dynamics.tyres import LAWS, saturation_parameters
+from fifthwheel.results.assess.low_speed_turn import equivalent_axle, measure, turn
+from fifthwheel.results.assess.truck import Truck
 from fifthwheel.truck import Axle, Vehicle, get
-from tests.results.assess.trucks import single_axles
 from tests.model.dynamics.test_large_angles import LINEAR
 from tests.model.dynamics.test_unit_equations import FREQUENCY, group, truck
+from tests.results.assess.trucks import single_axles
 
 SPEED = 20.0
 SELF_STEERING = {"self_steering": 0.8}

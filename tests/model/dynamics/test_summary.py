@@ -5,9 +5,9 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics import critical_speed, modes, understeer_gradient
 from fifthwheel.model.dynamics.summary import summarize
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

@@ -6,14 +6,14 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from fifthwheel.model.dynamics import tyre_law
-from fifthwheel.model.dynamics.tyre_law import SLIPS, force_fraction, identity, require_law, restored, stored
-from fifthwheel.model.dynamics.tyres import root_law
+from fifthwheel.apps.studies.estimators import Identified
+from fifthwheel.apps.studies.monte_carlo import _digest
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.observe import ObserverSettings
-from fifthwheel.apps.studies.estimators import Identified
-from fifthwheel.apps.studies.monte_carlo import _digest
+from fifthwheel.model.dynamics import tyre_law
+from fifthwheel.model.dynamics.tyre_law import SLIPS, force_fraction, identity, require_law, restored, stored
+from fifthwheel.model.dynamics.tyres import root_law
 
 N, C, MU = 50e3, 400e3, 0.5
 

@@ -4,6 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics.tyres import (
     NOMINAL_LOAD,
     Contact,
@@ -15,7 +16,6 @@ from fifthwheel.model.dynamics.tyres import (
 )
 from fifthwheel.model.dynamics.unit_equations import suspension_moment
 from fifthwheel.model.plant.magic_formula import MagicFormula
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 from fifthwheel.truck.quantities import (
     COMBINED_SLIP,

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.errors import SignalError
+from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres import single_sine, step_input
 from fifthwheel.model.manoeuvres.open_loops import (
     pulse,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
+from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres import (
     Course,
     Path,

@@ -9,6 +9,7 @@ from scipy.integrate import quad
 from scipy.linalg import block_diag
 
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.manoeuvres import straight
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.plant.bodies import sprung_bodies
@@ -17,10 +18,9 @@ from fifthwheel.model.plant.properties import ROAD_CLASSES, with_changes
 from fifthwheel.model.plant.rough_road import BAND, COUNT, LEAD, STEP, RoughRoad, tracks
 from fifthwheel.model.plant.truck import SETTLING_TIME, Simulation
 from fifthwheel.model.plant.tyre_forces import WHEEL_OUTPUTS
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle, get
-from tests.results.assess.trucks import single_axles
 from tests.model.plant.golden_car import gain, roughness_index
+from tests.results.assess.trucks import single_axles
 
 TRUCK = get("cheng_cebon_2011")
 B, TRACK = ROAD_CLASSES["B"], 2.0

@@ -8,9 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.model.plant.sensors import Sensor, article_sensors, measure, read_sensors
 from fifthwheel.data.record.held import held_samples
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.model.plant.sensors import Sensor, article_sensors, measure, read_sensors
 from fifthwheel.truck import get
 
 TIME = np.arange(20_000) / 100

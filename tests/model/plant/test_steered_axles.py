@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.manoeuvres import constant_radius, lane_changes
 from fifthwheel.model.plant import Plant
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.test_steered_axles import COMMAND, LIFTED, SELF_STEERING, with_axle
 from tests.model.plant.test_truck import NO_RESISTANCE, OUTPUTS, of_groups, response, sine

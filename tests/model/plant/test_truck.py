@@ -7,17 +7,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.dynamics.tyres import TyreLaw
-from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.model.manoeuvres import OpenLoop, braked, constant_radius, lane_changes, straight
 from fifthwheel.model.plant import Plant, PlantRun, Properties
 from fifthwheel.model.plant import truck as module
 from fifthwheel.model.plant.magic_formula import MagicFormula
 from fifthwheel.model.plant.truck import Simulation
 from fifthwheel.model.plant.tyre_forces import WHEEL_OUTPUTS
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.quantities import DRAG_AREA, FRICTION, ROLLING_RESISTANCE, SHAPE
 from fifthwheel.truck.unit import Accelerometer

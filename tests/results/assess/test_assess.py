@@ -7,9 +7,9 @@ import pytest
 from scipy.stats import norm
 
 import fifthwheel as fw
+from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.results.assess.assessment import display_unit
 from fifthwheel.results.assess.measures import MEASURES, STOP, TRACKING, title
-from fifthwheel.base.errors import SignalError, VehicleError
 from tests.results.assess.trucks import ENGINE
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

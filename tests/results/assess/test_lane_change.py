@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.dynamics import linear_system, rearward_amplification
 from fifthwheel.results.assess import lane_change
 from fifthwheel.results.assess.lane_change import ACCELERATION, linear, measure, measure_peak, measures
 from fifthwheel.results.assess.truck import Body, Truck
-from fifthwheel.model.dynamics import linear_system, rearward_amplification
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 from tests.results.assess.trucks import CATALOGUE
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from fifthwheel.base.plots import Line
 from fifthwheel.results.assess.lane_change import linear, measures
 from fifthwheel.results.assess.low_speed_turn import turn
 from fifthwheel.results.assess.rollover import rollover
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.base.plots import Line
 from fifthwheel.results.report.assessment import roll_by_acceleration, turn_from_above
 from fifthwheel.truck import Vehicle, get
 

@@ -4,9 +4,9 @@ import math
 
 import pytest
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.longitudinal import GRADE, measure, notes, unstated
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 from fifthwheel.truck.driveline import AIR_DENSITY, DRIVELINE
 from tests.results.assess.trucks import CATALOGUE, ENGINE, rigid, with_engine

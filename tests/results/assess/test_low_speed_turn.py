@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.results.assess.low_speed_turn import FRICTION, RADIUS, equivalent_axle, measure, turn
 from fifthwheel.results.assess.truck import Body, Truck
-from fifthwheel.base.errors import VehicleError
 from fifthwheel.truck import get
 from tests.results.assess.trucks import double, rigid, single_axles
 

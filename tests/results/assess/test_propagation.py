@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.estimate.observe import Uncertainty
 from fifthwheel.results.assess.propagation import DRAWS, Neighbourhood, Spread, samples
 from fifthwheel.results.assess.truck import HALF_TRACK, Body, Truck
 from fifthwheel.results.assess.uncertainty import ASSUMED, assumed, complete, of_identification, of_vehicle
-from fifthwheel.base.errors import VehicleError
-from fifthwheel.estimate.observe import Uncertainty
 from fifthwheel.truck import get
 
 TRUCK = Truck(vehicle=get("cheng_cebon_2011"))

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from fifthwheel.results.assess.rollover import Rollover, measure, measure_effective_track, rollover
-from fifthwheel.results.assess.truck import Body, Truck
-from fifthwheel.model.dynamics import linear_system
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.results.assess.rollover import Rollover, measure, measure_effective_track, rollover
+from fifthwheel.results.assess.truck import Body, Truck
 from fifthwheel.truck import get, laden
 from tests.results.assess.trucks import double, rigid, single_axles
 

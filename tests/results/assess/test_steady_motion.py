@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.propagation import Neighbourhood, samples
 from fifthwheel.results.assess.steady_motion import (
     CROSSFALL,
@@ -14,8 +16,6 @@ from fifthwheel.results.assess.steady_motion import (
 )
 from fifthwheel.results.assess.truck import Truck
 from fifthwheel.results.assess.uncertainty import of_vehicle
-from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import get
 from tests.results.assess.trucks import single_axles
 

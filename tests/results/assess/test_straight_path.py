@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.plant import Plant
+from fifthwheel.model.plant.rough_road import STEP, tracks
 from fifthwheel.results.assess import braking, nonlinear, steady_motion
 from fifthwheel.results.assess.measures import STOP, STRAIGHT, TRACKING
 from fifthwheel.results.assess.truck import Body, Truck
-from fifthwheel.base.errors import SignalError
-from fifthwheel.model.plant import Plant
-from fifthwheel.model.plant.rough_road import STEP, tracks
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from tests.model.plant.golden_car import roughness_index
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

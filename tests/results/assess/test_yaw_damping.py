@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.model.dynamics import critical_speed, linear_system, modes
 from fifthwheel.results.assess.truck import Truck
 from fifthwheel.results.assess.yaw_damping import (
     PULSE,
@@ -13,8 +15,6 @@ from fifthwheel.results.assess.yaw_damping import (
     pulse_damping,
     pulse_response,
 )
-from fifthwheel.model.dynamics import critical_speed, linear_system, modes
-from fifthwheel.base.errors import VehicleError
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

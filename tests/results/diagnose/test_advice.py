@@ -5,16 +5,27 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.estimate.identify import Verdict
+from fifthwheel.estimate.identify.design import Remedy
+from fifthwheel.estimate.identify.doubts import Cause
 from fifthwheel.results.diagnose import advice
 from fifthwheel.results.diagnose.advice import LANE_CHANGE, next_steps
 from fifthwheel.results.diagnose.doubt_cautions import describe_cause
 from fifthwheel.results.diagnose.information_summary import describe_remedy
 from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.estimate.identify import Verdict
-from fifthwheel.estimate.identify.design import Remedy
-from fifthwheel.estimate.identify.doubts import Cause
 from fifthwheel.truck.spoken_names import named
-from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, INERTIA, REAR, SOFTENING, assessment, estimate, of, outlook
+from tests.results.diagnose.chosen import (
+    AXIS,
+    FRONT,
+    HEIGHT,
+    INERTIA,
+    REAR,
+    SOFTENING,
+    assessment,
+    estimate,
+    of,
+    outlook,
+)
 
 WITHOUT_ROLL_RATES = ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer")
 

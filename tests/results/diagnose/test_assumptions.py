@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-from fifthwheel.results.diagnose.assumptions import assumed_numbers
-from fifthwheel.model.dynamics.summary import summarize
+from fifthwheel.base.pages.html import blocks
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import prepare_dataset
-from fifthwheel.base.pages.html import blocks
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.summary import summarize
+from fifthwheel.model.simulate import simulate
+from fifthwheel.results.diagnose.assumptions import assumed_numbers
 from fifthwheel.results.report.identification import assumed_numbers as assumed_section
 from fifthwheel.results.report.vehicle import vehicle_document
-from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from tests.results.report.test_terminal import printed
 from tests.truck.test_classes import TEXT

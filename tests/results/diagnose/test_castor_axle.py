@@ -1,7 +1,7 @@
 """The sentence of a caution where a log contradicts a fixed axle."""
 
-from fifthwheel.results.diagnose.doubt_cautions import describe_cause
 from fifthwheel.estimate.identify.doubts import Cause
+from fifthwheel.results.diagnose.doubt_cautions import describe_cause
 from tests.model.dynamics.test_steered_axles import with_axle
 
 TRUCK, PATH = with_axle({}), "semitrailer.rear.self_steering"

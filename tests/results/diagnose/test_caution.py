@@ -3,9 +3,9 @@
 import pytest
 
 from fifthwheel.data.checks import Fault, Finding
+from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.results.diagnose import Caution, CautionKind, ranked
 from fifthwheel.results.diagnose.cautions import signal_cautions
-from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
 
 YAW2, ROLL2 = "yaw_rate.semitrailer", "roll_rate.semitrailer"
 

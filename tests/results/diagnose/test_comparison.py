@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.results.assess import assess
-from fifthwheel.results.diagnose import compare, spoken
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import OneStage, Verdict, identify
-from fifthwheel.results.report.comparison import headline
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.assess import assess
+from fifthwheel.results.diagnose import compare, spoken
+from fifthwheel.results.report.comparison import headline
 from fifthwheel.truck.quantities import quantity_of
 from tests.results.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 

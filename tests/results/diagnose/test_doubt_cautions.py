@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.results.diagnose.doubt_cautions import _options, describe_cause
-from fifthwheel.model.dynamics import TIME_SCALE
-from fifthwheel.estimate.filters.scaling import symbolic_to_p
 from fifthwheel.base.formatting import shown
+from fifthwheel.base.names import split_log
+from fifthwheel.estimate.filters.scaling import symbolic_to_p
 from fifthwheel.estimate.identify.doubts import Cause, Evidence
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.statement import combined, parse
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns, time_base_delays
-from fifthwheel.base.names import split_log
+from fifthwheel.model.dynamics import TIME_SCALE
+from fifthwheel.results.diagnose.doubt_cautions import _options, describe_cause
 from fifthwheel.truck import unit_of
 
 OUTPUTS = (

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.results.diagnose.advice import next_steps
-from fifthwheel.results.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
-from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.estimate.identify import SensorError, Verdict, identify
 from fifthwheel.estimate.identify.design import Remedy
 from fifthwheel.estimate.identify.design.assess import predict_sigmas
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck.spoken_names import named
+from fifthwheel.results.diagnose.advice import next_steps
+from fifthwheel.results.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary
+from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.truck.quantities import FRICTION
+from fifthwheel.truck.spoken_names import named
 from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment, estimate, of, outlook
 
 

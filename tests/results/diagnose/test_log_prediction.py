@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.diagnose import LogPrediction
 
 TRUCK = vehicle.get("cheng_cebon_2011")
 NAME = "semitrailer.cornering_stiffness"

@@ -2,8 +2,8 @@
 
 import pytest
 
-from fifthwheel.results.diagnose.information_summary import describe_remedy
 from fifthwheel.estimate.identify.design import Remedy
+from fifthwheel.results.diagnose.information_summary import describe_remedy
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import SensorError
+from fifthwheel.estimate.observe import States
 from fifthwheel.results.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
 from fifthwheel.results.diagnose.summaries import (
     innovation_size,
@@ -13,9 +16,6 @@ from fifthwheel.results.diagnose.summaries import (
     summarise_states,
     valid_fraction,
 )
-from fifthwheel.estimate.identify import SensorError
-from fifthwheel.estimate.observe import States
-from fifthwheel.data.record import Record
 from tests.results.report.conftest import NASTY
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.estimate.identify import Estimate, SensorError, Verdict
 from fifthwheel.results.diagnose import whiteness
 from fifthwheel.results.diagnose.advice import next_steps
 from fifthwheel.results.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.results.diagnose.fit_quality import FitQuality, predicted_logs
 from fifthwheel.results.diagnose.information_summary import dominant_terms, information_summary
 from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.estimate.identify import Estimate, SensorError, Verdict
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 STEER, GYRO, HITCH = "steer.tractor.front", "yaw_rate.tractor", "articulation.semitrailer"

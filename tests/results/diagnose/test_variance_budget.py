@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from fifthwheel.results.diagnose.information_summary import dominant_terms, variance_budget
 from fifthwheel.estimate.identify import identify
+from fifthwheel.results.diagnose.information_summary import dominant_terms, variance_budget
 
 HEIGHT, AXIS = "semitrailer.payload.height", "semitrailer.roll_axis_height"
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.data.record import Record
 from fifthwheel.model.dynamics import steady_steer
 from fifthwheel.results.evaluate.directions import directions, gradients
-from fifthwheel.data.record import Record
 from tests.results.evaluate.conftest import U
 from tests.results.evaluate.test_steady_state import STEER, YAW_RATE, steady_turns
 

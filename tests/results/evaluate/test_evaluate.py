@@ -8,8 +8,8 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
-from fifthwheel.results.evaluate import METHODS
 from fifthwheel.data.record import Record
+from fifthwheel.results.evaluate import METHODS
 from tests.results.evaluate.conftest import NOISE, U
 
 STEER = "steer.tractor.front"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.model.dynamics import linear_system
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import STANDARD_GRAVITY as G
+from fifthwheel.model.dynamics import linear_system
 from fifthwheel.truck import get
 from tests.results.evaluate.conftest import NOISE, U
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.data.record import Record
 from fifthwheel.model.manoeuvres import constant_radius, course
 from fifthwheel.model.plant import Plant
-from fifthwheel.data.record import Record
 from tests.results.evaluate.conftest import U
 
 pytestmark = pytest.mark.slow

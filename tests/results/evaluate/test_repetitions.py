@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.units import STANDARD_GRAVITY as G
+from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.model.manoeuvres import OpenLoop, course
 from fifthwheel.results.assess.truck import Truck
 from fifthwheel.results.assess.yaw_damping import eigenvalue_damping, pulse_damping
-from fifthwheel.model.dynamics import linear_system
-from fifthwheel.base.errors import SignalError
-from fifthwheel.model.manoeuvres import OpenLoop, course
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY as G
 from tests.results.evaluate.conftest import NOISE, STEER, U, repeated
 
 

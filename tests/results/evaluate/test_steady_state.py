@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.model.dynamics import linear_system, steady_steer
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics import linear_system, steady_steer
 from fifthwheel.truck import get
-from tests.results.evaluate.conftest import NOISE, U
 from tests.estimate.identify.test_real_log import MAP
+from tests.results.evaluate.conftest import NOISE, U
 
 DATA = Path(os.environ.get("FIFTHWHEEL_DATA", Path(__file__).resolve().parents[4] / "shared" / "data")) / "real_truck"
 STEER, YAW_RATE = "steer.tractor.front", "yaw_rate.tractor"

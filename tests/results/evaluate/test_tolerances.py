@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.results.evaluate.tolerances import DEFAULTS, Tolerance, require_used, tolerance_of
 from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.results.evaluate.tolerances import DEFAULTS, Tolerance, require_used, tolerance_of
 
 GRADIENT = "rad s^2/m"
 

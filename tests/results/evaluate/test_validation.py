@@ -8,11 +8,11 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.record import Record
 from fifthwheel.results.evaluate import METHODS
 from fifthwheel.results.evaluate.curves import curve_names
 from fifthwheel.results.evaluate.tolerances import DEFAULTS
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 from tests.results.evaluate.conftest import NOISE, STEER, U
 from tests.results.evaluate.test_evaluate import MANOEUVRES, ONE

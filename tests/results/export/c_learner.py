@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.results.export import export_c, learner_model
 from fifthwheel.results.export.project import LEARNER_SOURCES
-from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.data.record import Record
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror")

@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.model.dynamics import critical_speed
-from fifthwheel.results.export import LEARNER_FILES, export_c
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.observe import Status
-from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics import critical_speed
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.export import LEARNER_FILES, export_c
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.test_lagrangian import b_double
 from tests.results.export.c_learner import (

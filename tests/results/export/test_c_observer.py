@@ -10,12 +10,12 @@ import pytest
 
 from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.results.export import FILES, c_text, export_c
 from fifthwheel.data.logs import write_record
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.export import FILES, c_text, export_c
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.test_lagrangian import b_double
 from tests.model.dynamics.test_steering import lag

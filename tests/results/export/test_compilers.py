@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.results.export import export_c
-from fifthwheel.estimate.observe import Observer
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.export import export_c
 from tests.results.export.cortex_m import CORES, MISSING, emulated
 from tests.results.export.test_c_observer import FAULTS, assert_equal, compiled, pushed, replayed, with_fault
 

@@ -8,14 +8,22 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.results.export import export_c
-from fifthwheel.results.export.project import LEARNER_SOURCES
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
-from tests.results.export.c_learner import compiled, csv_text, largest_deviation, largest_difference, linked, pushed, replayed
+from fifthwheel.results.export import export_c
+from fifthwheel.results.export.project import LEARNER_SOURCES
+from tests.results.export.c_learner import (
+    compiled,
+    csv_text,
+    largest_deviation,
+    largest_difference,
+    linked,
+    pushed,
+    replayed,
+)
 from tests.results.export.cortex_m import CORES, MISSING, emulated
 from tests.results.export.test_c_observer import FAULTS, with_fault
 

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, identify
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, States
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 
 NASTY = 'bend <b> & "quoted" </script><!--'

@@ -5,17 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.base import pages
-
 from fifthwheel import truck as vehicle
+from fifthwheel.base import pages
 from fifthwheel.data.checks import Fault, Finding
-from fifthwheel.results.diagnose import Advice
 from fifthwheel.estimate.identify import Estimate, SensorError, identify
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.model.simulate import simulate
+from fifthwheel.results.diagnose import Advice
 from fifthwheel.results.report import Conclusion, StateConditions, conclude_identification, conclude_states
 from fifthwheel.results.report.words import counted
-from fifthwheel.model.simulate import simulate
 from tests.results.report.conftest import NASTY
 
 

@@ -9,10 +9,10 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import with_sigma
-from fifthwheel.estimate.identify import Verdict
 from fifthwheel.base.pages import page
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration, lateral_acceleration
+from fifthwheel.estimate.identify import Verdict
 from fifthwheel.results.report import Provenance, front_page, write_report
 from fifthwheel.results.report.truck_drawing import CHARACTER, WIDTH, truck_drawing
 from tests.results.report.conftest import Page

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.formatting import with_sigma
+from fifthwheel.base.plots import Plot, downsample, plotly_figure
+from fifthwheel.base.plots.palette import rgba
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.observe.states import SHADES
-from fifthwheel.base.plots import Plot, downsample, plotly_figure
-from fifthwheel.base.plots.palette import rgba
 from fifthwheel.results.report import write_report, write_states_report
 from fifthwheel.results.report.consistency import innovation_figure
 from fifthwheel.results.report.identification import _uncertain_numbers

@@ -7,9 +7,9 @@ import pytest
 from rich.console import Console
 
 import fifthwheel as fw
+from fifthwheel.base.pages.terminal import show
 from fifthwheel.results.assess.lane_change import linear
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.base.pages.terminal import show
 from fifthwheel.results.report import assessment_document, write_assessment_report, write_report
 from fifthwheel.results.report.assessment import explanations, headline, is_good
 from tests.results.report.conftest import Page

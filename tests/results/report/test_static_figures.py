@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from fifthwheel.estimate.identify.result import display
 from fifthwheel.base.pages import CaptionedPlot, page
 from fifthwheel.base.plots import Line, Panel, Plot, plotly_figure
+from fifthwheel.estimate.identify.result import display
 from fifthwheel.results.report import write_report
 from tests.results.report.conftest import Page
 

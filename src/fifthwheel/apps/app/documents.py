@@ -4,9 +4,9 @@ from typing import Any, Literal
 
 from nicegui import app, events, ui
 
-from fifthwheel.base import pages
 from fifthwheel.apps.app import layout
 from fifthwheel.apps.app.words import page_in_workbench
+from fifthwheel.base import pages
 from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot
 from fifthwheel.base.plots.plotly_figure import figure

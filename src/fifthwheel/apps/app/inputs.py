@@ -13,11 +13,12 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from fifthwheel.base.atomic.locks import try_lock
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
-from fifthwheel.data.channels import STEER, is_of
+from fifthwheel.apps.workflow import SignalEvidence, propose_signals, signal_evidence
+from fifthwheel.apps.workflow.inputs import report_fraction
+from fifthwheel.base.atomic.locks import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.files import record_of
 from fifthwheel.data.logs.mapping.name_rules import classify_columns
@@ -25,10 +26,9 @@ from fifthwheel.data.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.stored import StoredLog, store_log
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import catalogue
-from fifthwheel.apps.workflow import SignalEvidence, propose_signals, signal_evidence
-from fifthwheel.apps.workflow.inputs import report_fraction
 
 _SURVEY = "survey.json"
 _PART, _LOCK = ".part", "lock"

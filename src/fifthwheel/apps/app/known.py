@@ -5,16 +5,16 @@ from pathlib import Path
 
 from fifthwheel.apps.app import runs, words
 from fifthwheel.apps.app.workspace import SIGNALS, Choices, Workspace
-from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error
+from fifthwheel.apps.workflow import IdentifyOptions
 from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.settings import options_of
+from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import possible_names
 from fifthwheel.estimate.identify.setup import with_tyre_law
 from fifthwheel.estimate.identify.statement import GROUPS, Statement, parse
-from fifthwheel.base.settings import options_of
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow import IdentifyOptions
+from fifthwheel.truck.spoken_names import spoken
 
 MANY = {**GROUPS, "*": "All numbers"}
 STATEMENTS = "statements"

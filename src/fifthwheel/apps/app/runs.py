@@ -8,24 +8,8 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.base.atomic import one_run, result_folder
 from fifthwheel.apps.app import inputs
 from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
-from fifthwheel.results.diagnose import Comparison, LogPrediction
-from fifthwheel.base.errors import FifthwheelError, printable
-from fifthwheel.estimate.identify import Fit, Identification
-from fifthwheel.estimate.identify.design.assess import InformationAssessment, predict_sigmas
-from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.result.display import fit_panel, prediction
-from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.base.pages import Document
-from fifthwheel.base.plots import Line, Plot
-from fifthwheel.base.plots.palette import CYCLE
-from fifthwheel.results.report import provenance_of_run
-from fifthwheel.results.report.knowledge import truck_history_document
-from fifthwheel.base.settings import arguments, options_of
-from fifthwheel.truck.spoken_names import spoken
-from fifthwheel.truck import Vehicle
 from fifthwheel.apps.workflow import (
     IDENTIFICATION_FILES,
     IdentifyOptions,
@@ -37,6 +21,22 @@ from fifthwheel.apps.workflow import (
     write_loads,
 )
 from fifthwheel.apps.workflow.note import Note
+from fifthwheel.base.atomic import one_run, result_folder
+from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.pages import Document
+from fifthwheel.base.plots import Line, Plot
+from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.settings import arguments, options_of
+from fifthwheel.estimate.identify import Fit, Identification
+from fifthwheel.estimate.identify.design.assess import InformationAssessment, predict_sigmas
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
+from fifthwheel.estimate.identify.result.display import fit_panel, prediction
+from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.results.diagnose import Comparison, LogPrediction
+from fifthwheel.results.report import provenance_of_run
+from fifthwheel.results.report.knowledge import truck_history_document
+from fifthwheel.truck import Vehicle
+from fifthwheel.truck.spoken_names import spoken
 
 RESULT = "identification.json"
 """Its presence makes a folder of `runs` a result."""

@@ -11,10 +11,10 @@ from typing import Any
 from urllib.parse import quote
 
 from fifthwheel.apps.addresses import is_loopback
-from fifthwheel.base.extras import require
 from fifthwheel.apps.app.access import MAX_FILE, Access, Guard
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.extras import require
 
 
 def serve(

@@ -16,11 +16,20 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.kalman import ChannelUpdate, Noise, channel_columns, gate, joseph, observe, predict
-from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack, unpack_array
+from fifthwheel.estimate.filters.model import (
+    Model,
+    pack,
+    pack_array,
+    packed_size,
+    partitioned,
+    sizes,
+    unpack,
+    unpack_array,
+)
 from fifthwheel.estimate.filters.scaling import PRECISION, Scaling, symbolic_to_p
-from fifthwheel.base.native import Scan, compiled
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -18,17 +18,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 import fifthwheel
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import ROLL_RATE, is_of
 from fifthwheel.apps.cheng_cebon_2011.dual import dual_step
 from fifthwheel.apps.cheng_cebon_2011.posterior import TwoStagePosterior, evaluate_posterior
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.apps.cheng_cebon_2011.settings import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.stage import StageResult, has_changed, run_stage
-from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
+from fifthwheel.base.native import compile_in_background
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import ROLL_RATE, is_of
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
 from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits, free_run_fits
@@ -41,9 +42,8 @@ from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.unknowns.parameters import known_of
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict, estimate_verdict, still_moving
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
-from fifthwheel.base.native import compile_in_background
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_no_steering
 

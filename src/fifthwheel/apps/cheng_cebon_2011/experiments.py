@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fifthwheel.apps.cheng_cebon_2011.settings import TwoStage, article
+from fifthwheel.apps.studies.scenarios import effective_stiffness
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.model.manoeuvres import lane_changes, lane_changes_on_test_track
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors
-from fifthwheel.apps.studies.scenarios import effective_stiffness
 from fifthwheel.truck import Vehicle, get
 
 FRONT = "tractor.front.cornering_stiffness"

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fifthwheel.base.atomic import atomic_write
-from fifthwheel.base.types import Array
 from fifthwheel.apps.cheng_cebon_2011.experiments import (
     DRIVE,
     FRONT,
@@ -27,6 +25,8 @@ from fifthwheel.apps.cheng_cebon_2011.experiments import (
     Experiment,
 )
 from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome
+from fifthwheel.base.atomic import atomic_write
+from fifthwheel.base.types import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

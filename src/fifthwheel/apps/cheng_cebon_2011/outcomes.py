@@ -7,14 +7,14 @@ from functools import partial
 import numpy as np
 import pyarrow as pa
 
-from fifthwheel.base.types import Array
 from fifthwheel.apps.cheng_cebon_2011.experiments import LANDING_LEG, Experiment
-from fifthwheel.estimate.identify import Identification, identify
-from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
 from fifthwheel.apps.studies.estimators import ParameterEstimate
 from fifthwheel.apps.studies.result_table import Row, RunName, as_table, run_rows
 from fifthwheel.apps.studies.scenarios import initial_guess, true_value
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import Identification, identify
+from fifthwheel.estimate.observe import Observer
 
 OPTICAL_POSITION = -2.34
 """x of the optical sideslip sensor on the trailer, m (section 4.1.3)."""

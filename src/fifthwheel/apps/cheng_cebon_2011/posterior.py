@@ -18,16 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
-from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, long_run_covariance
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 
 SINGULAR = 1e14
 """Condition number of the information from which it counts as singular: the vehicle is unstable at these values."""

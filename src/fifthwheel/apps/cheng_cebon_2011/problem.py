@@ -6,12 +6,12 @@ from functools import cached_property
 
 import numpy as np
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.apps.cheng_cebon_2011.dual import DualCoupling, DualFiltered, DualState, run_dual
 from fifthwheel.apps.cheng_cebon_2011.settings import TwoStage
-from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import is_sensor_error
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import Noise, variances
 from fifthwheel.estimate.filters.initial_state import initial_state, steady_initial_state
 from fifthwheel.estimate.filters.scaling import Scaling
@@ -20,8 +20,8 @@ from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.statement import Stated, Statement, applies
 from fifthwheel.estimate.identify.unknowns.parameters import known_of, sensor_error_unknowns
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, linear_unknown, logarithmic_unknown, scaling
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 
 PRIOR = 0.3

@@ -5,16 +5,23 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from fifthwheel.base.atomic import write_text
-from fifthwheel.base.extras import require
 from fifthwheel.apps.cheng_cebon_2011 import figures, table
 from fifthwheel.apps.cheng_cebon_2011.comparison import Row, compare, compare_variants
-from fifthwheel.apps.cheng_cebon_2011.experiments import RESULTS, Experiment, section_3, section_4, variants, with_variant
+from fifthwheel.apps.cheng_cebon_2011.experiments import (
+    RESULTS,
+    Experiment,
+    section_3,
+    section_4,
+    variants,
+    with_variant,
+)
 from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
 from fifthwheel.apps.cluster import run_all
-from fifthwheel.base.errors import FifthwheelError, VehicleError
-from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.apps.studies.result_table import write_table
+from fifthwheel.base.atomic import write_text
+from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.extras import require
+from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.truck import Vehicle, get
 
 _FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]

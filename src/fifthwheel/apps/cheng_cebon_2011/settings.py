@@ -7,14 +7,14 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
-from fifthwheel.data.channels import STEER, SensorErrorName, is_of
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.names import PAYLOAD_HEIGHT
+from fifthwheel.base.settings import Count, Cure, FiniteNonNegative, Limits
+from fifthwheel.data.channels import STEER, SensorErrorName, is_of
 from fifthwheel.estimate.filters.variances import Variances
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.statement import stated, statement
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.base.names import PAYLOAD_HEIGHT
-from fifthwheel.base.settings import Count, Cure, FiniteNonNegative, Limits
 from fifthwheel.truck.quantities import unit_of
 
 

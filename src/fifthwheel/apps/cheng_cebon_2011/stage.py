@@ -16,10 +16,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from fifthwheel.base.types import Array
 from fifthwheel.apps.cheng_cebon_2011.dual import DualCoupling
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, sample_period
 from fifthwheel.apps.cheng_cebon_2011.settings import TwoStage, deviation
+from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.step_rows import StepRows
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, autocorrelation_factor

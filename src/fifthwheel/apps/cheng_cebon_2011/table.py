@@ -4,8 +4,8 @@ import csv
 import io
 from collections.abc import Sequence
 
-from fifthwheel.base import pages
 from fifthwheel.apps.cheng_cebon_2011.comparison import QUANTITIES, ArmResult, Row, VariantErrors
+from fifthwheel.base import pages
 from fifthwheel.base.formatting import digits, fixed, shown, with_sigma
 
 HEADINGS = {

@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import typer
 
 from fifthwheel import __version__
-from fifthwheel.base.atomic import clean_up
 from fifthwheel.apps.cli import (  # importing a command registers it
     evaluate,  # noqa: F401
     export,  # noqa: F401
@@ -27,6 +26,7 @@ from fifthwheel.apps.cli import (  # importing a command registers it
     workbench,  # noqa: F401
 )
 from fifthwheel.apps.cli.app import app
+from fifthwheel.base.atomic import clean_up
 
 
 def _print_version(requested: bool) -> None:

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel.base.atomic import result_folder
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command
+from fifthwheel.base.atomic import result_folder
 
 if TYPE_CHECKING:
-    from fifthwheel.results.evaluate import Evaluation, Validation
     from fifthwheel.data.record import Record
+    from fifthwheel.results.evaluate import Evaluation, Validation
     from fifthwheel.truck import Vehicle
 
 LogArgument = Annotated[
@@ -63,9 +63,9 @@ def evaluate(
     Each measure has a sigma from the log itself. The conditions of ISO 15037-2 that a log shows are listed, met or not.
     docs/evaluate.md defines the measures and says what is implemented of each standard.
     """
+    from fifthwheel.apps.workflow import EVALUATION_FILES, read_vehicle
     from fifthwheel.results.evaluate import evaluate as run_evaluation
     from fifthwheel.results.report.evaluation import evaluation_document
-    from fifthwheel.apps.workflow import EVALUATION_FILES, read_vehicle
 
     options.require_figures(figures, out)
     truck = read_vehicle(vehicle) if vehicle else None
@@ -121,11 +121,11 @@ def validate(
     Both are evaluated by the same test method. Each measure and each characteristic curve is inside or outside of its
     tolerance, or undecided where sigma is too large. The default tolerances are ours, and those of no standard.
     """
+    from fifthwheel.apps.workflow import VALIDATION_FILES, read_vehicle
+    from fifthwheel.apps.workflow.settings import named_texts
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.evaluate import validate as run_validation
     from fifthwheel.results.report.evaluation import validation_document
-    from fifthwheel.apps.workflow import VALIDATION_FILES, read_vehicle
-    from fifthwheel.apps.workflow.settings import named_texts
 
     options.require_figures(figures, out)
     stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")
@@ -177,8 +177,8 @@ def _written(
     force: bool,
 ) -> dict[str, Path]:
     """Write the files of a result to its folder, if there is one."""
-    from fifthwheel.results.report import gather_provenance, provenance_of_run
     from fifthwheel.apps.workflow import vehicle_file, write_evaluation
+    from fifthwheel.results.report import gather_provenance, provenance_of_run
 
     if out is None:
         return {}

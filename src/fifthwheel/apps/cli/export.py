@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fifthwheel.base.atomic import reserved, result_folder
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command, export_app
+from fifthwheel.base.atomic import reserved, result_folder
 from fifthwheel.base.options import ObserverOptions
 from fifthwheel.base.settings import arguments
 
@@ -63,12 +63,12 @@ def c(
     cos and atan); it computes in double or, with -DFW_FLOAT, in single precision. It treats missing samples, gaps and
     wrong measurements like `fifthwheel states`; a learner does what `Learner` does in Python.
     """
+    from fifthwheel.apps.workflow import exported_learner, read_vehicle, vehicle_and_identification
     from fifthwheel.base.errors import FifthwheelError
-    from fifthwheel.results.export import FILES, LEARNER_FILES, export_c
     from fifthwheel.estimate.identify import Identification
     from fifthwheel.estimate.identify.online import Learner
     from fifthwheel.estimate.observe import Observer
-    from fifthwheel.apps.workflow import exported_learner, read_vehicle, vehicle_and_identification
+    from fifthwheel.results.export import FILES, LEARNER_FILES, export_c
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)
     estimator: Observer | Learner
@@ -146,9 +146,9 @@ def fmu(
     The FMU is for co-simulation. It has its sources, and libraries for 64-bit Linux and Windows, compiled by ziglang
     (pip install 'fifthwheel[fmu]').
     """
+    from fifthwheel.apps.workflow import read_vehicle
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.export import PLATFORMS, export_fmu
-    from fifthwheel.apps.workflow import read_vehicle
 
     path = out or Path(f"fifthwheel-{what}.fmu")
     platforms = () if sources_only else tuple(PLATFORMS)
@@ -178,8 +178,8 @@ def _observer(
     vehicle: str, identification: Path | None, signals: list[str] | None, chosen: ObserverOptions
 ) -> "Observer":
     """The observer that the options describe."""
-    from fifthwheel.estimate.identify import Identification
     from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
+    from fifthwheel.estimate.identify import Identification
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)
     stored = Identification.load(identification) if identification else None

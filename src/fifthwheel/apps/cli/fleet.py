@@ -5,9 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel.base.atomic import reserved
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import Only, command, fleet_app
+from fifthwheel.base.atomic import reserved
 from fifthwheel.base.options import FleetSettings, IdentifyOptions
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.base.atomic import result_folder
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command
+from fifthwheel.base.atomic import result_folder
 from fifthwheel.base.options import IdentifyOptions
 
 
@@ -61,8 +61,6 @@ def identify(
     from fifthwheel.data.logs import start_reader
 
     start_reader()
-    from fifthwheel.results.report import provenance_of_run
-    from fifthwheel.results.report.identification import identification_document
     from fifthwheel.apps.workflow import (
         IDENTIFICATION_FILES,
         identification_file,
@@ -74,6 +72,8 @@ def identify(
         vehicle_text,
         write_loads,
     )
+    from fifthwheel.results.report import provenance_of_run
+    from fifthwheel.results.report.identification import identification_document
 
     options.require_figures(figures, out)
     inputs = [*logs, *(validate or [])]

@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fifthwheel.base.atomic import one_run, replaced_result, reserved
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command, knowledge_app
+from fifthwheel.base.atomic import one_run, replaced_result, reserved
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
     from fifthwheel.base.pages import Document
+    from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 
 Result = Annotated[
     Path,
@@ -83,8 +83,8 @@ def forget(
     Logs that were set aside because they contradict the removed one are used again. Of a result folder only
     knowledge.json changes; the other files are those of the last `fifthwheel identify` until it runs again.
     """
-    from fifthwheel.base.errors import printable
     from fifthwheel.apps.workflow import knowledge_file
+    from fifthwheel.base.errors import printable
 
     source = knowledge_file(result)
     target = source if out is None else _target(out)
@@ -148,8 +148,8 @@ def merge(
 
 
 def _read(result: Path) -> "Knowledge":
-    from fifthwheel.base.errors import SignalError
     from fifthwheel.apps.workflow import knowledge_file, read_knowledge
+    from fifthwheel.base.errors import SignalError
 
     with one_run(knowledge_file(result)):
         knowledge = read_knowledge(result)

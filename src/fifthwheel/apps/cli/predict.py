@@ -5,7 +5,6 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.base.atomic import reserved
 from fifthwheel.apps.cli import options
 from fifthwheel.apps.cli.app import Only, command, quantity_option
 from fifthwheel.apps.cli.terminal import (
@@ -15,6 +14,7 @@ from fifthwheel.apps.cli.terminal import (
     progress_bar,
     warn_of_masses,
 )
+from fifthwheel.base.atomic import reserved
 from fifthwheel.base.options import IdentifyOptions
 
 _OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road"))
@@ -51,8 +51,8 @@ def check(
     known, another manoeuvre driven or another signal logged. It also lists implausible signals, and late
     ones.
     """
-    from fifthwheel.estimate.identify.design.assess import predict_sigmas
     from fifthwheel.apps.workflow import read_truck, require_signals, starts_of
+    from fifthwheel.estimate.identify.design.assess import predict_sigmas
 
     start = starts_of(read_truck(vehicle), chosen, logs)[-1]
     truck, settings = start.vehicle, start.one_stage
@@ -131,10 +131,10 @@ def design(
     file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it
     prints the best run and the parameters that limit the accuracy.
     """
-    from fifthwheel.data.logs import SignalMap, write_record
-    from fifthwheel.data.logs.files import record_writer
     from fifthwheel.apps.workflow import design_run, read_truck, starts_of
     from fifthwheel.apps.workflow.settings import targets_of
+    from fifthwheel.data.logs import SignalMap, write_record
+    from fifthwheel.data.logs.files import record_writer
 
     if out:
         record_writer(out)  # refuses an unknown format before the search

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.base.atomic import one_run, reserved, result_folder
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command, quantity_option
+from fifthwheel.base.atomic import one_run, reserved, result_folder
 
 
 @command(
@@ -36,8 +36,8 @@ def compare(
     A difference of more than two sigma is real with a probability of 95 %. Errors of the vehicle file and of the model
     that all runs share cancel in a difference. Runs that share logs are marked: their difference is no test.
     """
-    from fifthwheel.results.report.comparison import comparison_document
     from fifthwheel.apps.workflow import compare_runs, write_comparison
+    from fifthwheel.results.report.comparison import comparison_document
 
     with reserved(csv, html, force=force):
         comparison = compare_runs(runs)
@@ -95,14 +95,14 @@ def assess(
     file, and the probability that it meets the threshold of the Australian performance-based standards. The linear
     model and the nonlinear truck stand side by side. docs/assess.md defines the measures.
     """
-    from fifthwheel.results.assess import assess as run_assessment
+    from fifthwheel.apps.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
+    from fifthwheel.apps.workflow.settings import named_texts
     from fifthwheel.estimate.identify import Identification
+    from fifthwheel.results.assess import assess as run_assessment
     from fifthwheel.results.report import gather_provenance
     from fifthwheel.results.report.assessment import assessment_document
     from fifthwheel.truck import unit_of
     from fifthwheel.truck.toml_format import read_quantity
-    from fifthwheel.apps.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
-    from fifthwheel.apps.workflow.settings import named_texts
 
     options.require_figures(figures, out)
     source = identification_file(truck) or Path(truck)

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fifthwheel.base.atomic import reserved, result_folder
 from fifthwheel.apps.cli import terminal
 from fifthwheel.apps.cli.app import command
 from fifthwheel.apps.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption
 from fifthwheel.apps.cli.terminal import print_json, progress_bar
+from fifthwheel.base.atomic import reserved, result_folder
 
 if TYPE_CHECKING:
     from fifthwheel.model.plant import DrivenTruck
@@ -82,10 +82,10 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
+    from fifthwheel.apps.workflow import read_vehicle
     from fifthwheel.base.errors import SignalError
     from fifthwheel.data.logs import write_record
     from fifthwheel.data.logs.files import record_writer
-    from fifthwheel.apps.workflow import read_vehicle
 
     record_writer(log)  # refuses an unknown format before the simulation
     truck, files = read_vehicle(vehicle), [str(log)]
@@ -114,11 +114,11 @@ def simulate(
         else:
             if yaw_only:
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
+            from fifthwheel.apps.workflow.settings import named_texts
             from fifthwheel.model.manoeuvres import course as make_course
             from fifthwheel.model.plant import Plant, Properties
             from fifthwheel.model.plant.properties import with_changes
             from fifthwheel.model.plant.sensors import read_sensors
-            from fifthwheel.apps.workflow.settings import named_texts
 
             fitted = read_sensors(sensors) if sensors else None
             course = make_course(manoeuvre, truck, braking=braking, seed=seed, **given)

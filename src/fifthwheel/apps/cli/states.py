@@ -8,9 +8,9 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.base.atomic import one_run, result_folder
 from fifthwheel.apps.cli import options, terminal
 from fifthwheel.apps.cli.app import command
+from fifthwheel.base.atomic import one_run, result_folder
 from fifthwheel.base.options import ObserverOptions
 
 
@@ -64,10 +64,6 @@ def states(
     from fifthwheel.data.logs import start_reader
 
     start_reader()
-    from fifthwheel.estimate.identify import Identification
-    from fifthwheel.estimate.observe import ObserverSettings
-    from fifthwheel.results.report import provenance_of_run
-    from fifthwheel.results.report.states import states_document
     from fifthwheel.apps.workflow import (
         STATES_FILES,
         read_vehicle,
@@ -76,6 +72,10 @@ def states(
         write_results,
     )
     from fifthwheel.apps.workflow.settings import named_values
+    from fifthwheel.estimate.identify import Identification
+    from fifthwheel.estimate.observe import ObserverSettings
+    from fifthwheel.results.report import provenance_of_run
+    from fifthwheel.results.report.states import states_document
 
     options.require_figures(figures, out)
     vehicle, identification = vehicle_and_identification(vehicle, identification)

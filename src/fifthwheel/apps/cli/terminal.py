@@ -22,8 +22,8 @@ def load_records(
 ) -> "list[Record]":
     """The records of logs without the windows of --exclude, with a progress bar if they are large."""
     from fifthwheel.apps.cli.options import windows
-    from fifthwheel.data.logs import SignalMap
     from fifthwheel.apps.workflow import read_records
+    from fifthwheel.data.logs import SignalMap
 
     signal_map = SignalMap.load(signals, allow_outside=allow_outside) if signals else None
     with reading_bar(paths) as progress:

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.base.formatting import fixed, percent, with_sigma
-from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.base.options import FleetSettings
+from fifthwheel.data.channels import is_sensor_error
+from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.truck.spoken_names import named, named_axle, spoken
 
 REPEATED = 2

@@ -21,9 +21,9 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet import storage
 from fifthwheel.apps.fleet.trips import SCHEMA, parquet
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.input_files import MAX_JSON_SIZE
 
 ROWS = 1000

@@ -10,8 +10,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from fifthwheel.base.errors import FifthwheelError, printable, suggestion
 from fifthwheel.apps.fleet import storage
+from fifthwheel.base.errors import FifthwheelError, printable, suggestion
 from fifthwheel.truck import catalogue
 
 MAX_SIZE = 200_000_000

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 
 import fifthwheel
-from fifthwheel.base import pages
-from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.apps.fleet.attention import Attention, Row, find_attention
 from fifthwheel.apps.fleet.dataset import TripDataset
 from fifthwheel.apps.fleet.tables import SCHEMAS
+from fifthwheel.base import pages
 from fifthwheel.base.formatting import enumerated, percent, shown, with_sigma
-from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.base.options import FleetSettings
 from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.estimate.identify.knowledge.information import OUTLIER
+from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.results.report.words import counted
 from fifthwheel.truck.spoken_names import named, spoken
 

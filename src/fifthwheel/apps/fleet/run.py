@@ -8,17 +8,17 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel.base.atomic.locks import held
 from fifthwheel.apps.cluster import Lost, connected, run_here, run_on
 from fifthwheel.apps.fleet import storage
 from fifthwheel.apps.fleet.dataset import TripDataset, TruckTrips, batches
 from fifthwheel.apps.fleet.manifest import Trip, read_manifest
 from fifthwheel.apps.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks, table_of
 from fifthwheel.apps.fleet.trips import TripJob, TripOutcome, process_trip, write_failure
+from fifthwheel.base.atomic.locks import held
+from fifthwheel.base.options import FleetSettings
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.knowledge.changes import WINDOWS
 from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.base.options import FleetSettings
 
 SHOWN_ERRORS = 20
 """Errors that a summary keeps; all of them are in the table of trips."""

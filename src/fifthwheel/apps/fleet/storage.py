@@ -13,8 +13,8 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from fifthwheel.base.atomic import atomic_write
-from fifthwheel.base.extras import require
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.extras import require
 from fifthwheel.base.input_files import require_regular
 
 STORES = ("s3", "gs", "gcs", "abfs", "az")

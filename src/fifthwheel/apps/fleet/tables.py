@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.fleet.dataset import TripDataset, TruckTrips
 from fifthwheel.apps.fleet.trips import DATE, log_knowledge, numbers, texts
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.options import FleetSettings
 from fifthwheel.estimate.identify.knowledge.combination import Combined, combine, date_of
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER, Owned
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.base.options import FleetSettings
+from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION
 from fifthwheel.truck import unit_of
 
 _LATEST = [

@@ -22,18 +22,18 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from fifthwheel import __version__
-from fifthwheel.base.atomic import file_digest
-from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.apps.fleet import storage
 from fifthwheel.apps.fleet.manifest import Trip
-from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
-from fifthwheel.estimate.identify.given import missing_sensors
-from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, SharedInformation
-from fifthwheel.estimate.identify.stored import restored, stored
+from fifthwheel.base.atomic import file_digest
+from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.base.input_files import MAX_TOML_SIZE
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers.limits import DEFAULTS
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
+from fifthwheel.estimate.identify.given import missing_sensors
+from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, SharedInformation
+from fifthwheel.estimate.identify.stored import restored, stored
 from fifthwheel.truck import Vehicle, catalogue
 
 MAX_ERROR = 2000

@@ -9,6 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.apps.live.learning import Learning
+from fifthwheel.apps.live.node import Output
+from fifthwheel.apps.live.status import NodeStatus, in_words
 from fifthwheel.base.errors import FifthwheelError, suggestion
 from fifthwheel.base.formatting import percent
 from fifthwheel.estimate.identify.design.experiment import default_targets
@@ -21,12 +24,9 @@ from fifthwheel.estimate.identify.design.next_manoeuvre import (
 )
 from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.apps.live.learning import Learning
-from fifthwheel.apps.live.node import Output
-from fifthwheel.apps.live.status import NodeStatus, in_words
+from fifthwheel.estimate.stream import VALID
 from fifthwheel.results.report.words import STATUSES, counted, spoken_verdict
 from fifthwheel.truck.spoken_names import named
-from fifthwheel.estimate.stream import VALID
 
 PERIOD = 1.0
 """Time between two looks at the learner, s."""

@@ -10,13 +10,13 @@ import copy
 import math
 from collections.abc import Mapping
 
+from fifthwheel.apps.live.status import LiveFault
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.online import LearnedValue, Learner
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.apps.live.status import LiveFault
-from fifthwheel.truck.spoken_names import named
 from fifthwheel.estimate.stream import VALID, Status
 from fifthwheel.truck import Vehicle
+from fifthwheel.truck.spoken_names import named
 
 STANDSTILL = 60.0
 """After this time without a valid state, s, load or trailer may have changed."""

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.apps.live.checkpoint import Checkpoint
 from fifthwheel.apps.live.coach import Coach
 from fifthwheel.apps.live.learning import Learning
@@ -13,6 +12,7 @@ from fifthwheel.apps.live.outputs.frames_out import FrameEncoder
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.apps.live.sources.bus import LiveBus
 from fifthwheel.apps.live.status import LiveFault, in_words
+from fifthwheel.estimate.identify.verdict import Verdict
 
 PARAMETER_PERIOD = 0.1
 """Time between two frames with a parameter, s."""

@@ -10,11 +10,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.base.atomic import reserved
 from fifthwheel.apps.cluster import process_pool
-from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.identify import Identification
-from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.apps.live.checkpoint import Checkpoint, make_learning
 from fifthwheel.apps.live.coach import Coach
 from fifthwheel.apps.live.learning import Learning
@@ -25,16 +21,20 @@ from fifthwheel.apps.live.outputs.recorder import BackgroundWriter, Recorder
 from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen, read_trace, replay
+from fifthwheel.apps.selfcheck import MACHINE_CODE, self_check
+from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
+from fifthwheel.apps.workflow.settings import targets_of
+from fifthwheel.base.atomic import reserved
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.options import LiveOptions, ObserverOptions
 from fifthwheel.data.logs import LiveMap, SignalMap
 from fifthwheel.data.logs.can.database import load
 from fifthwheel.data.logs.can.decoder import FrameDecoder, signal_columns
 from fifthwheel.data.logs.signal_map import TimeColumn
+from fifthwheel.estimate.identify import Identification
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.base.options import LiveOptions, ObserverOptions
-from fifthwheel.apps.selfcheck import MACHINE_CODE, self_check
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
-from fifthwheel.apps.workflow.settings import targets_of
 
 
 @contextmanager

@@ -6,8 +6,8 @@ from enum import IntEnum, IntFlag
 from functools import reduce
 from operator import or_
 
-from fifthwheel.data.channels import is_input
 from fifthwheel.apps.live.sampler import Arrivals
+from fifthwheel.data.channels import is_input
 from fifthwheel.data.logs.can.decoder import Quality
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.stream import magnitude

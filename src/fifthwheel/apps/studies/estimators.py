@@ -11,12 +11,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import CommonSettings, OneStage, identify
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 

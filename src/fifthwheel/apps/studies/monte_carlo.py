@@ -13,16 +13,16 @@ import numpy as np
 import pyarrow as pa
 
 from fifthwheel import __version__
-from fifthwheel.base.arguments import expect, expect_number, expect_optional
-from fifthwheel.base.atomic.locks import held
 from fifthwheel.apps.cluster import run_all
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.model.plant import Sensor
-from fifthwheel.base.settings import Settings as ValidatedSettings
 from fifthwheel.apps.studies.estimators import Estimates, Estimator, Settings, as_estimator
 from fifthwheel.apps.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.apps.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
+from fifthwheel.base.arguments import expect, expect_number, expect_optional
+from fifthwheel.base.atomic.locks import held
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.settings import Settings as ValidatedSettings
+from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.model.plant import Sensor
 from fifthwheel.truck import Vehicle, get
 
 Guess = Callable[[Vehicle, int], Vehicle]

@@ -13,9 +13,9 @@ from typing import Any, NamedTuple
 import pyarrow as pa
 from pyarrow import parquet
 
+from fifthwheel.apps.studies.estimators import ParameterEstimate
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.apps.studies.estimators import ParameterEstimate
 from fifthwheel.truck import unit_of
 
 COLUMNS = {

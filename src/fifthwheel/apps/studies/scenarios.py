@@ -7,14 +7,14 @@ from typing import Any, Literal
 import numpy as np
 
 from fifthwheel.base.arguments import expect_known
+from fifthwheel.base.settings import Settings
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SPEED, STEER, is_of
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.model.manoeuvres import MANOEUVRES, OpenLoop
 from fifthwheel.model.manoeuvres import course as make_course
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
-from fifthwheel.data.record import Record
-from fifthwheel.base.settings import Settings
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

@@ -1,12 +1,5 @@
 """The steps from logs to results, as functions of data: every front end calls these and contains no estimation."""
 
-from fifthwheel.estimate.identify.given import require_signals as require_signals
-from fifthwheel.estimate.identify.knowledge.storage import knowledge_file as knowledge_file
-from fifthwheel.base.options import IdentifyOptions as IdentifyOptions
-from fifthwheel.estimate.time_bases import check_signals as check_signals
-from fifthwheel.estimate.time_bases.evidence import ChannelEvidence as ChannelEvidence
-from fifthwheel.estimate.time_bases.evidence import SignalEvidence as SignalEvidence
-from fifthwheel.estimate.time_bases.evidence import signal_evidence as signal_evidence
 from fifthwheel.apps.workflow.exported import exported_learner as exported_learner
 from fifthwheel.apps.workflow.exported import exported_observer as exported_observer
 from fifthwheel.apps.workflow.identification import design_run as design_run
@@ -43,3 +36,10 @@ from fifthwheel.apps.workflow.settings import chosen_one_stage as chosen_one_sta
 from fifthwheel.apps.workflow.settings import identification_settings as identification_settings
 from fifthwheel.apps.workflow.start import starts_of as starts_of
 from fifthwheel.apps.workflow.states import run_states as run_states
+from fifthwheel.base.options import IdentifyOptions as IdentifyOptions
+from fifthwheel.estimate.identify.given import require_signals as require_signals
+from fifthwheel.estimate.identify.knowledge.storage import knowledge_file as knowledge_file
+from fifthwheel.estimate.time_bases import check_signals as check_signals
+from fifthwheel.estimate.time_bases.evidence import ChannelEvidence as ChannelEvidence
+from fifthwheel.estimate.time_bases.evidence import SignalEvidence as SignalEvidence
+from fifthwheel.estimate.time_bases.evidence import signal_evidence as signal_evidence

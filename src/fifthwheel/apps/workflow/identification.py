@@ -9,9 +9,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from fifthwheel.results.assess import Assessment, assess
-from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.apps.workflow.note import Note
+from fifthwheel.apps.workflow.start import Start
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import CommonSettings, Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.identify.given import require_signals, with_sensors
 from fifthwheel.estimate.identify.knowledge.information import Occasion
@@ -20,11 +22,9 @@ from fifthwheel.estimate.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.observe import Observer, ObserverSettings, States
-from fifthwheel.data.record import Record
+from fifthwheel.results.assess import Assessment, assess
 from fifthwheel.results.report import Conclusion, conclude_identification
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow.note import Note
-from fifthwheel.apps.workflow.start import Start
 
 if TYPE_CHECKING:
     from fifthwheel.estimate.identify.design import ExperimentDesign

@@ -7,12 +7,12 @@ from types import MappingProxyType
 
 from fifthwheel.base.atomic import recover
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.data.logs import SignalMap, read_log
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.online.persistence import LEARNER_FILE
 from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.data.logs import SignalMap, read_log
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle, catalogue, toml_format
 
 

@@ -7,19 +7,19 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from fifthwheel.apps.workflow.inputs import report_fraction
 from fifthwheel.base.atomic import write_text
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.findings import is_gap
-from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.data.logs.assemble import assemble
 from fifthwheel.data.logs.mapping.propose import MapProposal, as_toml, propose_map
 from fifthwheel.data.logs.mapping.survey import LogSurvey, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.source import LogSource
+from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow.inputs import report_fraction
 
 
 @dataclass(frozen=True, kw_only=True)

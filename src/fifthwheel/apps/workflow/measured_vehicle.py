@@ -6,15 +6,15 @@ from dataclasses import asdict, dataclass
 from statistics import fmean
 from typing import Any
 
-from fifthwheel.data.channels import WEIGHTS, is_of
-from fifthwheel.data.checks.axle_loads import PREFIX, StaticLoad, static_loads
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.formatting import enumerated, with_sigma
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.channels import WEIGHTS, is_of
+from fifthwheel.data.checks.axle_loads import PREFIX, StaticLoad, static_loads
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.load import laden_unit, with_payload
 from fifthwheel.estimate.identify.mass import GrossMass, contradiction, gross_mass, mass_of_file
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import RollTest, Vehicle, changes, with_axle_loads, with_roll_test
 from fifthwheel.truck.edited_file import edited, with_numbers
 from fifthwheel.truck.quantities import quantity_of

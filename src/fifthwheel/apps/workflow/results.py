@@ -5,17 +5,22 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from fifthwheel.apps.workflow.identification import IdentificationRun
+from fifthwheel.apps.workflow.inputs import identification_file, read_vehicle
+from fifthwheel.apps.workflow.note import Note
+from fifthwheel.apps.workflow.start import Start
+from fifthwheel.apps.workflow.states import StatesRun
 from fifthwheel.base.atomic import one_run, write_json, write_text
-from fifthwheel.base.memory import release_memory
-from fifthwheel.results.assess import Assessment
-from fifthwheel.results.diagnose import Comparison, compare
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.results.evaluate import Evaluation, Validation
+from fifthwheel.base.memory import release_memory
+from fifthwheel.base.pages.page import write as write_page
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.storage import read_contents
 from fifthwheel.estimate.observe import write_states
-from fifthwheel.base.pages.page import write as write_page
+from fifthwheel.results.assess import Assessment
+from fifthwheel.results.diagnose import Comparison, compare
+from fifthwheel.results.evaluate import Evaluation, Validation
 from fifthwheel.results.report import (
     Provenance,
     StateConditions,
@@ -28,11 +33,6 @@ from fifthwheel.results.report.evaluation import write_evaluation_report
 from fifthwheel.results.report.evidence import TruckEvidence, write_evidence
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.edited_file import edited
-from fifthwheel.apps.workflow.identification import IdentificationRun
-from fifthwheel.apps.workflow.inputs import identification_file, read_vehicle
-from fifthwheel.apps.workflow.note import Note
-from fifthwheel.apps.workflow.start import Start
-from fifthwheel.apps.workflow.states import StatesRun
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html", "evidence.html")
 """Results of an assessment, besides figures."""

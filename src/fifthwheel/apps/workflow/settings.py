@@ -6,11 +6,11 @@ from typing import Any
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.settings import options_of
 from fifthwheel.estimate.identify import CommonSettings, OneStage
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.statement import combined, parse
-from fifthwheel.base.options import IdentifyOptions
-from fifthwheel.base.settings import options_of
 from fifthwheel.truck import Vehicle
 
 

@@ -7,18 +7,18 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from fifthwheel.apps.workflow.inputs import read_knowledge, read_vehicle
+from fifthwheel.apps.workflow.note import Note
+from fifthwheel.apps.workflow.settings import identification_settings
 from fifthwheel.base.errors import FifthwheelError, SignalError, suggestion
+from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.units import quantity
 from fifthwheel.estimate.identify import CommonSettings, Identification, OneStage
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.knowledge.load import with_payload
 from fifthwheel.estimate.identify.one_stage.prior import Earlier, nothing
-from fifthwheel.base.options import IdentifyOptions
-from fifthwheel.base.units import quantity
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow.inputs import read_knowledge, read_vehicle
-from fifthwheel.apps.workflow.note import Note
-from fifthwheel.apps.workflow.settings import identification_settings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 
 import fifthwheel
-from fifthwheel.data.checks import raise_errors
 from fifthwheel.base.formatting import with_sigma
+from fifthwheel.data.checks import raise_errors
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.observe import Observer, ObserverSettings, States, Status, Uncertainty
-from fifthwheel.data.record import Record
-from fifthwheel.results.report import Conclusion, conclude_states
 from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.results.report import Conclusion, conclude_states
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from fifthwheel.apps.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.options import TruckOptions
 from fifthwheel.base.settings import options_of
@@ -14,7 +15,6 @@ from fifthwheel.base.units import quantity, uncertain_quantity
 from fifthwheel.truck.classes import CLASSES
 from fifthwheel.truck.classes.table import TYRES
 from fifthwheel.truck.slip import ACCURACY, CONDITIONS, Slip, fraction
-from fifthwheel.apps.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, Description
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)
 

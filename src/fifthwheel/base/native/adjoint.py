@@ -17,10 +17,10 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.native.directions import Derivatives, check, copies
 from fifthwheel.base.native.scan import load, workers
 from fifthwheel.base.native.step import Step, compiling
+from fifthwheel.base.types import Array
 
 Single = NDArray[np.float32]
 LANES = 16

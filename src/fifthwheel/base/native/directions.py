@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.native.scan import load, workers
 from fifthwheel.base.native.step import Step, compiling
+from fifthwheel.base.types import Array
 
 BUFFER = 400_000
 """Bytes of the values that pass from the nominal step to the derivatives; they stay in the processor's cache."""

@@ -12,9 +12,9 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.native import cache
 from fifthwheel.base.native.step import Step, compiling
+from fifthwheel.base.types import Array
 
 
 class Scan:

@@ -7,10 +7,10 @@ from html import escape
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import printable_lines
 from fifthwheel.base.plots import downsample
 from fifthwheel.base.plots.palette import BLUE
+from fifthwheel.base.types import Array
 
 NOTEBOOK_STYLE = (
     ".fifthwheel table { border-collapse: collapse; } .fifthwheel code { font: inherit; background: none; }"

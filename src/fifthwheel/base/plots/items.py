@@ -10,10 +10,10 @@ from typing import ClassVar, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots import downsample
 from fifthwheel.base.plots.palette import DARK, GREY
+from fifthwheel.base.types import Array
 
 Dash = Literal["solid", "dash", "dot"]
 Marker = Literal["circle", "cross", "diamond", "square"]

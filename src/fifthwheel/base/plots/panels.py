@@ -6,10 +6,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots.items import Band, Guide, Item, Label, Span
 from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.types import Array
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.plots import downsample
 from fifthwheel.base.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, Span, as_array
 from fifthwheel.base.plots.palette import DARK, GRID, rgba
 from fifthwheel.base.plots.panels import Axis, Panel, PanelGrid
+from fifthwheel.base.types import Array
 
 Figure = dict[str, Any]
 

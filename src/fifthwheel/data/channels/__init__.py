@@ -11,6 +11,9 @@ from difflib import get_close_matches
 from functools import lru_cache
 from typing import NamedTuple, Self
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.names import split_log
+from fifthwheel.base.units import is_unit
 from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits, SignalName, StateNoise
 from fifthwheel.data.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
 from fifthwheel.data.channels.inputs import SPEED, STEER
@@ -34,9 +37,6 @@ from fifthwheel.data.channels.others import (
 from fifthwheel.data.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
 from fifthwheel.data.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
 from fifthwheel.data.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
-from fifthwheel.base.errors import SignalError
-from fifthwheel.base.names import split_log
-from fifthwheel.base.units import is_unit
 
 _ALL = (
     *(*WEIGHTS, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),

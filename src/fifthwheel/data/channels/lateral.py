@@ -1,5 +1,6 @@
 """Lateral acceleration, as an accelerometer on the sprung body measures it; lateral velocity and sideslip angle."""
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.data.channels.channel import (
     DELAY,
     GAIN,
@@ -15,7 +16,6 @@ from fifthwheel.data.channels.channel import (
     TurnRelation,
 )
 from fifthwheel.data.channels.inputs import EARTH_FIXED, VELOCITY_WORDS
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 
 ACCELERATION_WORDS = "acc(el|eleration)?(_hor|_body)?"
 

@@ -1,6 +1,14 @@
 """Quantities that logs and references have, and that estimators do not use as measurements."""
 
-from fifthwheel.data.channels.channel import Channel, Instant, NamePattern, SensorModel, SignalLimits, StateNoise, Symbol
+from fifthwheel.data.channels.channel import (
+    Channel,
+    Instant,
+    NamePattern,
+    SensorModel,
+    SignalLimits,
+    StateNoise,
+    Symbol,
+)
 from fifthwheel.data.channels.lateral import ACCELERATION_WORDS
 from fifthwheel.data.channels.rotation import AXIS_WORDS
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field
 from math import radians
 from typing import Annotated, Self
 
-from fifthwheel.data.channels import IDENTIFIED, WEIGHTS, SignalName, error_kinds, is_of
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.settings import Cure, Finite, FiniteNonNegative, FinitePositive, Settings
+from fifthwheel.data.channels import IDENTIFIED, WEIGHTS, SignalName, error_kinds, is_of
 
 Errors = Annotated[
     Mapping[str, tuple[Finite, FiniteNonNegative | None]], Cure("give a prior mean and a standard deviation, or None")

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import AXLE_LOAD, WEIGHTS, YAW_RATE, Channel, SignalName, channel_of, is_of, names_of
-from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record.record import Record
 
 PREFIX = "axle_load."

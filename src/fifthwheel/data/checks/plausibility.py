@@ -5,6 +5,8 @@ from itertools import combinations
 
 import numpy as np
 
+from fifthwheel.base.errors import suggestion
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.data.channels import (
     BRAKING,
     DRIVING,
@@ -22,8 +24,6 @@ from fifthwheel.data.channels import (
 from fifthwheel.data.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.data.checks.kinematics import kinematic_findings
 from fifthwheel.data.checks.samples import dropouts, present_samples, spikes, stuck, without_spikes
-from fifthwheel.base.errors import suggestion
-from fifthwheel.base.formatting import enumerated
 from fifthwheel.data.record.record import Record
 from fifthwheel.data.record.sensor_noise import estimate_noise_variance
 from fifthwheel.data.record.timestamps import is_hour

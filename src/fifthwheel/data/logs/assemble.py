@@ -7,18 +7,18 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError, UnitError, printable
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import factor, quantity
 from fifthwheel.data.channels import STEER, is_input, is_of, si_unit
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks.samples import impossible_samples, spike_mask, spike_note
-from fifthwheel.base.errors import SignalError, UnitError, printable
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
 from fifthwheel.data.record.held import HeldSamples, Renewals
 from fifthwheel.data.record.record import EARLIEST_DATE, Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
 from fifthwheel.data.record.timestamps import implausible_timestamps, typical_step
-from fifthwheel.base.units import factor, quantity
 
 Window = tuple[float, float]
 """First and last instant, s."""

@@ -6,9 +6,9 @@ from typing import Any
 import tomlkit
 from tomlkit.items import AbstractTable
 
+from fifthwheel.base.units import split_statement
 from fifthwheel.data.channels import SensorErrorName, split_header, split_reference
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
-from fifthwheel.base.units import split_statement
 
 
 def with_channel(text: str, signal: str, **keys: Any) -> str:

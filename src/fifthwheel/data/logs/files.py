@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 
 from fifthwheel.base.arguments import expect, expect_optional
 from fifthwheel.base.atomic import atomic_write
-from fifthwheel.data.channels import REFERENCE, header, split_header, split_reference
 from fifthwheel.base.errors import SignalError, printable
+from fifthwheel.data.channels import REFERENCE, header, split_header, split_reference
 from fifthwheel.data.logs.assemble import Window, assemble
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.signal_map import SignalMap

@@ -7,12 +7,12 @@ from collections.abc import Iterable, Mapping
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_names
-from fifthwheel.data.channels import is_input, si_unit, split_header
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.units import factor, quantity
+from fifthwheel.data.channels import is_input, si_unit, split_header
 from fifthwheel.data.logs.assemble import SAME_INSTANT, interpolated
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.data.logs.source import Column, find_column, time_column
-from fifthwheel.base.units import factor, quantity
 
 _SOURCE = "live samples"
 _MEMORY = 2.0

@@ -19,13 +19,13 @@ from pydantic import (
     model_validator,
 )
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header, split_reference
-from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.base.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.base.input_files import flat_tables, parse_toml, read_toml, require_inside
 from fifthwheel.base.names import split_source
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor, quantity, split_statement, uncertain_quantity
+from fifthwheel.data.channels import REFERENCE, SensorErrorName, checked_name, si_unit, split_header, split_reference
+from fifthwheel.data.channels.sensors import SensorPrior
 
 MAX_DELAY = 60.0
 """Largest delay, s: a sensor or a bus has less than a second, a logger that was started by hand some seconds."""

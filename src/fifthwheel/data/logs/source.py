@@ -7,12 +7,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Self
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import split_header
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.names import split_source
-from fifthwheel.data.record.timestamps import TimestampFilter
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor
+from fifthwheel.data.channels import split_header
+from fifthwheel.data.record.timestamps import TimestampFilter
 
 TIME_COLUMNS = ("time", "t", "timestamp", "timestamps", "zeit", "temps", "tiempo", "tempo", "tid", "aika", "czas")
 """Columns that are the time of a table unless the map names another, in upper or lower case."""

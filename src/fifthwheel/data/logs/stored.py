@@ -12,10 +12,10 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 from fifthwheel.base.plots import downsample
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor
+from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
 
 BLOCK = 256
 """Samples that share their extremes."""

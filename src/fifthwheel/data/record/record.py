@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
+from fifthwheel.base.errors import SignalError, UnitError, printable, suggestion
 from fifthwheel.base.extras import require
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array, ComparedByContents
+from fifthwheel.base.units import factor
 from fifthwheel.data.channels import REFERENCE, checked_name, si_unit, split_reference
 from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.base.errors import SignalError, UnitError, printable, suggestion
 from fifthwheel.data.record.timestamps import require_increasing, typical_step
-from fifthwheel.base.units import factor
 
 if TYPE_CHECKING:
     import pandas as pd

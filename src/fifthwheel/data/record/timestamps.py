@@ -5,8 +5,8 @@ from collections.abc import Hashable
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 
 MAX_BACKWARD_STEP = 1.0
 """s. Where time goes back by more and stays there, it is not repaired: another run begins, or the clock was set."""

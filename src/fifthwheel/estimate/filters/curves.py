@@ -9,8 +9,8 @@ along the delay of the speed, and a search along it would not converge.
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.native import Scan, compiled
+from fifthwheel.base.types import Array
 
 WIDTH = 0.28
 """Standard deviation of the weights, s: white noise of 0.1 m/s at 100 Hz gives a u' of 0.025 m/s^2."""

@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import channel_of
-from fifthwheel.base.errors import SignalError
+from fifthwheel.model import dynamics
 from fifthwheel.truck import Vehicle
 
 

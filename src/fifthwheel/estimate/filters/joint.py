@@ -24,12 +24,12 @@ from typing import Generic, NamedTuple
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.symbolic import Matrix
 from fifthwheel.estimate.filters.kalman import Noise, gate, joseph, observe, transition, transition_matrix
 from fifthwheel.estimate.filters.model import Model, pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.estimate.filters.scaling import PRECISION, Scaling, symbolic_to_p
-from fifthwheel.base.native import Scan, compiled
+from fifthwheel.model.dynamics.symbolic import Matrix
 
 MAX_STATE = 1e3
 """Limit of the norm of state, standard deviations and sensitivities, SI; beyond it the filter has diverged."""

@@ -16,10 +16,10 @@ from typing import Generic, NamedTuple
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.symbolic import Matrix
-from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.base.native import Scan, compiled
+from fifthwheel.base.types import Array
+from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
+from fifthwheel.model.dynamics.symbolic import Matrix
 
 
 @dataclass(frozen=True, kw_only=True)

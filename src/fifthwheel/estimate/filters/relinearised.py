@@ -19,13 +19,13 @@ from typing import Annotated, Any
 
 import numpy as np
 
+from fifthwheel.base.settings import Count, Limits, Settings
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters import joint
 from fifthwheel.estimate.filters.joint import JointLayout
 from fifthwheel.estimate.filters.kalman import Noise
 from fifthwheel.estimate.filters.model import Model, pack_array, sizes, unpack_array
 from fifthwheel.estimate.filters.scaling import Scaling
-from fifthwheel.base.settings import Count, Limits, Settings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,11 +11,11 @@ from itertools import pairwise
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import Model, pack, packed_size, partitioned, sizes, unpack
 from fifthwheel.estimate.filters.step_rows import SampleRows
-from fifthwheel.base.native import Scan, compiled
 
 CHUNK = 500
 """Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the

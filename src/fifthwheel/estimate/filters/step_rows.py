@@ -6,15 +6,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array, Indices
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import GRADE, STEER, names_of
-from fifthwheel.model.dynamics import ChainModel, steps
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.curves import SpeedCurve, Spline
 from fifthwheel.estimate.filters.model import sample_rows
-from fifthwheel.base.native import Scan, compiled
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel, steps
 from fifthwheel.truck import Vehicle
 
 

@@ -15,11 +15,11 @@ from typing import NamedTuple, Self
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import AdjointScan, DirectionScan, compiled
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_size, partitioned, sizes, unpack
 from fifthwheel.estimate.filters.step_rows import SampleRows
-from fifthwheel.base.native import AdjointScan, DirectionScan, compiled
 
 CHUNK = 2_000
 """Number of rows in one pass; it bounds the memory for long records."""

@@ -6,10 +6,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import AfterValidator
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import CHANNELS, SignalName, channel_of, checked_name
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.settings import Cure, FinitePositive
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import CHANNELS, SignalName, channel_of, checked_name
 from fifthwheel.truck import Vehicle
 
 PROCESS_VARIANCE = {quantity: channel.state.process for quantity, channel in CHANNELS.items() if channel.state}

@@ -6,7 +6,6 @@ achieve. The two stages of the article are in `fifthwheel.apps.cheng_cebon_2011`
 
 from typing import TYPE_CHECKING
 
-from fifthwheel._callable import make_callable
 from fifthwheel.base.lazy import lazy_names
 from fifthwheel.estimate.identify.identify import identify as identify
 
@@ -26,5 +25,3 @@ if TYPE_CHECKING:
     from fifthwheel.estimate.identify.verdict import Verdict as Verdict
 else:
     __getattr__, __dir__, __all__ = lazy_names(__name__)
-
-make_callable(__name__, identify)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
@@ -25,8 +26,9 @@ from fifthwheel.data.channels import (
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import Finding, raise_errors
 from fifthwheel.data.checks.samples import without_spikes
-from fifthwheel.model.dynamics.wheel_speeds import with_wheel_speed_differences
-from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.data.record.record import parts_where, segments_above
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.filters.curves import SpeedCurve
 from fifthwheel.estimate.identify.doubts import NONLINEAR_SPEED_RATE
@@ -38,10 +40,8 @@ from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import simplified
 from fifthwheel.estimate.identify.statement import statement
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
-from fifthwheel.data.record.record import parts_where, segments_above
 from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.model.dynamics.wheel_speeds import with_wheel_speed_differences
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 

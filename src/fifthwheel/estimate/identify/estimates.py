@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SensorErrorName
-from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import LogData, measured_columns
 from fifthwheel.estimate.identify.result.parts import Estimate, LogSummary, SensorError
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle, unit_of
 
 DERIVED_UNITS = {"cog_height": "m", "roll_inertia": "kg m^2"}

@@ -15,11 +15,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, SignalName, is_sensor_error
-from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import estimate_noise_variance
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.estimate.filters.step_rows import corrected_inputs, steer_sigma
@@ -27,8 +26,9 @@ from fifthwheel.estimate.identify.dataset import Dataset, LogData, measured_colu
 from fifthwheel.estimate.identify.result.parts import Fit
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 
 FitsOf = Callable[[LogData, bool], list[Fit]]

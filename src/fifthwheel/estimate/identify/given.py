@@ -8,13 +8,33 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from fifthwheel.data.channels import SPEED, STEER, SensorErrorName, SignalName, channel_of, channels_with_errors, error_kinds
-from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, begins_with, ends_with
+from fifthwheel.base.options import FRICTION_RANGE
+from fifthwheel.data.channels import (
+    SPEED,
+    STEER,
+    SensorErrorName,
+    SignalName,
+    channel_of,
+    channels_with_errors,
+    error_kinds,
+)
+from fifthwheel.data.channels.sensors import SensorPrior
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.wheel_speeds import all_pairs
 from fifthwheel.estimate.identify.settings import ROLL_PARAMETERS, CommonSettings, OneStage
 from fifthwheel.estimate.identify.setup import with_tyre_law
-from fifthwheel.estimate.identify.statement import GROUPS, Stated, Statement, applies, combined, refused, stated, statement
+from fifthwheel.estimate.identify.statement import (
+    GROUPS,
+    Stated,
+    Statement,
+    applies,
+    combined,
+    refused,
+    stated,
+    statement,
+)
 from fifthwheel.estimate.identify.unknowns.parameters import (
     VARIATION,
     fixed_last_axles,
@@ -23,10 +43,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
     reported_parameters,
     softening_priors,
 )
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, begins_with, ends_with
-from fifthwheel.base.options import FRICTION_RANGE
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs
+from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.truck import Vehicle, changes, toml_format
 from fifthwheel.truck.masses import with_consistent_masses
 from fifthwheel.truck.quantities import (

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.channels import GRADE, YAW_RATE, missing_for_mass
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.grade_filter import NOISE_PRIOR, STEP
 from fifthwheel.estimate.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means, unbraked
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 
 SHORTEST_MOVE = 1e-3

@@ -8,10 +8,10 @@ vertical curves. Grade and noise are estimated by maximum a posteriori, the coef
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.kalman import joseph
 from fifthwheel.estimate.filters.model import pack, partitioned, unpack
-from fifthwheel.base.native import Scan, compiled
 
 STEP = 0.2
 """Of the filter, s; samples within it are averaged."""

@@ -7,11 +7,11 @@ from threadpoolctl import threadpool_limits
 
 from fifthwheel.base.arguments import expect, expect_each, expect_optional
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.settings import CommonSettings, OneStage, Progress, imported
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 

@@ -8,12 +8,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SensorErrorName
-from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.estimate.filters.initial_state import bank_effect, equilibrium, steady_initial_state, steer_angles
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 
 SMALL_CHANGE = 1e-3

@@ -17,13 +17,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import BRAKING, missing_for_mass, names_of
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
 from fifthwheel.base.names import ends_with
-from fifthwheel.data.record import Record
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.channels import BRAKING, missing_for_mass, names_of
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify.grade_filter import NOISE_PRIOR, STEP, fitted_noise, least_squares, noise_prior
 from fifthwheel.truck.driveline import drag, driveline_numbers, rotating_mass
 from fifthwheel.truck.vehicle import Vehicle
 

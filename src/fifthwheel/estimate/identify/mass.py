@@ -14,18 +14,18 @@ from typing import NamedTuple
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_each
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.formatting import enumerated, with_sigma
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS, SignalName, is_of, missing_for_mass
 from fifthwheel.data.checks.axle_loads import PREFIX, mean_weights
 from fifthwheel.data.checks.findings import Fault, Finding, warning
-from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.base.formatting import enumerated, with_sigma
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.load import LOAD_POSITION
 from fifthwheel.estimate.identify.longitudinal import LOWEST_SPEED, DrivingMass, driving_mass
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck.axle_loads import axle_loads
 from fifthwheel.truck.uncertainty import changes
 from fifthwheel.truck.vehicle import Vehicle

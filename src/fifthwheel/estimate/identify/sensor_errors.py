@@ -5,18 +5,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from fifthwheel.data.channels import GYROS, is_sensor_error
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.names import split_log
+from fifthwheel.data.channels import GYROS, is_sensor_error
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.model import block_diagonal
 from fifthwheel.estimate.identify.one_stage.identify import identify_one_stage
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.parameters import given_parameters
-from fifthwheel.base.names import split_log
 from fifthwheel.estimate.observe import Uncertainty
-from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.truck import Vehicle, toml_format
 from fifthwheel.truck.quantities import BANK_VARIATION, FRICTION, TIME_BASE, unit_of
 

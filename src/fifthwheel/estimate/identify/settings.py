@@ -5,15 +5,15 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any, ClassVar, Literal
 
-from fifthwheel.data.channels import ROLL_RATE, names_of
-from fifthwheel.model.dynamics import tyre_law
-from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.estimate.filters.variances import Variances
-from fifthwheel.estimate.identify.statement import Given
 from fifthwheel.base.names import PAYLOAD_HEIGHT
 from fifthwheel.base.options import Names
 from fifthwheel.base.settings import Count, Positive, Settings
+from fifthwheel.data.channels import ROLL_RATE, names_of
+from fifthwheel.estimate.filters.variances import Variances
+from fifthwheel.estimate.identify.statement import Given
+from fifthwheel.model.dynamics import tyre_law
+from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.truck.steering import STEERING
 
 Progress = Callable[[str, int, int], None]

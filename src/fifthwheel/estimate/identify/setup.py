@@ -8,12 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
-from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.analysis import slowest_decay
-from fifthwheel.base.errors import VehicleError
 from fifthwheel.estimate.filters.scaling import Scaling
 from fifthwheel.estimate.filters.variances import require_units
 from fifthwheel.estimate.identify.settings import CommonSettings, OneStage
@@ -29,6 +26,9 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
     with_stated_values,
 )
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind, scaling
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.model.dynamics.analysis import slowest_decay
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DISCREPANCY, ROAD_BANK
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.names import NumberedName, split_log
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import PLACE_KINDS, SensorErrorName, is_sensor_error
 from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.estimate.identify.estimates import parts_of, sensor_error_unit
 from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
@@ -20,7 +20,7 @@ from fifthwheel.estimate.identify.statement import prior_of, states_sigma
 from fifthwheel.estimate.identify.unknowns.parameters import path_of_place
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, linear_unknown
 from fifthwheel.estimate.identify.verdict import uncertain_verdict
-from fifthwheel.base.names import NumberedName, split_log
+from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.truck import changes
 from fifthwheel.truck.quantities import BANK_VARIATION, DISCREPANCY, ROAD_BANK, TIME_BASE, quantity_of
 

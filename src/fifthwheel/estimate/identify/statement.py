@@ -10,11 +10,11 @@ from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
-from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.base.names import ends_with
 from fifthwheel.base.settings import Cure
 from fifthwheel.base.units import split_statement, uncertain_quantity
+from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.truck import toml_format
 from fifthwheel.truck.quantities import BANK_VARIATION, FRICTION, ROAD_BANK, ROADS, TIME_BASE, quantity_of, unit_of
 

@@ -20,11 +20,11 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SPEED, STEER, SignalName
 from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.filters.model import partitioned
-from fifthwheel.base.native import Scan, compiled
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.stream.settings import Status
 

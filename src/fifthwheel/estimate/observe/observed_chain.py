@@ -9,9 +9,9 @@ from collections.abc import Mapping, Sequence
 import casadi as ca
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
+from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix

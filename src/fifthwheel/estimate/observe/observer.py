@@ -11,16 +11,15 @@ from typing import Any, Self
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.arguments import expect, expect_names, expect_optional, expect_sample
+from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.lazy import lazy
+from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, MEASURED, WHEEL_SPEED_DIFFERENCE, SignalName, measured_signals, names_of
-from fifthwheel.model.dynamics.tyres import saturation_names
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
-from fifthwheel.base.errors import SignalError, suggestion
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.wheel_speeds import sample_with_differences, sides_of
 from fifthwheel.estimate.filters.variances import require_units
-from fifthwheel.base.native import Scan
 from fifthwheel.estimate.observe import monitor, offline
 from fifthwheel.estimate.observe.observed_chain import ObservedChain
 from fifthwheel.estimate.observe.observer_model import ObserverModel, signals_with_position
@@ -28,10 +27,11 @@ from fifthwheel.estimate.observe.observer_step import reported_signals
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import sample_with_differences, sides_of
 from fifthwheel.estimate.stream.settings import VALID
 from fifthwheel.estimate.stream.stream import Stream
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.tyres import saturation_names
+from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 

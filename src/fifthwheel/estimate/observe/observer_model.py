@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.lazy import lazy
+from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
     CHANNELS,
@@ -19,10 +20,6 @@ from fifthwheel.data.channels import (
     is_of,
     measured_signals,
 )
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.sensors import sensor_parameters
-from fifthwheel.model.dynamics.steps import StepLimit, step_limit
-from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.estimate.filters import Noise, variances
 from fifthwheel.estimate.filters.initial_state import (
     TYPICAL_STEER_SIGMA,
@@ -32,12 +29,15 @@ from fifthwheel.estimate.filters.initial_state import (
     steer_effects,
 )
 from fifthwheel.estimate.filters.model import pack_array
-from fifthwheel.base.native import Scan
 from fifthwheel.estimate.observe.observed_chain import ObservedChain, observed_chain
 from fifthwheel.estimate.observe.observer_step import observer_step
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import InputRule, StreamSettings, magnitude
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.sensors import sensor_parameters
+from fifthwheel.model.dynamics.steps import StepLimit, step_limit
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, HALF_TRACK
 

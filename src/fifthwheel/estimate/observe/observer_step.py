@@ -24,6 +24,8 @@ from typing import Generic, NamedTuple
 
 import casadi as ca
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.native import DirectionScan, Scan, compiled
 from fifthwheel.data.channels import (
     ARTICULATION,
     LOAD_TRANSFER,
@@ -33,16 +35,14 @@ from fifthwheel.data.channels import (
     SIDESLIP,
     YAW_RATE,
 )
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.steering import own_states
-from fifthwheel.model.dynamics.symbolic import Matrix
-from fifthwheel.base.errors import VehicleError
 from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.filters.model import pack, packed_size, partitioned, sizes, split, unpack
-from fifthwheel.base.native import DirectionScan, Scan, compiled
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.estimate.observe.observed_chain import ObservedChain
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.steering import own_states
+from fifthwheel.model.dynamics.symbolic import Matrix
 from fifthwheel.truck import Vehicle
 
 

@@ -7,10 +7,10 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import smoother
 from fifthwheel.estimate.filters.model import packed_size
 from fifthwheel.estimate.observe import monitor
@@ -18,8 +18,8 @@ from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.parameter_variance import SigmaPoints, parameter_variance, sigma_point_variance
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.data.record import Record
 from fifthwheel.estimate.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
+from fifthwheel.model.dynamics.kinematics import BANK
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:

@@ -12,11 +12,11 @@ from typing import NamedTuple, Self
 import numpy as np
 
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.observer_step import ObserverLayout, TrackedLayout, sensitivity_step, tracked_step
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, positive_parameters
+from fifthwheel.model.dynamics.kinematics import BANK
 
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""

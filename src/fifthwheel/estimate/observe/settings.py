@@ -7,6 +7,10 @@ from typing import Annotated
 
 from pydantic import AfterValidator
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.base.options import ObserverOptions
+from fifthwheel.base.settings import Cure, Finite, Limits, NonNegative, Positive
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
     SPEED,
@@ -15,14 +19,10 @@ from fifthwheel.data.channels import (
     checked_name,
     is_of,
 )
-from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
-from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
-from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.filters.initial_state import initial_sigma
 from fifthwheel.estimate.filters.variances import Variances
-from fifthwheel.base.names import ParameterPath
-from fifthwheel.base.options import ObserverOptions
-from fifthwheel.base.settings import Cure, Finite, Limits, NonNegative, Positive
+from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
+from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING, TYRES
 
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
-from fifthwheel.base.extras import require
-from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.extras import require
 from fifthwheel.base.names import split_log
+from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.truck.quantities import quantity_of
 
 if TYPE_CHECKING:

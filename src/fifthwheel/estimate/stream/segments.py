@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.filters.step_rows import SampleRows
+from fifthwheel.estimate.stream.settings import InputRule, Status, StreamSettings
 from fifthwheel.model.dynamics import steps
 from fifthwheel.model.dynamics.speed_rate import speed_rates
-from fifthwheel.estimate.filters.step_rows import SampleRows
-from fifthwheel.data.record import Record
-from fifthwheel.estimate.stream.settings import InputRule, Status, StreamSettings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,10 +6,10 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from fifthwheel.model.dynamics import steps
-from fifthwheel.model.dynamics.speed_rate import SpeedRate
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.stream.settings import Status, StreamSettings
+from fifthwheel.model.dynamics import steps
+from fifthwheel.model.dynamics.speed_rate import SpeedRate
 
 
 class StreamFilter(Protocol):

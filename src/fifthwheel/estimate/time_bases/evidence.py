@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.plots import downsample
 from fifthwheel.base.types import Array
 from fifthwheel.data.checks import Finding
-from fifthwheel.base.plots import downsample
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases.findings import check_signals
 from fifthwheel.estimate.time_bases.lags import LagCurve

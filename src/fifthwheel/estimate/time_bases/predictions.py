@@ -7,20 +7,20 @@ from itertools import product
 
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import MEASURED, SignalName, is_of, measured_signals
 from fifthwheel.data.checks.kinematics import is_mostly_gaps, without_gaps
 from fifthwheel.data.checks.plausibility import MIN_SPEED
 from fifthwheel.data.checks.samples import MAX_SPEED
-from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.filters.initial_state import steady_initial_state
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.record import segments_above
 from fifthwheel.data.record.resample import decimate
+from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.time_bases.lags import RATE, LagCurve, lag_curve
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle, catalogue
 
 _KNOWN_STIFFNESS = ((1.0, 1.0), (0.7, 0.7), (1.4, 1.4), (1.0, 0.7), (1.0, 1.4))

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.model import ChainModel, model
-from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.native import Scan, compiled
 from fifthwheel.truck import Vehicle
 
 

@@ -35,6 +35,7 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics import chain, unit_equations
 from fifthwheel.model.dynamics.kinematics import LARGE, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, solve_positive_definite
@@ -48,7 +49,6 @@ from fifthwheel.model.dynamics.tyres import (
     saturating,
 )
 from fifthwheel.model.dynamics.unit_equations import suspension_moment
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Unit, Vehicle
 from fifthwheel.truck.axle_loads import group_position
 from fifthwheel.truck.driveline import drag

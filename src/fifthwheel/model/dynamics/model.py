@@ -23,7 +23,13 @@ from fifthwheel.model.dynamics.steer_sensors import PLAY, steer_parameters, true
 from fifthwheel.model.dynamics.steering import SteeringSlopes, Wheels
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.model.dynamics.tyre_law import Tyres
-from fifthwheel.model.dynamics.tyres import NO_CHANGE, law_of, saturation_parameters, softening_factor, softening_parameters
+from fifthwheel.model.dynamics.tyres import (
+    NO_CHANGE,
+    law_of,
+    saturation_parameters,
+    softening_factor,
+    softening_parameters,
+)
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING
 

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.base.errors import SignalError, suggestion
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.data.channels import LATERAL_ACCELERATION, MODELLED, SignalName, channel_of, is_of
 from fifthwheel.data.channels.channel import SensorModel
 from fifthwheel.model.dynamics import chain
@@ -21,8 +23,6 @@ from fifthwheel.model.dynamics.steering import own_states
 from fifthwheel.model.dynamics.symbolic import Stages
 from fifthwheel.model.dynamics.tyres import Contact, axle_forces, linear
 from fifthwheel.model.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
-from fifthwheel.base.errors import SignalError, suggestion
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import AxleGroup, Vehicle
 from fifthwheel.truck.axle_loads import axle_loads
 from fifthwheel.truck.quantities import HALF_TRACK, TYRES

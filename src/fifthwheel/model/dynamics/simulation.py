@@ -5,9 +5,9 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.model.dynamics import ChainModel, steps
-from fifthwheel.base.native import Scan, compiled
 
 
 def free_response(

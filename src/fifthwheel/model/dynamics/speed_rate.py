@@ -14,8 +14,8 @@ import casadi as ca
 import numpy as np
 
 from fifthwheel.base.lazy import lazy
-from fifthwheel.base.types import Array
 from fifthwheel.base.native import Scan, compiled
+from fifthwheel.base.types import Array
 
 TIME_CONSTANT = 0.2
 """T by default, s: noise of 0.1 m/s at 100 Hz gives one of 0.06 m/s^2."""

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
+from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.extras import require
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import MODELLED, SignalName, si_unit
 from fifthwheel.model.dynamics import chain, sensors
@@ -23,8 +25,6 @@ from fifthwheel.model.dynamics.kinematics import slip_angles
 from fifthwheel.model.dynamics.model import ChainModel, all_parameters, model
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages
 from fifthwheel.model.dynamics.unit_equations import load_transfer_moment
-from fifthwheel.base.errors import SignalError, VehicleError, suggestion
-from fifthwheel.base.native import Scan, compiled
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 

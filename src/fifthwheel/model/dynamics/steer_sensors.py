@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import STEER
-from fifthwheel.base.native import Scan, compiled
 from fifthwheel.truck import Vehicle
 
 PLAY = "play"

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
 from fifthwheel.model.dynamics.analysis import matrices
 from fifthwheel.model.dynamics.chain import relaxation_groups
-from fifthwheel.base.errors import SignalError
 from fifthwheel.truck import Vehicle
 
 MAX_STEP_EIGENVALUE = {(False, False): 0.11, (False, True): 0.76, (True, False): 0.45, (True, True): 0.88}

@@ -54,10 +54,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.model.dynamics.symbolic import Expressions
-from fifthwheel.model.dynamics.tyre_law import SideForce, Tyres, force_fraction
 from fifthwheel.base.options import TyreLaw as TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.dynamics.symbolic import Expressions
+from fifthwheel.model.dynamics.tyre_law import SideForce, Tyres, force_fraction
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.driveline import drag
 from fifthwheel.truck.quantities import (

@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import casadi as ca
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics.kinematics import GroupMotion
 from fifthwheel.model.dynamics.symbolic import Expressions
 from fifthwheel.model.dynamics.tyres import Contact, axle_forces, linear
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import AxleGroup, Unit, laden
 
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable
 
-from fifthwheel.data.channels import SignalName
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.wheel_speeds import all_pairs, with_differences
 from fifthwheel.truck import Vehicle

@@ -6,8 +6,8 @@ from functools import partial
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.formatting import approximate, fixed
+from fifthwheel.base.types import Array
 from fifthwheel.model.manoeuvres.accelerations import bend, swept_sine, trapezoid
 from fifthwheel.model.manoeuvres.lane_change import LaneChange
 from fifthwheel.model.manoeuvres.linear import DECAY_TIME, inverse_steer

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.arguments import expect_road_speed
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.model.manoeuvres import accelerations, open_loops, paths
 from fifthwheel.model.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
 from fifthwheel.model.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 
 STANDARD_SPEED = 88 / 3.6
 """Speed of the SAE J2179 lane change, m/s: 88 km/h, 55 mph."""

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 
 DECAY_TIME = 20.0

@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.model.manoeuvres.accelerations import noise_spectrum, swept_frequency, swept_sine, trapezoid
 from fifthwheel.model.manoeuvres.courses import STANDARD_SPEED, OpenLoop, require_positive
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 
 INTERVAL = 0.01

@@ -4,8 +4,8 @@ import math
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.model.manoeuvres.accelerations import trapezoid
 from fifthwheel.model.manoeuvres.courses import ARC_STEP, STANDARD_SPEED, Path, arc_length_grid, require_positive
 

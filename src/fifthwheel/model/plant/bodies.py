@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.model.plant.properties import Properties
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
+from fifthwheel.model.plant.properties import Properties
 from fifthwheel.truck import AxleGroup, Unit, Vehicle
 
 

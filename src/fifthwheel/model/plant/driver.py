@@ -21,8 +21,8 @@ front axle.
 import math
 from typing import NamedTuple
 
-from fifthwheel.model.manoeuvres import Course, Path
 from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.model.manoeuvres import Course, Path
 from fifthwheel.truck import Vehicle
 
 BANDWIDTH = 1.0

@@ -10,9 +10,9 @@ import math
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.model.plant.powertrain import GRAVITY, SIGNALS, STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.model.plant.sensors import driveline_sensors, measure
-from fifthwheel.data.record import Record
 
 SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
 """Of traffic, m/s; a red light or a roundabout stops or slows it in between."""

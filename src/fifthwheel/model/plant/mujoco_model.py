@@ -9,9 +9,9 @@ of tyres, air and road come from outside, see tyre_forces.py.
 
 from xml.etree import ElementTree as Xml
 
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.plant.bodies import BeamAxle, SprungBody, pitch_inertia
 from fifthwheel.model.plant.properties import Properties
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Coupling, Vehicle
 
 SIDES = {"left": 1.0, "right": -1.0}

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.plant.bodies import BeamAxle
 from fifthwheel.model.plant.mujoco_model import SIDES
 from fifthwheel.model.plant.powertrain import SIGNALS, STEP, DrivenTruck, Powertrain, Road
 from fifthwheel.model.plant.properties import Properties
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.driveline import AIR_DENSITY
 

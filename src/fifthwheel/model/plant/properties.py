@@ -5,8 +5,8 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
-from fifthwheel.model.plant.magic_formula import MagicFormula
 from fifthwheel.base.units import quantity
+from fifthwheel.model.plant.magic_formula import MagicFormula
 from fifthwheel.truck.brakes import require_shares
 
 UNITS = {

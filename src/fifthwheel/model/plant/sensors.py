@@ -25,14 +25,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import SignalName, checked_name, is_input, si_unit
 from fifthwheel.base.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.base.input_files import flat_tables, parse_toml, read_toml
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import quantity
+from fifthwheel.data.channels import SignalName, checked_name, is_input, si_unit
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.model.plant.mujoco_model import SIDES
 from fifthwheel.model.plant.powertrain import DrivenTruck
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
-from fifthwheel.base.units import quantity
 from fifthwheel.truck import Vehicle
 
 _CROSS_AXIS = {"yaw_rate": ("roll_rate", 1.0), "roll_rate": ("yaw_rate", -1.0)}

@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.extras import require
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
-from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
 from fifthwheel.model.manoeuvres import Course
 from fifthwheel.model.plant import tyre_forces
 from fifthwheel.model.plant.bodies import SprungBody, sprung_bodies
@@ -32,7 +33,6 @@ from fifthwheel.model.plant.properties import Properties
 from fifthwheel.model.plant.rough_road import RoughRoad
 from fifthwheel.model.plant.sensors import Sensor, article_sensors, bus_sensors, measure
 from fifthwheel.model.plant.truth import ROLLOVER_ANGLE, true_signals
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_no_steering
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.model.plant.properties import Properties
 from fifthwheel.model.plant.tyre_forces import BODY_SENSORS, WHEEL_OUTPUTS, StepLayout
 from fifthwheel.truck import Vehicle

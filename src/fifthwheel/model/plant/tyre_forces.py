@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.native import Scan
+from fifthwheel.base.types import Array
 from fifthwheel.model.plant.bodies import BeamAxle, SprungBody
 from fifthwheel.model.plant.magic_formula import MagicFormula
 from fifthwheel.model.plant.mujoco_model import SIDES

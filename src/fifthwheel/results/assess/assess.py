@@ -7,7 +7,19 @@ from itertools import chain
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_known, expect_number, expect_road_speed
-from fifthwheel.results.assess import braking, lane_change, longitudinal, low_speed_turn, rollover, steady_motion, yaw_damping
+from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.names import split_kind
+from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.results.assess import (
+    braking,
+    lane_change,
+    longitudinal,
+    low_speed_turn,
+    rollover,
+    steady_motion,
+    yaw_damping,
+)
 from fifthwheel.results.assess.assessment import Assessment, MeasureResult, Threshold
 from fifthwheel.results.assess.lane_change import LaneChangeRun
 from fifthwheel.results.assess.measures import (
@@ -25,10 +37,6 @@ from fifthwheel.results.assess.measures import (
 from fifthwheel.results.assess.propagation import Family, MeasureSamples, Neighbourhood, samples
 from fifthwheel.results.assess.truck import Body, Truck, Values
 from fifthwheel.results.assess.uncertainty import assumed, complete, of_identification, of_vehicle
-from fifthwheel.base.errors import FifthwheelError, VehicleError
-from fifthwheel.base.formatting import enumerated
-from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.base.names import split_kind
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.driveline import Driveline
 

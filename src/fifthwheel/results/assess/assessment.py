@@ -5,15 +5,15 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fifthwheel.base import pages
+from fifthwheel.base.errors import suggestion
+from fifthwheel.base.formatting import DisplayUnit, percent, shown, with_sigma
+from fifthwheel.base.pages.html import Displayed
 from fifthwheel.results.assess.lane_change import LaneChangeRun
 from fifthwheel.results.assess.measures import SCHEME
 from fifthwheel.results.assess.propagation import Order
 from fifthwheel.results.assess.truck import HALF_TRACK, Body
-from fifthwheel.base.errors import suggestion
-from fifthwheel.base.formatting import DisplayUnit, percent, shown, with_sigma
-from fifthwheel.base.pages.html import Displayed
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import Vehicle, unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 _UNITS = {"m/s": DisplayUnit("km/h", 3.6), "s": DisplayUnit("s", 1.0)}
 """Units in which measures are shown, where others are shown otherwise."""

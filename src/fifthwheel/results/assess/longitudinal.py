@@ -27,12 +27,12 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.low_speed_turn import FRICTION
 from fifthwheel.results.assess.measures import title
 from fifthwheel.results.assess.truck import Truck, Values
-from fifthwheel.base.formatting import enumerated
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.driveline import drag, driveline_numbers, rotating_mass
 

@@ -26,11 +26,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.types import Array
-from fifthwheel.results.assess.truck import OVERHANGS, Truck, Values
 from fifthwheel.model.dynamics import tyres
 from fifthwheel.model.dynamics.symbolic import Expressions
-from fifthwheel.base.errors import VehicleError
+from fifthwheel.results.assess.truck import OVERHANGS, Truck, Values
 from fifthwheel.truck import Unit
 from fifthwheel.truck import quantities as names
 

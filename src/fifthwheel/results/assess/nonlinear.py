@@ -22,17 +22,17 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.model.manoeuvres import Course, OpenLoop, Path, constant_radius, straight
+from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.results.assess import braking, lane_change, rollover, steady_motion, yaw_damping
 from fifthwheel.results.assess.lane_change import LaneChangeRun
 from fifthwheel.results.assess.measures import STOP, STRAIGHT, TRACKING, title
 from fifthwheel.results.assess.truck import Series, Truck, Values
-from fifthwheel.base.errors import FifthwheelError, VehicleError
-from fifthwheel.model.manoeuvres import Course, OpenLoop, Path, constant_radius, straight
-from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.truck.spoken_names import named_axle
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Unit
+from fifthwheel.truck.spoken_names import named_axle
 
 RATE = 100.0
 """Of the samples, Hz."""

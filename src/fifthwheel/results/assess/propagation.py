@@ -21,11 +21,11 @@ from typing import Literal
 
 import numpy as np
 
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
-from fifthwheel.results.assess.truck import HALF_TRACK, Truck, Values
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, displaced, positive_parameters
+from fifthwheel.results.assess.truck import HALF_TRACK, Truck, Values
 
 NONLINEAR = 0.3
 """Shift of the mean, in standard deviations, from which a family is sampled."""

@@ -28,11 +28,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.measures import EFFECTIVE_TRACK, ROLLOVER, STABILITY_FACTOR
 from fifthwheel.results.assess.truck import Truck, Values
-from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.truck import Vehicle, laden
 from fifthwheel.truck.payload import unit_cog_height
 

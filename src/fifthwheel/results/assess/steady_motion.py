@@ -24,12 +24,12 @@ import cmath
 import numpy as np
 
 from fifthwheel.base.types import Array
-from fifthwheel.results.assess.measures import STRAIGHT
-from fifthwheel.results.assess.truck import Truck, Values
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.model.dynamics import linear_system, matrices, understeer_gradient
 from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.results.assess.measures import STRAIGHT
+from fifthwheel.results.assess.truck import Truck, Values
 
 ACCELERATION = 0.2 * STANDARD_GRAVITY
 """Lateral acceleration of the turn, m/s^2."""

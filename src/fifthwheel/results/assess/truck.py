@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import UnitError, VehicleError, suggestion
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics import matrices
-from fifthwheel.base.errors import UnitError, VehicleError, suggestion
 from fifthwheel.base.units import uncertain_quantity
+from fifthwheel.model.dynamics import matrices
 from fifthwheel.truck import Axle, AxleGroup, Unit, Vehicle
 from fifthwheel.truck.brakes import require_shares
 from fifthwheel.truck.steering import require_no_steering

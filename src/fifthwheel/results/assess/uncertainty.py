@@ -9,10 +9,10 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from fifthwheel.results.assess.truck import HALF_TRACK, Body
-from fifthwheel.estimate.identify import Identification
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with
+from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.observe import Uncertainty
+from fifthwheel.results.assess.truck import HALF_TRACK, Body
 from fifthwheel.truck import Vehicle, changes
 from fifthwheel.truck.quantities import quantity_of
 

@@ -15,11 +15,11 @@ from itertools import pairwise
 
 import numpy as np
 
+from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.types import Array
-from fifthwheel.results.assess.truck import Truck, Values
 from fifthwheel.data.channels import SignalName
 from fifthwheel.model.dynamics import linear_system, state_names
-from fifthwheel.base.errors import VehicleError
+from fifthwheel.results.assess.truck import Truck, Values
 
 PULSE = 0.2
 """Duration of the half sine of the steer angle, s."""

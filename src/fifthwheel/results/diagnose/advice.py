@@ -5,18 +5,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.formatting import enumerated, percent, relative
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.data.channels import ROLL_RATE, SignalName, names_of
+from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.results.diagnose.cautions import has_wide_sigma
 from fifthwheel.results.diagnose.fit_quality import predicted_logs
 from fifthwheel.results.diagnose.information_summary import describe_remedy, dominant_terms
 from fifthwheel.results.diagnose.summaries import RunSummary
 from fifthwheel.results.diagnose.thresholds import STRAIGHT
-from fifthwheel.base.formatting import enumerated, percent, relative
-from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
-from fifthwheel.truck.spoken_names import named, named_unit
 from fifthwheel.truck.quantities import FRICTION, quantity_of
+from fifthwheel.truck.spoken_names import named, named_unit
 
 LANE_CHANGE = "1.5 m lateral offset within 60 m at 80 to 90 km/h, about 1.5 m/s²"
 ROLL = "roll"

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, changes
 

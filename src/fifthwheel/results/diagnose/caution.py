@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+from fifthwheel.base.names import split_log
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.data.checks.findings import Severity
 from fifthwheel.estimate.identify.doubts import Doubt
-from fifthwheel.base.names import split_log
 
 
 class CautionKind(StrEnum):

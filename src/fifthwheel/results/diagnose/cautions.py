@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
+from fifthwheel.base.formatting import approximate, digits, enumerated, percent, with_sigma
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with, split_log
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
     LOAD_TRANSFER,
@@ -17,6 +19,9 @@ from fifthwheel.data.channels import (
     si_unit,
 )
 from fifthwheel.data.checks.findings import Fault, Finding, Severity
+from fifthwheel.estimate.identify import Estimate, Identification, SensorError, Verdict
+from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
+from fifthwheel.estimate.observe import States
 from fifthwheel.results.diagnose import thresholds
 from fifthwheel.results.diagnose.caution import Caution, CautionKind
 from fifthwheel.results.diagnose.doubt_cautions import (
@@ -27,11 +32,6 @@ from fifthwheel.results.diagnose.doubt_cautions import (
 )
 from fifthwheel.results.diagnose.fit_quality import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
-from fifthwheel.base.formatting import approximate, digits, enumerated, percent, with_sigma
-from fifthwheel.estimate.identify import Estimate, Identification, SensorError, Verdict
-from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with, split_log
-from fifthwheel.estimate.observe import States
 from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 

@@ -22,13 +22,13 @@ from statistics import NormalDist
 from typing import Any
 
 from fifthwheel.base.arguments import expect
-from fifthwheel.results.assess.assess import rollover_threshold
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.formatting import enumerated, percent, shown, with_sigma
-from fifthwheel.estimate.identify import Estimate, Identification, Verdict
 from fifthwheel.base.plots import Axis, Guide, Item, Panel, Plot, Points
-from fifthwheel.truck.spoken_names import spoken
+from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.results.assess.assess import rollover_threshold
 from fifthwheel.truck import Vehicle, unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 FALSE_ALARM = 0.05
 """Probability that a difference of equal trucks counts as one beyond chance."""

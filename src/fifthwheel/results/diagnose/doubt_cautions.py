@@ -5,19 +5,19 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from fifthwheel.data.channels import STEER, SensorErrorName, is_of
-from fifthwheel.results.diagnose.caution import Caution, CautionKind
-from fifthwheel.model.dynamics import TIME_SCALE, critical_speed
 from fifthwheel.base.formatting import digits, enumerated, percent, with_sigma
+from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.data.channels import STEER, SensorErrorName, is_of
 from fifthwheel.estimate.identify import Identification, Verdict
 from fifthwheel.estimate.identify.doubts import Cause, DoubtKind
 from fifthwheel.estimate.identify.knowledge.history import changes_in_words
 from fifthwheel.estimate.identify.knowledge.information import LogKnowledge
 from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
-from fifthwheel.base.names import ParameterPath, split_log
-from fifthwheel.truck.spoken_names import FIRST_UNITS, named_unit
+from fifthwheel.model.dynamics import TIME_SCALE, critical_speed
+from fifthwheel.results.diagnose.caution import Caution, CautionKind
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, STIFFNESS_SENSITIVITY, quantity_of
+from fifthwheel.truck.spoken_names import FIRST_UNITS, named_unit
 
 NEARLY = 1.05
 """A truck that is unstable above less than so many times the highest speed of the logs is nearly unstable there."""

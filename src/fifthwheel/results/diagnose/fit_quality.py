@@ -6,8 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from fifthwheel.base.types import Array
-from fifthwheel.results.diagnose.thresholds import EXCITED_CHANNEL, HIDING_NOISE, NOISE_LIMIT, POOR_FIT, UNRELATED_CHANNEL
 from fifthwheel.estimate.identify import Fit, Identification
+from fifthwheel.results.diagnose.thresholds import (
+    EXCITED_CHANNEL,
+    HIDING_NOISE,
+    NOISE_LIMIT,
+    POOR_FIT,
+    UNRELATED_CHANNEL,
+)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -4,15 +4,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Self
 
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, Identification, OneStage
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
 from fifthwheel.estimate.identify.fit_evaluation import free_run_fits
 from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import TIME_BASE
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.types import Array
 from fifthwheel.results.diagnose import thresholds
-from fifthwheel.base.formatting import digits, percent
 
 
 @dataclass(frozen=True, kw_only=True)

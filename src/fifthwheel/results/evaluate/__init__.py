@@ -3,7 +3,6 @@
 A test method is a function of a `MeasuredMotion` that gives `MethodResult`, one module each; `METHODS` lists them.
 """
 
-from fifthwheel._callable import make_callable
 from fifthwheel.results.evaluate.curves import ComparedCurve
 from fifthwheel.results.evaluate.evaluate import METHODS, Method, evaluate
 from fifthwheel.results.evaluate.evaluation import Condition, EvaluatedMeasure, Evaluation
@@ -21,5 +20,3 @@ __all__ = [
     "evaluate",
     "validate",
 ]
-
-make_callable(__name__, evaluate)

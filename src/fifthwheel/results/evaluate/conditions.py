@@ -6,10 +6,10 @@ of speed, yaw rate and steer angle below are ours. A log does not show track, wi
 
 import numpy as np
 
+from fifthwheel.base.formatting import approximate
 from fifthwheel.results.evaluate.evaluation import Condition, MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion
 from fifthwheel.results.evaluate.repetitions import ENTRY, smoothed
-from fifthwheel.base.formatting import approximate
 
 SAMPLING = 20.0
 """Sampling rate, Hz: four times the bandwidth of 5 Hz."""

@@ -12,6 +12,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.formatting import shown
+from fifthwheel.base.names import split_kind
+from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, STEER, is_of
 from fifthwheel.results.evaluate.diagrams import AXES, TITLES
@@ -19,9 +22,6 @@ from fifthwheel.results.evaluate.evaluation import Evaluation
 from fifthwheel.results.evaluate.motion import gain_unit
 from fifthwheel.results.evaluate.repetitions import ACTIVE, ENTRY
 from fifthwheel.results.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of
-from fifthwheel.base.formatting import shown
-from fifthwheel.base.names import split_kind
-from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.truck.spoken_names import spoken
 
 Judgement = Literal["inside", "outside", "undecided"]

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import CHANNELS, SignalName
-from fifthwheel.results.evaluate.motion import gain_unit
 from fifthwheel.base.formatting import shown
 from fifthwheel.base.names import split_kind
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot, Points
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import CHANNELS, SignalName
+from fifthwheel.results.evaluate.motion import gain_unit
 from fifthwheel.truck.spoken_names import spoken
 
 AXES = {

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fifthwheel.base.formatting import with_sigma
 from fifthwheel.base.types import Array
 from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure
 from fifthwheel.results.evaluate.jackknife import jackknife, suffices
-from fifthwheel.base.formatting import with_sigma
 
 TURNING = 0.3
 """Least lateral acceleration of a turn to one side, m/s^2: about straight ahead, play hides the direction."""

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel.base.arguments import expect
-from fifthwheel.base.extras import require
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import SPEED, STEER, is_of, si_unit
 from fifthwheel.base.errors import FifthwheelError, SignalError, UnitError, printable
-from fifthwheel.results.evaluate.motion import EVALUATED, first_steer
-from fifthwheel.results.export.fmu.observer import MEASURED
+from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.input_files import require_regular
-from fifthwheel.data.record import Record
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor
+from fifthwheel.data.channels import SPEED, STEER, is_of, si_unit
+from fifthwheel.data.record import Record
+from fifthwheel.results.evaluate.motion import EVALUATED, first_steer
+from fifthwheel.results.export.fmu.observer import MEASURED
 
 if TYPE_CHECKING:
     from fifthwheel.truck import Vehicle

@@ -7,15 +7,22 @@ from types import ModuleType
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_optional
+from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.checks import Fault, raise_errors
-from fifthwheel.base.errors import SignalError, suggestion
-from fifthwheel.results.evaluate import frequency_response, lane_change, pulse, sine_with_dwell, steady_state, step_input
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.results.evaluate import (
+    frequency_response,
+    lane_change,
+    pulse,
+    sine_with_dwell,
+    steady_state,
+    step_input,
+)
 from fifthwheel.results.evaluate.conditions import conditions
 from fifthwheel.results.evaluate.evaluation import Evaluation, MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion, motion
-from fifthwheel.data.record import Record
-from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.truck import Vehicle
 
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.extras import require
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import suggestion
-from fifthwheel.results.evaluate.diagrams import diagram
+from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import with_sigma
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.plots import Plot
+from fifthwheel.base.types import Array
+from fifthwheel.results.evaluate.diagrams import diagram
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -23,14 +23,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import percent
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE, SignalName
-from fifthwheel.base.errors import SignalError
 from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.results.evaluate.lane_change import amplified, compared
 from fifthwheel.results.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.results.evaluate.repetitions import ACTIVE
-from fifthwheel.base.formatting import percent
 from fifthwheel.truck.spoken_names import named
 
 SHORTEST = 50.0

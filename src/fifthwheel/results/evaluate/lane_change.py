@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel.data.channels import SignalName
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import SignalName
 from fifthwheel.results.evaluate.evaluation import MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion
 from fifthwheel.results.evaluate.repetitions import Response, Words, findings

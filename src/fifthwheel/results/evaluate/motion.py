@@ -5,7 +5,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import (
     ARTICULATION,
     CHANNELS,
@@ -19,11 +22,8 @@ from fifthwheel.data.channels import (
     is_of,
 )
 from fifthwheel.data.checks.samples import without_spikes
-from fifthwheel.base.errors import SignalError
-from fifthwheel.base.formatting import enumerated
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import estimate_noise_variance
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 
 EVALUATED = (YAW_RATE, ARTICULATION, ROLL, LATERAL_ACCELERATION, SIDESLIP, LATERAL_VELOCITY)

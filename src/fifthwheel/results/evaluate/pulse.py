@@ -10,8 +10,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel.results.assess.yaw_damping import SMALLEST_PEAK, decay
 from fifthwheel.base.errors import SignalError
+from fifthwheel.results.assess.yaw_damping import SMALLEST_PEAK, decay
 from fifthwheel.results.evaluate.evaluation import MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion
 from fifthwheel.results.evaluate.repetitions import Response, Words, findings

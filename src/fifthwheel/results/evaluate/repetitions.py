@@ -12,13 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import SignalName
 from fifthwheel.base.errors import SignalError
-from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
-from fifthwheel.results.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.base.formatting import approximate, enumerated, with_sigma
 from fifthwheel.base.names import split_kind
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import SignalName
+from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
+from fifthwheel.results.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.truck.spoken_names import named
 
 ACTIVE = 0.1

@@ -18,20 +18,20 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import approximate, percent
 from fifthwheel.base.types import Array
+from fifthwheel.data.channels import ROLL, SIDESLIP, SignalName
+from fifthwheel.model.dynamics import steady_steer
 from fifthwheel.results.assess.propagation import Neighbourhood, samples
 from fifthwheel.results.assess.truck import Truck
 from fifthwheel.results.assess.uncertainty import of_vehicle
-from fifthwheel.data.channels import ROLL, SIDESLIP, SignalName
-from fifthwheel.model.dynamics import steady_steer
-from fifthwheel.base.errors import SignalError
 from fifthwheel.results.evaluate.directions import GRADIENT, directions, gradient_measure, gradients, offset_notes
 from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
 from fifthwheel.results.evaluate.jackknife import SEGMENTS, SPAN, jackknife, span, suffices
 from fifthwheel.results.evaluate.motion import MeasuredMotion
-from fifthwheel.base.formatting import approximate, percent
-from fifthwheel.truck.spoken_names import named_unit
 from fifthwheel.truck import Vehicle
+from fifthwheel.truck.spoken_names import named_unit
 
 SHORTEST = 15.0
 """Least duration of a log, s."""

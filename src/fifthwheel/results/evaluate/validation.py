@@ -17,20 +17,20 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.arguments import expect, expect_optional
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.formatting import approximate, enumerated, percent, with_sigma
+from fifthwheel.base.pages.html import Displayed
+from fifthwheel.base.plots import Plot
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import ARTICULATION, ROLL, YAW_RATE, names_of
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation
-from fifthwheel.base.errors import SignalError
+from fifthwheel.data.record import Record
 from fifthwheel.results.evaluate.conditions import SPEED
 from fifthwheel.results.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
 from fifthwheel.results.evaluate.evaluate import method_of, with_references, without_sigma
 from fifthwheel.results.evaluate.evaluation import Evaluation
 from fifthwheel.results.evaluate.tolerances import Tolerance, require_used, tolerance_of
-from fifthwheel.base.formatting import approximate, enumerated, percent, with_sigma
-from fifthwheel.base.pages.html import Displayed
-from fifthwheel.base.plots import Plot
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 WRONG = (Fault.DEGREES, Fault.UNIT, Fault.STEERING_WHEEL, Fault.OUT_OF_RANGE, Fault.SWAPPED_SIGN)

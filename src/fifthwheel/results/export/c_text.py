@@ -6,14 +6,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.native import c_code
 from fifthwheel.data.channels import si_unit
+from fifthwheel.estimate.filters.initial_state import STEER_BANDWIDTH, TYPICAL_STEER_SIGMA, initial_sigma
+from fifthwheel.estimate.stream import StreamSettings
 from fifthwheel.model.dynamics.chain import state_names
 from fifthwheel.model.dynamics.speed_rate import speed_rate_step
 from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.filters.initial_state import STEER_BANDWIDTH, TYPICAL_STEER_SIGMA, initial_sigma
-from fifthwheel.base.native import c_code
-from fifthwheel.estimate.stream import StreamSettings
 from fifthwheel.truck import Vehicle
 
 LARGEST = 1e30

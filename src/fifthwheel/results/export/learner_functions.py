@@ -5,8 +5,9 @@ from typing import NamedTuple
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native.c_code import by_rows
+from fifthwheel.base.native.c_code import step as symbolic
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.chain import state_names
 from fifthwheel.estimate.filters.joint import (
     Carried,
     JointChannel,
@@ -20,9 +21,8 @@ from fifthwheel.estimate.filters.kalman import transition_matrix
 from fifthwheel.estimate.filters.model import sizes, split
 from fifthwheel.estimate.identify.online.live_filter import LiveFilter
 from fifthwheel.estimate.identify.online.start import SteadyEquations, steady_equations
-from fifthwheel.base.native.c_code import by_rows
-from fifthwheel.base.native.c_code import step as symbolic
 from fifthwheel.estimate.observe.monitor import START, normalised_monitor
+from fifthwheel.model.dynamics.chain import state_names
 
 LARGEST_GATE = 1e15
 """Limit of a squared gate, so that it fits into single precision."""

@@ -5,9 +5,7 @@ import zlib
 from collections.abc import Sequence
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.results.export import c_text
-from fifthwheel.results.export import learner_functions as functions
-from fifthwheel.results.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
+from fifthwheel.base.native import c_code
 from fifthwheel.estimate.filters.joint import MAX_STATE
 from fifthwheel.estimate.filters.model import pack_array
 from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
@@ -20,8 +18,10 @@ from fifthwheel.estimate.identify.online.steering import Excitation
 from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.base.native import c_code
 from fifthwheel.estimate.observe.monitor import CHANCE, START
+from fifthwheel.results.export import c_text
+from fifthwheel.results.export import learner_functions as functions
+from fifthwheel.results.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts
 from fifthwheel.truck.quantities import unit_of
 
 NO_CHANNEL, ABSENT_CHANNEL = -1, -2

@@ -2,13 +2,13 @@
 
 import casadi as ca
 
+from fifthwheel.base.native import c_code
+from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.observe.observer_model import SUSPECT_STEER_SIGMA
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.chain import equations, state_names
 from fifthwheel.results.export import c_text
 from fifthwheel.results.export.c_text import definitions, stream_definitions, stream_tables, table, with_constant
-from fifthwheel.base.native import c_code
-from fifthwheel.estimate.observe import Observer
-from fifthwheel.estimate.observe.observer_model import SUSPECT_STEER_SIGMA
 
 
 def header(observer: Observer) -> str:

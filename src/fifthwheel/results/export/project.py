@@ -7,10 +7,10 @@ from pathlib import Path
 from fifthwheel import __version__
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.atomic import write_text
-from fifthwheel.results.export import learner_model, observer_model
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.estimate.stream import StreamSettings
+from fifthwheel.results.export import learner_model, observer_model
 
 SHARED = ("fw_samples.h", "fw_math.h", "fw_algebra.h", "fw_stream.h", "fw_step_length.h", "replay_log.h")
 OBSERVER_SOURCES = ("fw_observer.c",)

@@ -7,6 +7,12 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel.base import pages
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.formatting import approximate, enumerated, with_sigma
+from fifthwheel.base.pages import page
+from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
+from fifthwheel.base.plots.items import Dash
+from fifthwheel.base.plots.palette import CYCLE, DARK, GREY
 from fifthwheel.base.types import Array
 from fifthwheel.results.assess import Assessment, MeasureResult
 from fifthwheel.results.assess.lane_change import LaneChangeRun
@@ -14,12 +20,6 @@ from fifthwheel.results.assess.low_speed_turn import RADIUS, LowSpeedTurn, turn
 from fifthwheel.results.assess.measures import DYNAMIC, ROLLOVER, SCHEME
 from fifthwheel.results.assess.rollover import Rollover, rollover
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.formatting import approximate, enumerated, with_sigma
-from fifthwheel.base.pages import page
-from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
-from fifthwheel.base.plots.items import Dash
-from fifthwheel.base.plots.palette import CYCLE, DARK, GREY
 from fifthwheel.results.report.provenance import Provenance
 from fifthwheel.truck.spoken_names import named_unit
 

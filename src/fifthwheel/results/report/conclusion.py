@@ -7,7 +7,13 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base import pages
+from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
 from fifthwheel.data.channels import WEIGHTS, is_of, missing_for_mass, si_unit
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.estimate.identify.design.assess import InformationAssessment
+from fifthwheel.estimate.identify.doubts import DoubtKind
+from fifthwheel.estimate.observe import States, Status
 from fifthwheel.results.diagnose.advice import Advice, has_roll_rate, is_unused_friction, next_steps
 from fifthwheel.results.diagnose.caution import CautionKind, ranked
 from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
@@ -15,15 +21,9 @@ from fifthwheel.results.diagnose.doubt_cautions import describe_cause
 from fifthwheel.results.diagnose.fit_quality import PredictedLog, predicted_logs
 from fifthwheel.results.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.results.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
-from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
-from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
-from fifthwheel.estimate.identify.doubts import DoubtKind
-from fifthwheel.estimate.observe import States, Status
-from fifthwheel.data.record import Record
 from fifthwheel.results.report.words import STATUSES, counted, sentence, spoken_verdict
-from fifthwheel.truck.spoken_names import named, named_unit, spoken
 from fifthwheel.truck.quantities import FRICTION, quantity_of
+from fifthwheel.truck.spoken_names import named, named_unit, spoken
 
 CONSEQUENCES = "Probably explained by the cautions"
 HEAVIER = 0.1

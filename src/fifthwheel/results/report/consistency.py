@@ -5,16 +5,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.types import Array
-from fifthwheel.results.diagnose import whiteness
-from fifthwheel.results.diagnose.summaries import innovation_size, normalised_innovation, rejected_samples
-from fifthwheel.results.diagnose.whiteness import Autocorrelation, SegmentRms
 from fifthwheel.base.formatting import percent
-from fifthwheel.estimate.identify import Fit
-from fifthwheel.estimate.observe import States
 from fifthwheel.base.plots import Axis, Band, Bars, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, SKY, VERMILLION
 from fifthwheel.base.plots.panels import visible_range
+from fifthwheel.base.types import Array
+from fifthwheel.estimate.identify import Fit
+from fifthwheel.estimate.observe import States
+from fifthwheel.results.diagnose import whiteness
+from fifthwheel.results.diagnose.summaries import innovation_size, normalised_innovation, rejected_samples
+from fifthwheel.results.diagnose.whiteness import Autocorrelation, SegmentRms
 
 BINS = 31
 HISTOGRAM_LIMIT = 4.0

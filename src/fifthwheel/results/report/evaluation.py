@@ -4,8 +4,8 @@ from pathlib import Path
 
 import fifthwheel
 from fifthwheel.base import pages
-from fifthwheel.results.evaluate import Evaluation, Validation
 from fifthwheel.base.pages import page
+from fifthwheel.results.evaluate import Evaluation, Validation
 from fifthwheel.results.report.provenance import Provenance
 from fifthwheel.results.report.words import counted
 

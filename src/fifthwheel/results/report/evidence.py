@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import file_digest
+from fifthwheel.base.formatting import fixed, with_sigma
+from fifthwheel.base.pages import page
+from fifthwheel.estimate.identify import Identification
 from fifthwheel.results.assess import Assessment
 from fifthwheel.results.assess.measures import EDITIONS
 from fifthwheel.results.assess.truck import HALF_TRACK
-from fifthwheel.base.formatting import fixed, with_sigma
-from fifthwheel.estimate.identify import Identification
-from fifthwheel.base.pages import page
 from fifthwheel.results.report.assessment import explanations, headline, is_good, verdict
 from fifthwheel.results.report.provenance import FILES, FileUsed, Provenance
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 PARAMETERS = ("Parameter|name", "Value ± sigma>", "Verdict|w")
 SHOWN_PARAMETERS, SHOWN_FILES = 20, 8

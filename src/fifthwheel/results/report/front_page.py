@@ -5,19 +5,19 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.results.assess import Assessment
-from fifthwheel.results.assess.measures import ROLLOVER
-from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.results.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.base.formatting import enumerated, kmh, percent, relative, seconds, shown_parts, with_sigma
-from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.result.display import DERIVED
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
 from fifthwheel.base.plots.panels import visible_range
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import lateral_acceleration
+from fifthwheel.estimate.identify import Estimate, Identification, Verdict
+from fifthwheel.estimate.identify.result.display import DERIVED
+from fifthwheel.results.assess import Assessment
+from fifthwheel.results.assess.measures import ROLLOVER
+from fifthwheel.results.diagnose.summaries import RunSummary
+from fifthwheel.results.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.results.report.truck_drawing import truck_drawing
 from fifthwheel.results.report.words import WIDE_MARK, mark, spoken_verdict
 from fifthwheel.truck.spoken_names import spoken

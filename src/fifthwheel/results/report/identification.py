@@ -9,33 +9,33 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.arguments import expect, expect_each
-from fifthwheel.results.assess import Assessment
-from fifthwheel.data.channels import SensorErrorName, si_unit
-from fifthwheel.results.diagnose.cautions import is_unusual
-from fifthwheel.results.diagnose.fit_quality import fit_quality
-from fifthwheel.results.diagnose.information_summary import ParameterInformation, information_summary
-from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.base.formatting import approximate, percent, shown, shown_parts, with_sigma
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.base.pages import page
+from fifthwheel.base.pages.html import cell, prose, text
+from fifthwheel.base.plots import Axis, Panel, Plot
+from fifthwheel.data.channels import SensorErrorName, si_unit
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, Identification, Verdict
 from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.statement import prior_of, stated
 from fifthwheel.estimate.identify.unknowns.parameters import softening_priors
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.estimate.observe import States
-from fifthwheel.base.pages import page
-from fifthwheel.base.pages.html import cell, prose, text
-from fifthwheel.base.plots import Axis, Panel, Plot
-from fifthwheel.data.record import Record
+from fifthwheel.results.assess import Assessment
+from fifthwheel.results.diagnose.cautions import is_unusual
+from fifthwheel.results.diagnose.fit_quality import fit_quality
+from fifthwheel.results.diagnose.information_summary import ParameterInformation, information_summary
+from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.results.report import assessment, consistency, front_page
 from fifthwheel.results.report.conclusion import Conclusion, conclude_identification
 from fifthwheel.results.report.provenance import Provenance, logs_and_origin
 from fifthwheel.results.report.states import StateConditions, all_states, states_section
 from fifthwheel.results.report.words import counted
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, TIME_BASE
+from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck.uncertainty import changes
 
 DRAWN = 3

@@ -5,16 +5,16 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.data.channels import SignalName, si_unit
-from fifthwheel.results.diagnose.information_summary import describe_remedy
-from fifthwheel.results.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.base.formatting import approximate, enumerated, percent, relative, with_sigma
+from fifthwheel.data.channels import SignalName, si_unit
 from fifthwheel.estimate.identify import Verdict
 from fifthwheel.estimate.identify.design.assess import InformationAssessment, ParameterAssessment
 from fifthwheel.estimate.identify.design.remedies import Remedy
+from fifthwheel.results.diagnose.information_summary import describe_remedy
+from fifthwheel.results.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.results.report.words import spoken_verdict
-from fifthwheel.truck.spoken_names import named, spoken
 from fifthwheel.truck.quantities import quantity_of, size_of
+from fifthwheel.truck.spoken_names import named, spoken
 
 PREDICTION_NOTE = (
     "The prediction uses the values of the vehicle file, the sensor noise and the uncertain parameters. It does not "

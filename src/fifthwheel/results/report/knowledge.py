@@ -6,13 +6,19 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, shown, with_sigma
-from fifthwheel.estimate.identify.knowledge.history import EstimateHistory, LogEntry, SharedEstimate, estimate_histories, history
-from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.palette import BLUE
+from fifthwheel.estimate.identify.knowledge.history import (
+    EstimateHistory,
+    LogEntry,
+    SharedEstimate,
+    estimate_histories,
+    history,
+)
+from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.results.report.words import counted
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 LEAST_SPAN = 600e3
 """Of the axis of dates, ms, so that its ticks are whole minutes."""

@@ -5,9 +5,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
+from fifthwheel.base.formatting import digits, percent
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.checks import Finding
-from fifthwheel.base.formatting import digits, percent
 from fifthwheel.data.logs.mapping.propose import MapProposal
 from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.data.record import Record

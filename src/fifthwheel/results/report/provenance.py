@@ -16,12 +16,12 @@ from pydantic import TypeAdapter, ValidationError
 import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import file_digest
-from fifthwheel.results.diagnose.summaries import RunSummary
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import fixed, kmh, percent, seconds
-from fifthwheel.estimate.identify import Identification
 from fifthwheel.base.input_files import read_json
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify import Identification
+from fifthwheel.results.diagnose.summaries import RunSummary
 
 LOGS = (
     *("Log|name", "Use|w", "Span, s>", "Samples>", "Used>", "Speed>", "Lateral acc., m/s²>"),

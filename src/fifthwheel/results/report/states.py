@@ -8,24 +8,24 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel.base import pages
-from fifthwheel.data.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
-from fifthwheel.data.channels.lateral import SIDESLIP
-from fifthwheel.results.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
 from fifthwheel.base.formatting import approximate, percent
 from fifthwheel.base.names import split_log
-from fifthwheel.estimate.observe import States, Status
-from fifthwheel.estimate.observe.states import SHADES
 from fifthwheel.base.pages import page
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import DARK, rgba
+from fifthwheel.data.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
+from fifthwheel.data.channels.lateral import SIDESLIP
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import States, Status
+from fifthwheel.estimate.observe.states import SHADES
+from fifthwheel.results.diagnose.summaries import StateSummary, record_of, summarise_records, summarise_states
 from fifthwheel.results.report import consistency
 from fifthwheel.results.report.conclusion import Conclusion, conclude_states
 from fifthwheel.results.report.provenance import Provenance, logs_and_origin
 from fifthwheel.results.report.words import STATUSES, counted, sentence
-from fifthwheel.truck.spoken_names import named_unit, spoken
 from fifthwheel.truck.drawing import UNITS
+from fifthwheel.truck.spoken_names import named_unit, spoken
 
 MAIN_STATES = (SIDESLIP, ARTICULATION, ROLL)
 """Those that are drawn before the appendix."""

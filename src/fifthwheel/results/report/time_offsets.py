@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import si_unit
 from fifthwheel.base.formatting import shown
 from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import si_unit
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases.offsets import TimeOffset, offsets_of
 from fifthwheel.estimate.time_bases.predictions import Prediction, predict_channels

@@ -7,16 +7,16 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import shown_parts
-from fifthwheel.estimate.identify import Estimate, Verdict
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Area, Line, Panel, Points
 from fifthwheel.base.plots.items import as_array
 from fifthwheel.base.plots.palette import DARK
+from fifthwheel.estimate.identify import Estimate, Verdict
 from fifthwheel.results.report.words import spoken_verdict
-from fifthwheel.truck.spoken_names import named_unit, spoken
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.drawing import origins
 from fifthwheel.truck.quantities import FRICTION
+from fifthwheel.truck.spoken_names import named_unit, spoken
 
 WIDTH, MARGIN, MAX_SCALE = 480.0, 14.0, 40.0
 """Of the drawing and its edge, in units of the SVG; the largest number of units for a metre."""

@@ -3,13 +3,13 @@
 from collections.abc import Mapping, Sequence
 
 from fifthwheel.base import pages
-from fifthwheel.data.checks.axle_loads import StaticLoad
-from fifthwheel.results.diagnose.assumptions import AssumedNumber
-from fifthwheel.model.dynamics.summary import VehicleSummary
 from fifthwheel.base.formatting import enumerated, percent, with_sigma
+from fifthwheel.data.checks.axle_loads import StaticLoad
 from fifthwheel.estimate.identify.mass import CONTRADICTION, GrossMass
-from fifthwheel.truck.spoken_names import spoken
+from fifthwheel.model.dynamics.summary import VehicleSummary
+from fifthwheel.results.diagnose.assumptions import AssumedNumber
 from fifthwheel.truck import Vehicle, unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 NOTHING_ASSUMED = "No number is assumed."
 

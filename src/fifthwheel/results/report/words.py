@@ -1,7 +1,7 @@
 """The words for verdicts, statuses and names, the same on the page and on a terminal."""
 
-from fifthwheel.results.diagnose.cautions import has_wide_sigma
 from fifthwheel.estimate.identify import Estimate, Verdict
+from fifthwheel.results.diagnose.cautions import has_wide_sigma
 
 MARKS = {
     Verdict.CONVERGED: "✓",

@@ -17,8 +17,8 @@ import pytest
 from asammdf import MDF, Signal
 from scipy.io import savemat
 
-from fifthwheel.data.channels import split_header
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import split_header
 from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.data.logs.mapping.survey import survey_log

@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.design import (
@@ -20,13 +22,11 @@ from fifthwheel.estimate.identify.design.predict import InformationPredictor, co
 from fifthwheel.estimate.identify.design.remedies import LANE_CHANGE, REPEAT, TESTED_AXIS, TESTED_STIFFNESS
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
-from fifthwheel.results.report.information import information_document
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck.spoken_names import spoken
+from fifthwheel.results.report.information import information_document
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import MASS_SCALE, quantity_of
+from fifthwheel.truck.spoken_names import spoken
 from tests.estimate.identify.conftest import without
 
 EXACT = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")

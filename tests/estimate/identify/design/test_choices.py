@@ -6,7 +6,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.design import AssessmentSettings, DesignSettings, Remedy, predict_sigmas
@@ -23,9 +24,8 @@ from fifthwheel.estimate.identify.design.search import ProposedRun
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck.quantities import MASS_SCALE
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.design import (
@@ -23,10 +23,10 @@ from fifthwheel.estimate.identify.design.predict import InformationPredictor
 from fifthwheel.estimate.identify.design.search import search_candidates
 from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres.candidates import candidate_manoeuvres
 from fifthwheel.model.manoeuvres.linear import lateral_acceleration, steer_record
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.truck import Vehicle
 
 GYROS = article_gyro_variance(["tractor", "semitrailer"])

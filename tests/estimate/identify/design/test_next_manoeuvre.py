@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.design.next_manoeuvre import (
     DRIVEN,
@@ -16,7 +17,6 @@ from fifthwheel.estimate.identify.design.next_manoeuvre import (
 )
 from fifthwheel.estimate.identify.design.search import sizes_within_limits
 from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

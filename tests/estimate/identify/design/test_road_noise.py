@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.design import DesignSettings, design_experiment
 from fifthwheel.estimate.identify.design.predict import InformationPredictor
 from fifthwheel.estimate.identify.design.road_noise import ROUGHNESS, TRACK, road_density, road_noise, road_roll_density
 from fifthwheel.model.plant import Sensor, measure
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
 from fifthwheel.truck import Vehicle
 
 SPEED, STEER, ROLL_RATE = "speed", "steer.tractor.front", "roll_rate.semitrailer"

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
 from fifthwheel.estimate.identify.knowledge.knowledge import LogChange, tyre_change
 from fifthwheel.estimate.identify.one_stage import identify as method
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION
+from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 STEER = "steer.tractor.front"

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
+from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
 from tests.estimate.identify.knowledge.conftest import SETTINGS
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

@@ -12,7 +12,11 @@ from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.knowledge.information import Labels
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.problem import Problem
-from fifthwheel.estimate.identify.one_stage.shared_information import marginal_information, shared_information, with_doubts
+from fifthwheel.estimate.identify.one_stage.shared_information import (
+    marginal_information,
+    shared_information,
+    with_doubts,
+)
 from fifthwheel.estimate.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.truck.quantities import FRICTION

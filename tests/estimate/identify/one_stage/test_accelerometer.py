@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels import LATERAL_ACCELERATION
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.results.diagnose.cautions import identification_cautions
-from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.design import predict_sigmas
+from fifthwheel.data.channels import LATERAL_ACCELERATION
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.diagnose.cautions import identification_cautions
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.unit import Accelerometer
 

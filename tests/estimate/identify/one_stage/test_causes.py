@@ -9,6 +9,8 @@ import pytest
 from scipy import stats
 
 import fifthwheel as fw
+from fifthwheel.apps.workflow.identification import run_identification
+from fifthwheel.apps.workflow.states import run_states
 from fifthwheel.estimate.identify.doubts import DoubtKind, PriorTest
 from fifthwheel.estimate.identify.one_stage import causes
 from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds
@@ -16,8 +18,6 @@ from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.estimate.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError
-from fifthwheel.apps.workflow.identification import run_identification
-from fifthwheel.apps.workflow.states import run_states
 
 YAW2, ROLL2, WIDE = "yaw_rate.semitrailer", "roll_rate.semitrailer", "semitrailer.cornering_stiffness"
 SETTINGS = fw.OneStage(tyres="linear")

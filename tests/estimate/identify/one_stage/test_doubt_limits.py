@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import Dataset
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind, PriorTest, linear_odds
 from fifthwheel.estimate.identify.one_stage.evidence import quick_doubts
@@ -15,7 +16,6 @@ from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.data.record import Record
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}

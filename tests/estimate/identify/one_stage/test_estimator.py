@@ -8,10 +8,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-from fifthwheel.data.channels import STEER as STEER_ANGLE
-from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.channels import STEER as STEER_ANGLE
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.initial_state import steady_state
@@ -22,9 +22,9 @@ from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from tests.estimate.identify.conftest import without

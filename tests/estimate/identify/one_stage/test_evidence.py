@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.doubts import STRONG_SCORE, Doubt, DoubtKind
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

@@ -8,7 +8,13 @@ from scipy import special, stats
 from scipy.integrate import quad
 
 from fifthwheel.base.types import Array
-from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock, gradient_and_information, log_density, loss, scores
+from fifthwheel.estimate.identify.one_stage.likelihood import (
+    ResidualBlock,
+    gradient_and_information,
+    log_density,
+    loss,
+    scores,
+)
 
 LIMIT = 1.5
 

@@ -10,6 +10,8 @@ from scipy import stats
 from scipy.signal import lfilter
 
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.record import segments_above
 from fifthwheel.estimate.filters import tangent
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import LogData
@@ -19,8 +21,6 @@ from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, time_base_delays
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import segments_above
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

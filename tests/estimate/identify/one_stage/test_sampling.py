@@ -8,13 +8,13 @@ the chain has the exact posterior as its stationary distribution, for the noise 
 import numpy as np
 import pytest
 
+from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.one_stage.log_posterior import TOLERANCE, LogPosterior, log_posterior
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, article_sensors
 from fifthwheel.model.simulate import simulate
-from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.truck import get
 
 TRUCK = get("cheng_cebon_2011")

@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, article_sensors
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")

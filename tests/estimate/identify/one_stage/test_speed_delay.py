@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import with_sensors
-from fifthwheel.data.record import Record
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 
 DELAY = 0.15

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.data.channels import SignalName
 from fifthwheel.data.channels.wheels import WHEEL_SPEED_DIFFERENCE
-from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.model.manoeuvres import lane_changes
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 pytest.importorskip("mujoco")

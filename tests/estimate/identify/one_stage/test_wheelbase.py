@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel.results.assess.uncertainty import of_vehicle
 from fifthwheel.estimate.identify import OneStage, Verdict, identify
 from fifthwheel.estimate.identify.estimates import wheelbases
-from fifthwheel.model.manoeuvres import lane_changes, slow_turns
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
+from fifthwheel.model.manoeuvres import lane_changes, slow_turns
 from fifthwheel.model.plant import Plant, article_sensors
-from fifthwheel.results.report import conclude_identification
 from fifthwheel.model.simulate import simulate
+from fifthwheel.results.assess.uncertainty import of_vehicle
+from fifthwheel.results.report import conclude_identification
 from fifthwheel.truck import Vehicle, get
 
 TRUCK = get("cheng_cebon_2011")

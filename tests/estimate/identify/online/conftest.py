@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 

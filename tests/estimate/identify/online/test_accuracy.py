@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.record import segments_above
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify import identify
 from fifthwheel.estimate.identify.dataset import LogData
@@ -16,8 +18,6 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
 from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind, scaling
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import segments_above
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import FIVE, HEIGHT, assert_identified, learn, samples

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import FIVE, samples
 

@@ -5,11 +5,11 @@ import copy
 import numpy as np
 import pytest
 
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.online.live_filter import InnovationStatistics
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import CONSIDERING, FIVE, learn
 

@@ -7,17 +7,25 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.types import Array
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.online.steering import Excitation
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.identify.online.conftest import CONSIDERING, FIVE, HEIGHT, assert_identified, estimates, learn, samples
+from tests.estimate.identify.online.conftest import (
+    CONSIDERING,
+    FIVE,
+    HEIGHT,
+    assert_identified,
+    estimates,
+    learn,
+    samples,
+)
 
 
 def changed(record: Record, change: Callable[[Array], Array], *quantities: str) -> Record:

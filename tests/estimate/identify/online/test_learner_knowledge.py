@@ -9,10 +9,10 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.results.export.learner_model import texts_of
 from fifthwheel.estimate.filters.model import unpack_array
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.identify.online.start import Considered
+from fifthwheel.results.export.learner_model import texts_of
 
 SETTINGS = fw.OneStage(tyres="linear")
 OCCASION = Occasion(trailer="T 17", load="steel")

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.filters.step_rows import play_contact
 from fifthwheel.estimate.identify.online import LearnerSettings
@@ -11,6 +10,7 @@ from fifthwheel.estimate.identify.online.live_filter import InnovationStatistics
 from fifthwheel.estimate.identify.online.online_model import online_setup
 from fifthwheel.estimate.identify.online.steering import Excitation, PlayContacts
 from fifthwheel.estimate.observe import Status
+from fifthwheel.model import dynamics
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import FIVE
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
-from fifthwheel.data.channels import YAW_RATE
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.channels import YAW_RATE
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.initial_state import steady_state_slopes
 from fifthwheel.estimate.identify.online import LearnerSettings
@@ -10,6 +9,7 @@ from fifthwheel.estimate.identify.online.online_model import OnlineModel, model_
 from fifthwheel.estimate.identify.online.start import start_state
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
+from fifthwheel.model import dynamics
 from fifthwheel.truck import Vehicle
 
 FIRST = {"speed": 21.0, "steer.tractor.front": 0.03}

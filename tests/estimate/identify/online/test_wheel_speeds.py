@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.channels.wheels import WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.settings import OneStage
-from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import samples

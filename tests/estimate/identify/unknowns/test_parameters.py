@@ -7,7 +7,6 @@ import pytest
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns, sensor_unknowns
 from fifthwheel.apps.cheng_cebon_2011.stage import filter_sigmas
-from fifthwheel.model.dynamics.sensors import sensor_parameters
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.design import design_experiment, predict_sigmas
@@ -26,6 +25,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
     time_base_delays,
 )
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.model.dynamics.sensors import sensor_parameters
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import quantity_of

@@ -8,11 +8,11 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.results.export import export_c
-from fifthwheel.results.export.project import LEARNER_SOURCES, OBSERVER_SOURCES
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer
-from fifthwheel.data.record import Record
+from fifthwheel.results.export import export_c
+from fifthwheel.results.export.project import LEARNER_SOURCES, OBSERVER_SOURCES
 
 GCC, SIZE, QEMU = "arm-none-eabi-gcc", "arm-none-eabi-size", "qemu-system-arm"
 MISSING = [tool for tool in (GCC, SIZE, QEMU) if shutil.which(tool) is None]

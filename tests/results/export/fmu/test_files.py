@@ -13,12 +13,12 @@ import pytest
 from typer.testing import CliRunner
 
 from fifthwheel import truck as vehicle
-from fifthwheel.base.atomic import clean_up
 from fifthwheel.apps.cli import app
+from fifthwheel.base.atomic import clean_up
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export import export_fmu
 from fifthwheel.results.export.fmu import binaries
-from fifthwheel.estimate.observe import Observer
 from fifthwheel.truck import Vehicle
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")

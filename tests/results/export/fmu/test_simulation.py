@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.model import dynamics
-
 from fifthwheel import truck as vehicle
+from fifthwheel.data.record import Record
+from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
+from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import PLATFORMS, export_fmu
 from fifthwheel.results.export.fmu.truck import default_outputs
-from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
-from fifthwheel.data.record import Record
-from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.results.export.fmu import Unit
 from tests.results.export.test_c_observer import missing_inputs, missing_measurements

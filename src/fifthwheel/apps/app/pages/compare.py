@@ -7,8 +7,8 @@ from nicegui import ui
 
 from fifthwheel.apps.app import documents, inputs, jobs, layout, result_files, runs
 from fifthwheel.apps.app.workspace import Workspace
-from fifthwheel.results.diagnose import Comparison
 from fifthwheel.base.plots import Plot
+from fifthwheel.results.diagnose import Comparison
 from fifthwheel.results.report.comparison import comparison_document
 
 MOST = 6

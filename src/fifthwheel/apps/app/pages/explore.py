@@ -10,27 +10,26 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.base import pages
-
-from fifthwheel.results import plot
 from fifthwheel.apps.app import documents, inputs, jobs, layout, runs
 from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
-from fifthwheel.data.channels import si_unit
-from fifthwheel.results.diagnose import LogPrediction
-from fifthwheel.model.dynamics import linear_system
+from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, percent, with_sigma
+from fifthwheel.base.plots import Line, Panel, Plot, Points
+from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.data.channels import si_unit
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, OneStage
 from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
-from fifthwheel.base.plots import Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, VERMILLION
-from fifthwheel.data.record import Record
+from fifthwheel.model.dynamics import linear_system
+from fifthwheel.results import plot
+from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.results.report.words import counted
-from fifthwheel.truck.spoken_names import named_unit, spoken
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.spoken_names import named_unit, spoken
 
 KINDS = ("step response", "Bode diagram", "handling diagram")
 FACTOR = 2.0

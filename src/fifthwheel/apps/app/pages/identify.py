@@ -11,11 +11,11 @@ from nicegui import ui
 
 from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs, words
 from fifthwheel.apps.app.workspace import VEHICLE, Workspace
-from fifthwheel.base.errors import FifthwheelError, printable
-from fifthwheel.estimate.identify.statement import parse
-from fifthwheel.base.settings import options_of
-from fifthwheel.truck import Vehicle
 from fifthwheel.apps.workflow import IdentifyOptions, starts_of
+from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.settings import options_of
+from fifthwheel.estimate.identify.statement import parse
+from fifthwheel.truck import Vehicle
 
 KEY = "identify"
 """Of the job."""

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 from nicegui import events, run, ui
 
-from fifthwheel.base.types import Array
 from fifthwheel.apps.app import documents, inputs, layout
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.base.errors import printable
-from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
-from fifthwheel.data.logs.stored import StoredLog
 from fifthwheel.base.pages.html import COURSE_POINTS, course
 from fifthwheel.base.plots import Axis, Line, Panel, Plot, Span
+from fifthwheel.base.types import Array
+from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.data.logs.stored import StoredLog
 from fifthwheel.results.report.log_contents import column_cells
 
 ROWS = 25

@@ -8,18 +8,18 @@ from nicegui import events, ui
 from fifthwheel.apps.app import documents, inputs, jobs, layout
 from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
-from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
-from fifthwheel.data.checks import Finding
+from fifthwheel.apps.workflow import ChannelEvidence, SignalEvidence
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
+from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
+from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
+from fifthwheel.data.checks import Finding
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.edited_map import with_channel, without_channel
 from fifthwheel.data.logs.mapping.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
-from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.truck import Vehicle
-from fifthwheel.apps.workflow import ChannelEvidence, SignalEvidence
 
 HEIGHT = 170
 """Height of the plot of a signal, pixels."""

@@ -10,16 +10,16 @@ from nicegui import events, ui
 from fifthwheel.apps.app import documents, jobs, layout
 from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
-from fifthwheel.results.diagnose.assumptions import assumed_numbers
-from fifthwheel.model.dynamics.summary import summarize
-from fifthwheel.base.errors import FifthwheelError, VehicleError, printable
-from fifthwheel.base.input_files import MAX_TOML_SIZE
-from fifthwheel.results.report.vehicle import NOTHING_ASSUMED, assumed_blocks
-from fifthwheel.truck.spoken_names import named_unit
-from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.apps.workflow.new_vehicle import new_vehicle
 from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, Question, describe
+from fifthwheel.base.errors import FifthwheelError, VehicleError, printable
+from fifthwheel.base.input_files import MAX_TOML_SIZE
+from fifthwheel.model.dynamics.summary import summarize
+from fifthwheel.results.diagnose.assumptions import assumed_numbers
+from fifthwheel.results.report.vehicle import NOTHING_ASSUMED, assumed_blocks
+from fifthwheel.truck import Vehicle, catalogue
+from fifthwheel.truck.masses import unusual_masses
+from fifthwheel.truck.spoken_names import named_unit
 
 DESCRIBED = "described"
 """Of the element with the drawing, to which the questions refer."""

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel.base.atomic import reserved, write_text
 from fifthwheel.apps.cli import terminal
 from fifthwheel.apps.cli.app import command
 from fifthwheel.apps.cli.options import (
@@ -18,6 +17,7 @@ from fifthwheel.apps.cli.options import (
     SignalsOption,
     VehicleOption,
 )
+from fifthwheel.base.atomic import reserved, write_text
 
 if TYPE_CHECKING:
     from fifthwheel.truck import Measured
@@ -61,10 +61,10 @@ def weigh(
     `tractor.drive = "10500 kg"`, and their standard deviation, `accuracy = "1 %"`. The file then states how well
     masses and CoG positions are known.
     """
+    from fifthwheel.apps.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.report.vehicle import weighed_document
     from fifthwheel.truck.slip import Slip
-    from fifthwheel.apps.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
 
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)
     if (log is None) == (slip is None):
@@ -104,8 +104,8 @@ def mass(
     masses stay; yaw inertia, stiffness and relaxation length of the tyres follow the load. If only the mass was wrong
     in the file, copy the masses from the new file.
     """
-    from fifthwheel.results.report.vehicle import mass_document
     from fifthwheel.apps.workflow import drive_vehicle, read_vehicle, vehicle_text
+    from fifthwheel.results.report.vehicle import mass_document
 
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)
     with reserved(out, force=force):
@@ -142,9 +142,9 @@ def roll_test(
     near the height of the roll axis, if there is one, measures how far the body moves to the side there. State the
     standard deviation of each reading after +-. The vehicle file describes the truck with the load.
     """
+    from fifthwheel.apps.workflow import changed_numbers, read_vehicle, roll_tested_vehicle
     from fifthwheel.results.report.vehicle import roll_test_document
     from fifthwheel.truck import RollTest
-    from fifthwheel.apps.workflow import changed_numbers, read_vehicle, roll_tested_vehicle
 
     truck = read_vehicle(vehicle)
     test = RollTest(

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from fifthwheel.base.atomic import reserved, write_text
 from fifthwheel.apps.cli import terminal
 from fifthwheel.apps.cli.app import command, vehicle_app
 from fifthwheel.apps.cli.options import ForceFileOption
+from fifthwheel.base.atomic import reserved, write_text
 from fifthwheel.base.options import TruckOptions
 from fifthwheel.base.settings import options_of
 
@@ -52,11 +52,11 @@ def new(
     a unit, and may have a standard deviation: '7.7 m +- 2 cm'. Vehicle classes give what nobody knows, with its
     uncertainty. For a vehicle with more units, --like writes a file to edit.
     """
+    from fifthwheel.apps.workflow.new_vehicle import new_vehicle
+    from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, conditions, describe
     from fifthwheel.base.errors import VehicleError
     from fifthwheel.truck import Vehicle
     from fifthwheel.truck.classes.template import template
-    from fifthwheel.apps.workflow.new_vehicle import new_vehicle
-    from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, conditions, describe
 
     given = {key: text for key, text in vars(chosen).items() if text is not None}
     if like and (given or slip or accuracy or asking):

@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from fifthwheel.base.atomic import reserved
 from fifthwheel.apps.cli import terminal
 from fifthwheel.apps.cli.app import command, vehicle_app
 from fifthwheel.apps.cli.options import ForceFileOption, JsonOption
+from fifthwheel.base.atomic import reserved
 
 
 @vehicle_app.callback(invoke_without_command=True)
@@ -70,10 +70,10 @@ def show(
     The effect of an assumed number is the largest change of a yaw rate or roll rate in a lane change, if the number
     changes by one standard deviation.
     """
-    from fifthwheel.results.diagnose.assumptions import assumed_numbers
-    from fifthwheel.model.dynamics.summary import summarize
-    from fifthwheel.results.report.vehicle import vehicle_document
     from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.model.dynamics.summary import summarize
+    from fifthwheel.results.diagnose.assumptions import assumed_numbers
+    from fifthwheel.results.report.vehicle import vehicle_document
 
     truck = read_vehicle(vehicle)
     with reserved(plot, force=force):

@@ -10,14 +10,14 @@ import struct
 from collections.abc import Sequence
 from pathlib import Path
 
-from fifthwheel.base.atomic import atomic_write
-from fifthwheel.data.channels import si_unit
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify.online import LearnedValue
-from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
+from fifthwheel.base.atomic import atomic_write
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.data.channels import si_unit
 from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.estimate.identify.online import LearnedValue
+from fifthwheel.estimate.identify.verdict import Verdict
 
 SCALE = 1e-4
 """Resolution of states and sigmas, SI."""

@@ -10,14 +10,14 @@ from socket import socket
 from typing import Any
 
 from fifthwheel.apps.addresses import is_address
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.page.snapshots import Snapshots
 from fifthwheel.apps.live.session import Session
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots.palette import CYCLE
-from fifthwheel.truck.spoken_names import named_unit
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.drawing import FLOOR, FRAME, OVERHANG, TRACK, WHEEL_RADIUS, WHEEL_WIDTH
+from fifthwheel.truck.spoken_names import named_unit
 
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src data:; frame-ancestors 'none'"

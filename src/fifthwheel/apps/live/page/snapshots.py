@@ -6,14 +6,14 @@ import threading
 from collections import deque
 from collections.abc import Mapping
 
-from fifthwheel.base.formatting import shown, with_sigma
-from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.apps.live.coach import DrivingAdvice
 from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.session import Session
+from fifthwheel.base.formatting import shown, with_sigma
+from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.results.report.words import spoken_verdict
-from fifthwheel.truck.spoken_names import spoken
 from fifthwheel.truck import unit_of
+from fifthwheel.truck.spoken_names import spoken
 
 PERIOD = 0.1
 """Time between two snapshots, s."""

@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from enum import Enum
 from typing import NamedTuple
 
-from fifthwheel.data.channels import split_header
 from fifthwheel.base.errors import SignalError, suggestion
-from fifthwheel.data.logs.can.database import CanSignal, Databases, group
 from fifthwheel.base.names import split_source
+from fifthwheel.data.channels import split_header
+from fifthwheel.data.logs.can.database import CanSignal, Databases, group
 
 
 class Frame(NamedTuple):

@@ -2,17 +2,17 @@
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.units import factor
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.channels.inputs import UNDERSTEER
 from fifthwheel.data.checks.findings import Fault, Finding
 from fifthwheel.data.checks.kinematics import relations
 from fifthwheel.data.checks.plausibility import MIN_SPEED, check
-from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs.assemble import assemble
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
 from fifthwheel.data.logs.source import LogSource
 from fifthwheel.data.record.record import Record
-from fifthwheel.base.units import factor
 
 COARSE_RATE = 20.0
 """Hz; sufficient for signs, units and ratios."""

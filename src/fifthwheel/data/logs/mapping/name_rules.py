@@ -5,11 +5,11 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from fifthwheel.data.channels import ARTICULATION, CHANNELS, SPEED, STEER, Channel
-from fifthwheel.data.channels.sensors import SENSOR_CLASSES
 from fifthwheel.base.errors import UnitError
 from fifthwheel.base.names import split_source
 from fifthwheel.base.units import factor
+from fifthwheel.data.channels import ARTICULATION, CHANNELS, SPEED, STEER, Channel
+from fifthwheel.data.channels.sensors import SENSOR_CLASSES
 
 
 @dataclass(frozen=True, kw_only=True)

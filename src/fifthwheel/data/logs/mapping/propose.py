@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from fifthwheel.base.errors import SignalError, printable, printable_lines
+from fifthwheel.base.units import factor
 from fifthwheel.data.channels import (
     AXLE_LOAD,
     ENGINE_SPEED,
@@ -23,15 +25,19 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.checks.findings import Finding
 from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation
-from fifthwheel.base.errors import SignalError, printable, printable_lines
 from fifthwheel.data.logs.assemble import assemble
 from fifthwheel.data.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
-from fifthwheel.data.logs.mapping.name_rules import NO_UNIT, ColumnHint, classify_columns, is_rate_by_unit, is_speed_by_unit
+from fifthwheel.data.logs.mapping.name_rules import (
+    NO_UNIT,
+    ColumnHint,
+    classify_columns,
+    is_rate_by_unit,
+    is_speed_by_unit,
+)
 from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, TimeColumn, relative_keys
 from fifthwheel.data.logs.source import LogSource
 from fifthwheel.data.record.record import Record
-from fifthwheel.base.units import factor
 
 _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""

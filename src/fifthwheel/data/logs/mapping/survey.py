@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import printable
+from fifthwheel.base.types import Array
 from fifthwheel.data.logs.source import Column, LogSource, ReadProgress, no_progress
 from fifthwheel.data.record.held import Renewals
 from fifthwheel.data.record.timestamps import typical_step

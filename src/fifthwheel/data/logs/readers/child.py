@@ -21,8 +21,8 @@ from importlib.abc import MetaPathFinder
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.data.logs.readers.limits import MAX_COLUMNS, MAX_NAME, MEMORY
 from fifthwheel.data.logs.readers.messages import receive, send
 from fifthwheel.data.logs.source import Column, LogSource, reason

@@ -19,8 +19,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.data.logs.readers.child import CURE
 from fifthwheel.data.logs.readers.limits import MEMORY, SAMPLES, SECONDS, FileLimits, limit
 from fifthwheel.data.logs.readers.messages import TooMuchError, receive, send

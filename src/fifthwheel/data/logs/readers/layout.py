@@ -6,10 +6,10 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from fifthwheel.data.channels import split_header
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.logs.readers.cells import BLANK, DATE_STYLES, DateStyle, date_style
 from fifthwheel.base.units import is_unit
+from fifthwheel.data.channels import split_header
+from fifthwheel.data.logs.readers.cells import BLANK, DATE_STYLES, DateStyle, date_style
 
 SEPARATORS = (";", "\t", ",", "|", " ")
 """In the order in which they are tried; " " stands for runs of blanks."""

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.io.matlab import MatlabFunction, MatlabObject, MatlabOpaque
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.data.logs.readers import matlab_4_order
 from fifthwheel.data.logs.readers.mat_signals import Node, Numbers, Opaque, Search, Signal, listed
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name

@@ -12,8 +12,8 @@ import numpy as np
 from asammdf import MDF
 from numpy.typing import NDArray
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array
 from fifthwheel.data.logs.can.database import load
 from fifthwheel.data.logs.can.log import CanLog, Frames, open_can_log
 from fifthwheel.data.logs.readers.mdf_formulas import replace_evaluation

@@ -6,8 +6,8 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from fifthwheel.data.channels import split_header
 from fifthwheel.base.errors import SignalError
+from fifthwheel.data.channels import split_header
 from fifthwheel.data.logs.readers.cells import Cells
 from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress

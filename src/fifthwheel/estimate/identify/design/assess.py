@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 import fifthwheel
-from fifthwheel.model import dynamics
 from fifthwheel.base.arguments import expect, expect_each, expect_optional
-from fifthwheel.data.checks import Finding
-from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.names import NumberedName, ParameterPath, split_log
+from fifthwheel.data.checks import Finding
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.sensor_noise import estimate_noise_variance
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
 from fifthwheel.estimate.identify.design.predict import InformationPredictor, PredictedPosterior
@@ -25,10 +26,9 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.stated_numbers import stated_estimates
 from fifthwheel.estimate.identify.statement import Statement, applies, statement, states_sigma
 from fifthwheel.estimate.identify.verdict import Verdict, is_stated
-from fifthwheel.base.names import NumberedName, ParameterPath, split_log
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
 from fifthwheel.estimate.time_bases import check_signals
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import size_of
 

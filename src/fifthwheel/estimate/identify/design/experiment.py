@@ -10,8 +10,9 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel.base.arguments import expect, expect_names, expect_optional
-from fifthwheel.data.channels import GYROS, MOTION, is_of
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.channels import GYROS, MOTION, is_of
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.design.predict import InformationPredictor, possible_channels
@@ -25,7 +26,6 @@ from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.unknowns.parameters import known_of
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.manoeuvres.linear import steer_record
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import size_of
 

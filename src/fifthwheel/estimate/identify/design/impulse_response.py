@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.identify.dataset import LogData
@@ -26,7 +27,6 @@ from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre
 from fifthwheel.model.manoeuvres.linear import DECAY_TIME, steer_record
-from fifthwheel.base.names import ParameterPath, split_log
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.

@@ -19,16 +19,16 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.types import Array
-from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import play_contact
 from fifthwheel.estimate.identify.design.search import DesignSettings, sizes_within_limits, stable_speeds
 from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.model.manoeuvres.linear import steer_record
-from fifthwheel.data.record import Record
 from fifthwheel.truck.quantities import size_of
 
 DRIVEN = DesignSettings(frequencies=(0.3, 0.5), accelerations=(0.5,), max_acceleration=1.0)

@@ -12,6 +12,8 @@ from types import MappingProxyType
 
 import numpy as np
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.names import PAYLOAD_HEIGHT, NumberedName, ends_with, split_log
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
     IDENTIFIED,
@@ -24,8 +26,7 @@ from fifthwheel.data.channels import (
     measured_signals,
     names_of,
 )
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
-from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import LogData, measured_columns
 from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
@@ -35,9 +36,8 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
+from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.model.manoeuvres.linear import steer_record
-from fifthwheel.base.names import PAYLOAD_HEIGHT, NumberedName, ends_with, split_log
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 

@@ -7,17 +7,17 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
-from fifthwheel.model import dynamics
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.settings import Count, NonNegative, Positive, Settings
+from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.design.impulse_response import ImpulseResponse
 from fifthwheel.estimate.identify.design.predict import InformationPredictor
 from fifthwheel.estimate.identify.design.road_noise import ROUGHNESS, road_noise
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
 from fifthwheel.model.manoeuvres.linear import lateral_acceleration
-from fifthwheel.base.settings import Count, NonNegative, Positive, Settings
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import size_of
 

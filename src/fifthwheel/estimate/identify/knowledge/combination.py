@@ -10,6 +10,7 @@ from itertools import chain
 
 import numpy as np
 
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array, selected
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.filters.scaling import Scaling
@@ -19,7 +20,6 @@ from fifthwheel.estimate.identify.knowledge.states import Observation, State, Wa
 from fifthwheel.estimate.identify.one_stage.posterior import model_error_factors
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.truck.quantities import TIME_BASE
 
 DAY = 86_400.0

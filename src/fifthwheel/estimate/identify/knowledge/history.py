@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
+from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SensorErrorName
-from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.identify.knowledge.combination import Combined
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER, LogKnowledge, Owned
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.knowledge.states import State
-from fifthwheel.base.names import ParameterPath
 from fifthwheel.truck import unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, TIME_BASE
 

@@ -10,14 +10,14 @@ import numpy as np
 from pydantic import BeforeValidator
 
 from fifthwheel.base.arguments import expect_optional
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import ComparedByContents
 from fifthwheel.data.channels import SensorErrorName
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.record import EARLIEST_DATE
 from fifthwheel.estimate.identify.stored import Flags, Positive, Symmetric, Vector
 from fifthwheel.estimate.identify.unknowns.parameters import unit_of_unknown
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.base.names import ParameterPath
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.record import EARLIEST_DATE
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import SCOPES, Scope, quantity_of
 

@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from fifthwheel.base.arguments import expect_each
-from fifthwheel.base.types import ComparedByContents
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.names import ParameterPath
+from fifthwheel.base.options import FleetSettings
+from fifthwheel.base.types import ComparedByContents
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.information import (
     OUTLIER,
     Labels,
@@ -24,9 +27,6 @@ from fifthwheel.estimate.identify.knowledge.information import (
 from fifthwheel.estimate.identify.knowledge.load import load_factors
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior
 from fifthwheel.estimate.identify.setup import Setup
-from fifthwheel.base.names import ParameterPath
-from fifthwheel.base.options import FleetSettings
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION
 

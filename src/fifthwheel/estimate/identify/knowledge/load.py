@@ -4,8 +4,8 @@ import math
 from typing import Any
 
 from fifthwheel.base.arguments import expect, expect_number
-from fifthwheel.model.dynamics.tyres import stiffness_at_load
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.model.dynamics.tyres import stiffness_at_load
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.uncertainty import cog_sigma
 from fifthwheel.truck.unit import Unit

@@ -17,9 +17,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import STEER, is_of, is_sensor_error
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.types import Array
+from fifthwheel.base.units import STANDARD_GRAVITY
+from fifthwheel.data.channels import STEER, is_of, is_sensor_error
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import Dataset, prepare_dataset
 from fifthwheel.estimate.identify.given import applied, with_sensors
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Minimum, minimise
@@ -31,8 +33,6 @@ from fifthwheel.estimate.identify.settings import OneStage, Progress
 from fifthwheel.estimate.identify.setup import Setup, with_tyre_law
 from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
 from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
-from fifthwheel.data.record import Record
-from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION
 

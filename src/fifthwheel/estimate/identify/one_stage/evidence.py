@@ -2,7 +2,14 @@
 
 from collections.abc import Iterator, Sequence
 
-from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind, Evidence, PriorTest, most_likely
+from fifthwheel.estimate.identify.doubts import (
+    NONLINEAR_ACCELERATION,
+    Doubt,
+    DoubtKind,
+    Evidence,
+    PriorTest,
+    most_likely,
+)
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.unknowns.gross_errors import is_possible
 from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.base.names import NumberedName
 from fifthwheel.estimate.identify.dataset import LogData, measured_columns
 from fifthwheel.estimate.identify.fit_evaluation import FitsOf, channel_fits
 from fifthwheel.estimate.identify.one_stage.estimator import EARLY_TOLERANCE
@@ -18,7 +18,7 @@ from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.parts import Fit
 from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
-from fifthwheel.base.names import NumberedName
+from fifthwheel.model.dynamics.tyre_law import Tyres
 from fifthwheel.truck import Vehicle
 
 

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 import fifthwheel
-from fifthwheel.model import dynamics
+from fifthwheel.base.names import NumberedName
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.doubts import PriorTest
 from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits
@@ -36,8 +35,9 @@ from fifthwheel.estimate.identify.verdict import (
     uncertain_verdict,
     uninformed_parameters,
 )
-from fifthwheel.base.names import NumberedName
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
 

@@ -4,6 +4,8 @@ from collections.abc import Callable, Container, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 
+from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER, LogKnowledge, Occasion
@@ -20,8 +22,6 @@ from fifthwheel.estimate.identify.settings import OneStage, Progress
 from fifthwheel.estimate.identify.setup import Setup, with_tyre_law
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.base.names import ParameterPath, split_log
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle
 
 NEARLY_UNSTABLE = (

@@ -9,8 +9,10 @@ from numpy.typing import ArrayLike
 from threadpoolctl import threadpool_limits
 
 from fifthwheel.base.arguments import expect, expect_each, expect_optional
-from fifthwheel.base.types import Array, Indices
 from fifthwheel.base.errors import SignalError, suggestion
+from fifthwheel.base.names import NumberedName
+from fifthwheel.base.types import Array, Indices
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.one_stage.estimator import TOLERANCE, solve_one_stage
 from fifthwheel.estimate.identify.one_stage.gauss_newton import minimise
@@ -19,8 +21,6 @@ from fifthwheel.estimate.identify.one_stage.profile import Profile
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.settings import OneStage, Progress
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.base.names import NumberedName
-from fifthwheel.data.record import Record
 from fifthwheel.truck import Vehicle, unit_of
 
 

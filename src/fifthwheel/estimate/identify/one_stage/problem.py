@@ -32,10 +32,12 @@ from typing import NamedTuple, Self
 
 import numpy as np
 
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.native import AdjointScan, DirectionScan
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.data.channels import ARTICULATION, SPEED, STEER, YAW_RATE, is_input, is_of, is_sensor_error, names_of
 from fifthwheel.data.checks.samples import present_samples
-from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import Noise, tangent, variances
 from fifthwheel.estimate.filters.initial_state import initial_factor, initial_state
 from fifthwheel.estimate.filters.step_rows import StepRows, steer_sigma, step_rows
@@ -50,8 +52,6 @@ from fifthwheel.estimate.identify.one_stage.segment_run import segment_blocks
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.base.native import AdjointScan, DirectionScan
-from fifthwheel.data.record import Record
 from fifthwheel.truck.quantities import DISCREPANCY, DRIVE_AXLE_BRAKING
 
 SHORTEST_PART = 20.0

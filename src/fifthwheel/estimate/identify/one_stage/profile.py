@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fifthwheel.base.types import Array
 from fifthwheel.base.formatting import shown
-from fifthwheel.estimate.identify.result.posterior import normal_quantile
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import BLUE, GREY
+from fifthwheel.base.types import Array
+from fifthwheel.estimate.identify.result.posterior import normal_quantile
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

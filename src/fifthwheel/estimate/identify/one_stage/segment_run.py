@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from fifthwheel.base.native import AdjointScan, DirectionScan
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.estimate.filters import tangent
 from fifthwheel.estimate.filters.step_rows import StepRows
 from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock
-from fifthwheel.base.native import AdjointScan, DirectionScan
 
 
 def segment_blocks(

@@ -19,6 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.estimate.identify.doubts import Doubt, describe_doubt
@@ -35,7 +36,6 @@ from fifthwheel.estimate.identify.knowledge.load import load_factors
 from fifthwheel.estimate.identify.one_stage.solution import LogLinearisation, Solution
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
-from fifthwheel.base.names import split_log
 
 
 def log_knowledge(solution: Solution, occasion: Occasion) -> list[LogKnowledge]:

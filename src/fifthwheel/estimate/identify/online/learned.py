@@ -19,7 +19,13 @@ import numpy as np
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.relinearised import JointEstimate
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, describe_doubt, most_likely
-from fifthwheel.estimate.identify.knowledge.information import Labels, LogKnowledge, Occasion, SharedInformation, masses_of_load
+from fifthwheel.estimate.identify.knowledge.information import (
+    Labels,
+    LogKnowledge,
+    Occasion,
+    SharedInformation,
+    masses_of_load,
+)
 from fifthwheel.estimate.identify.knowledge.storage import restored_logs
 from fifthwheel.estimate.identify.one_stage.shared_information import marginal_information
 from fifthwheel.estimate.identify.one_stage.solution import LogLinearisation

@@ -16,9 +16,12 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_known, expect_names, expect_optional, expect_sample
+from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.names import ParameterPath
 from fifthwheel.data.channels import CHANNELS
 from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.wheel_speeds import all_pairs, sample_with_differences, with_differences
 from fifthwheel.estimate.identify.doubts import Doubt
 from fifthwheel.estimate.identify.given import applied, with_sensors
 from fifthwheel.estimate.identify.knowledge.information import Labels, Occasion
@@ -35,9 +38,6 @@ from fifthwheel.estimate.identify.stored import reason, restored, stored
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.estimate.identify.verdict import Verdict, estimate_verdict
-from fifthwheel.base.names import ParameterPath
-from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs, sample_with_differences, with_differences
 from fifthwheel.estimate.stream import VALID
 from fifthwheel.truck import Vehicle
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import WHEEL_SPEED_DIFFERENCE, names_of
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.steps import StepLimit
 from fifthwheel.estimate.filters import Noise, joint, variances
 from fifthwheel.estimate.filters.model import block_diagonal
 from fifthwheel.estimate.filters.relinearised import JointEstimate, RelinearisedFilter
@@ -24,6 +22,8 @@ from fifthwheel.estimate.observe.monitor import Monitor
 from fifthwheel.estimate.observe.observer_step import reported_signals
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.stream import VALID, InputRule, Status, Stream, StreamSettings, magnitude
+from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.steps import StepLimit
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are

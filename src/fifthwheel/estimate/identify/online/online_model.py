@@ -7,19 +7,19 @@ from dataclasses import dataclass, replace
 import casadi as ca
 import numpy as np
 
-from fifthwheel.model import dynamics
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import LEARNED, YAW_RATE, is_of, measured_signals
-from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
-from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.estimate.identify.statement import stated
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, fixed_last_axles, known_of
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
+from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.truck import Vehicle
 
 LINEAR_TYRES = 0.06

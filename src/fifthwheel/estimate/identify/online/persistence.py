@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.base.types import Array, selected
 from fifthwheel.base.checked_json import FileKind
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.types import Array, selected
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior
 from fifthwheel.estimate.identify.stored import Matrix, Vector, restored
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown

@@ -3,11 +3,11 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from fifthwheel.data.channels import LEARNED
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.settings import FiniteNonNegative, NonNegative, Positive, Settings
+from fifthwheel.data.channels import LEARNED
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, NONLINEAR_SPEED_RATE
-from fifthwheel.base.settings import FiniteNonNegative, NonNegative, Positive, Settings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,17 +10,22 @@ from typing import NamedTuple, Self
 import casadi as ca
 import numpy as np
 
+from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
-from fifthwheel.model.dynamics import true_angles
-from fifthwheel.model.dynamics.chain import equations, state_names
-from fifthwheel.estimate.filters.initial_state import TYPICAL_STEER_SIGMA, equilibrium, initial_state, steady_initial_state
+from fifthwheel.estimate.filters.initial_state import (
+    TYPICAL_STEER_SIGMA,
+    equilibrium,
+    initial_state,
+    steady_initial_state,
+)
 from fifthwheel.estimate.filters.model import block_diagonal
 from fifthwheel.estimate.filters.scaling import Scaling
 from fifthwheel.estimate.identify.online.online_model import OnlineModel
 from fifthwheel.estimate.identify.online.settings import LearnerSettings
 from fifthwheel.estimate.identify.setup import Setup
-from fifthwheel.base.native import Scan, compiled
+from fifthwheel.model.dynamics import true_angles
+from fifthwheel.model.dynamics.chain import equations, state_names
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

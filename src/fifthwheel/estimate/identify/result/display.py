@@ -5,16 +5,16 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.types import Array
-from fifthwheel.data.channels import si_unit
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.formatting import percent, relative, shown, with_sigma
-from fifthwheel.estimate.identify.doubts import describe_doubt
-from fifthwheel.estimate.identify.result.parts import Estimate, Fit, IdentificationData, ParameterHistory
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.items import Dash
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, VERMILLION
 from fifthwheel.base.plots.panels import trimmed, visible_range
+from fifthwheel.base.types import Array
+from fifthwheel.data.channels import si_unit
+from fifthwheel.estimate.identify.doubts import describe_doubt
+from fifthwheel.estimate.identify.result.parts import Estimate, Fit, IdentificationData, ParameterHistory
 
 TIME = Axis(label="time", unit="s")
 HISTORY_BAND = "± 1 sigma"

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
 
+from fifthwheel.base.errors import FifthwheelError, suggestion
 from fifthwheel.base.extras import require
+from fifthwheel.base.options import FRICTION_RANGE
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
     SPEED,
@@ -18,14 +20,12 @@ from fifthwheel.data.channels import (
     is_of,
     is_sensor_error,
 )
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.base.errors import FifthwheelError, suggestion
 from fifthwheel.estimate.identify.result.parts import Estimate, IdentificationData
 from fifthwheel.estimate.identify.statement import prior_of, with_values
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.base.options import FRICTION_RANGE
+from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.truck.quantities import (
     BANK_VARIATION,
     DRIVE_AXLE_BRAKING,
@@ -41,10 +41,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from fifthwheel.base import pages
+    from fifthwheel.base.plots import Plot
     from fifthwheel.estimate.identify.online import Learner, LearnerSettings
     from fifthwheel.estimate.identify.result.posterior import Posterior
     from fifthwheel.estimate.observe import Observer, ObserverSettings
-    from fifthwheel.base.plots import Plot
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

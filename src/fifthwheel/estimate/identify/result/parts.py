@@ -7,6 +7,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import PlainValidator
 
+from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.data.checks import Finding
 from fifthwheel.estimate.identify.doubts import Doubt
@@ -15,7 +16,6 @@ from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.statement import states_sigma
 from fifthwheel.estimate.identify.stored import Number, Real
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import size_of

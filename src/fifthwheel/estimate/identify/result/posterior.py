@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from fifthwheel.base.arguments import expect_known, expect_names
+from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.extras import require
+from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.data.channels import is_sensor_error
-from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.names import split_log
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, displaced, positive_parameters
 
 if TYPE_CHECKING:

@@ -11,16 +11,16 @@ from typing import Any, TypeVar, get_type_hints
 import numpy as np
 
 from fifthwheel.base.atomic import atomic_write
-from fifthwheel.base.types import Array
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
+from fifthwheel.base.input_files import read_json, require_regular
+from fifthwheel.base.settings import Settings
+from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.parts import IdentificationData
 from fifthwheel.estimate.identify.settings import require_own_functions, settings_of_method
 from fifthwheel.estimate.identify.stored import ValidationError, restored
-from fifthwheel.base.input_files import read_json, require_regular
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.base.settings import Settings
 from fifthwheel.truck import Vehicle
 
 T = TypeVar("T")

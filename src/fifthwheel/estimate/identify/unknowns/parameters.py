@@ -4,10 +4,9 @@ import math
 from collections.abc import Collection, Container, Iterable, Mapping, Sequence
 from dataclasses import replace
 
-from fifthwheel.model import dynamics
-from fifthwheel.data.channels import PLACE_KINDS, ROLL_RATE, SensorErrorName, SignalName, channel_of, names_of
-from fifthwheel.model.dynamics.tyres import saturation_parameters
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
+from fifthwheel.data.channels import PLACE_KINDS, ROLL_RATE, SensorErrorName, SignalName, channel_of, names_of
 from fifthwheel.estimate.identify.settings import ROLL_PARAMETERS, CommonSettings, OneStage
 from fifthwheel.estimate.identify.statement import Stated, prior_of, refused, stated
 from fifthwheel.estimate.identify.unknowns.unknown import (
@@ -18,7 +17,8 @@ from fifthwheel.estimate.identify.unknowns.unknown import (
     linear_unknown,
     logarithmic_unknown,
 )
-from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
+from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.tyres import saturation_parameters
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING, FRICTION, TIME_BASE, quantity_of, unit_of
 from fifthwheel.truck.steering import own_parameters

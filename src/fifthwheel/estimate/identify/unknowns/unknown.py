@@ -7,11 +7,11 @@ from enum import Enum
 
 import numpy as np
 
-from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.estimate.filters.scaling import Scaling
 from fifthwheel.base.formatting import percent
 from fifthwheel.base.names import ParameterPath
+from fifthwheel.data.channels import is_sensor_error
+from fifthwheel.estimate.filters.scaling import Scaling
 from fifthwheel.truck.quantities import quantity_of
 
 GUESS_TAIL = 3.0

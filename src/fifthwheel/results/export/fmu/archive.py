@@ -8,14 +8,14 @@ from pathlib import Path
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError, suggestion
+from fifthwheel.base.pages.page import page
+from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export.fmu import description
 from fifthwheel.results.export.fmu.binaries import PLATFORMS, libraries
 from fifthwheel.results.export.fmu.observer import observer_model
 from fifthwheel.results.export.fmu.truck import truck_model
 from fifthwheel.results.export.fmu.variables import FmuModel, Role
 from fifthwheel.results.export.fmu.variables import table as variable_table
-from fifthwheel.estimate.observe import Observer
-from fifthwheel.base.pages.page import page
 from fifthwheel.truck import Vehicle
 
 _COMMON = ("fmu.h", "fmu.c", "fmu_export.h")

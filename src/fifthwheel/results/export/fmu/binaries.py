@@ -16,8 +16,8 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from fifthwheel.base.atomic.locks import cleaned_up
-from fifthwheel.base.extras import require
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.extras import require
 
 
 class Platform(NamedTuple):

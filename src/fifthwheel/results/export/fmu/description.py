@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from xml.etree import ElementTree as ET
 
 from fifthwheel import __version__
-from fifthwheel.results.export.fmu.variables import FmuModel, Role, Variable
 from fifthwheel.base.formatting import plain_ascii, shown
 from fifthwheel.base.units import base_units
+from fifthwheel.results.export.fmu.variables import FmuModel, Role, Variable
 
 VARIABILITY = {
     Role.TIME: ("independent", "continuous"),

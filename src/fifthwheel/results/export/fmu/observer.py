@@ -1,8 +1,8 @@
 """The observer of a vehicle as the model of an FMU."""
 
+from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.results.export import project
 from fifthwheel.results.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
-from fifthwheel.estimate.observe import Observer, Status
 
 MEASURED = "measured."
 """Prefix of the inputs that are also estimated, such as yaw rates."""

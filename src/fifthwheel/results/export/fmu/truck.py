@@ -4,23 +4,23 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from fifthwheel.model import dynamics
 from fifthwheel.base.arguments import expect
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.native import c_code
 from fifthwheel.data.channels import LATERAL_VELOCITY, MODELLED, WHEEL_SPEED_DIFFERENCE
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
+from fifthwheel.estimate.identify.unknowns.unknown import BOUND_FACTOR
+from fifthwheel.estimate.stream import magnitude
+from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.chain import equations
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.state_space import MAX_SPEED
 from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
-from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.results.export import project
 from fifthwheel.results.export.c_text import table
 from fifthwheel.results.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
-from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
-from fifthwheel.estimate.identify.unknowns.unknown import BOUND_FACTOR
-from fifthwheel.base.native import c_code
-from fifthwheel.estimate.stream import magnitude
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import quantity_of
 
