@@ -44,9 +44,10 @@ TESTS = {
     "src/fifthwheel/estimate/identify/verdict.py": ("tests/estimate/identify/test_verdict.py", SOLVER_TESTS),
     "src/fifthwheel/estimate/identify/doubts.py": (
         "tests/estimate/identify/test_doubts.py tests/estimate/identify/one_stage/test_doubt_limits.py",
-        f"tests/estimate/identify/one_stage/test_evidence.py tests/estimate/identify/online/test_doubt_limits.py {SOLVER_TESTS}",
+        "tests/estimate/identify/one_stage/test_evidence.py tests/estimate/identify/online/test_doubt_limits.py "
+        + SOLVER_TESTS,
     ),
-    "src/fifthwheel/stream": ("tests/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
+    "src/fifthwheel/estimate/stream": ("tests/estimate/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
     "src/fifthwheel/estimate/observe/monitor.py": (
         "tests/estimate/observe/test_limits.py tests/estimate/observe/test_settling.py",
         f"tests/estimate/observe/test_consistency.py {STREAM_TESTS} tests/live",

@@ -6,8 +6,8 @@ covariance P = S S' (Van der Merwe and Wan 2001): it triangularises and shrinks 
 covariances, so that P is positive semidefinite whatever the rounding, also if P is singular.
 
 Noise is additive. Points are drawn again after the prediction, and measurements correct the state channel by channel,
-as in `fifthwheel.estimate.filters.kalman`. A considered bank is a further column of the joint square root, which measurements do
-not weigh.
+as in `fifthwheel.estimate.filters.kalman`. A considered bank is a further column of the joint square root, which
+measurements do not weigh.
 """
 
 from collections.abc import Callable, Mapping

@@ -22,27 +22,37 @@ from fifthwheel.base.settings import Settings
 
 SECTION = re.compile(r"(Args|Returns|Yields|Raises|Example|Examples|Attributes|Note|Notes):$")
 IDEAS = {
-    "Records and logs": ("record", "logs", "checks", "time_bases"),
-    "Vehicles": ("vehicle",),
-    "Linear model": ("dynamics", "dynamics.summary", "plot"),
-    "Simulation": ("simulate", "manoeuvres", "plant"),
-    "Identification": ("identify", "identify.mass", "diagnose.comparison", "cheng_cebon_2011"),
-    "Knowledge": ("identify.knowledge.knowledge", "identify.knowledge.information", "identify.knowledge.load"),
-    "Live estimation": ("identify.online",),
-    "Design of test runs": ("identify.design",),
-    "States": ("observe",),
-    "Performance measures": ("assess",),
-    "Test methods": ("evaluate",),
-    "Reports and plots": ("report", "plots", "pages.terminal"),
-    "Export": ("export",),
-    "Fleets": ("fleet",),
-    "Studies": ("studies",),
-    "Errors": ("errors",),
+    "Records and logs": ("data.record", "data.logs", "data.checks", "estimate.time_bases"),
+    "Vehicles": ("truck",),
+    "Linear model": ("model.dynamics", "model.dynamics.summary", "results.plot"),
+    "Simulation": ("model.simulate", "model.manoeuvres", "model.plant"),
+    "Identification": (
+        "estimate.identify",
+        "estimate.identify.mass",
+        "results.diagnose.comparison",
+        "apps.cheng_cebon_2011",
+    ),
+    "Knowledge": (
+        "estimate.identify.knowledge.knowledge",
+        "estimate.identify.knowledge.information",
+        "estimate.identify.knowledge.load",
+    ),
+    "Live estimation": ("estimate.identify.online",),
+    "Design of test runs": ("estimate.identify.design",),
+    "States": ("estimate.observe",),
+    "Performance measures": ("results.assess",),
+    "Test methods": ("results.evaluate",),
+    "Reports and plots": ("results.report", "base.plots", "base.pages.terminal"),
+    "Export": ("results.export",),
+    "Fleets": ("apps.fleet",),
+    "Studies": ("apps.studies",),
+    "Errors": ("base.errors",),
 }
 """Modules below `fifthwheel` by the title of their page. A module without `__all__` has the names of `fifthwheel`."""
 INTERNAL = re.compile(
-    r"fifthwheel\.(filters(?!\.relinearised)|native|pages|plant\.truck|identify\.(one_stage|dataset|unknowns|noise_model|online\.live_filter"
-    r"|knowledge\.(states|combination))|observe\.(observed_chain|uncertainty))\b"
+    r"fifthwheel\.(base\.(native|pages)|model\.plant\.truck|estimate\.(filters(?!\.relinearised)"
+    r"|identify\.(one_stage|dataset|unknowns|noise_model|online\.live_filter|knowledge\.(states|combination))"
+    r"|observe\.(observed_chain|uncertainty)))\b"
 )
 """Modules whose types no user needs; `RelinearisationSettings` is one of the settings."""
 
@@ -55,10 +65,8 @@ class Entry(NamedTuple):
 
     @property
     def name(self) -> str:
-        """As users write it after `fifthwheel.`; a module of this name may be called like its main function."""
-        module = self.path.split(".")[1]
-        main = vars(type(getattr(fifthwheel, module))).get("__call__") if module in fifthwheel.__all__ else None
-        return module if getattr(main, "__func__", None) is self.value else self.path.removeprefix("fifthwheel.")
+        """As users write it after `fifthwheel.`."""
+        return self.path.removeprefix("fifthwheel.")
 
     def summary(self) -> str:
         """First sentence of its documentation."""
@@ -100,14 +108,17 @@ def attribute_docs(module: str) -> dict[str, list[str]]:
 def public(module: str) -> Iterator[Entry]:
     """The public names of a module, as `fifthwheel.NAME` where they are public there."""
     package = import_module(f"fifthwheel.{module}")
-    found = re.findall(rf"from fifthwheel\.{module} import (\w+) as", inspect.getsource(fifthwheel))
-    here = [name for name in found if name != module]
-    names = [*getattr(package, "__all__", ()), *here]
-    if module in fifthwheel.__all__ and not names:
-        called = [package.__call__.__name__] if callable(package) else []
-        names = called or [name for name, value in vars(package).items() if is_of(value, package.__name__)]
+    stated = re.findall(rf"from fifthwheel\.{module} import (\w+) as", inspect.getsource(fifthwheel))
+    names = [*getattr(package, "__all__", ()), *stated]
+    names = names or [name for name, value in vars(package).items() if is_of(value, package.__name__)]
     for name in sorted(dict.fromkeys(names), key=str.casefold):
-        yield Entry(f"fifthwheel.{name}" if name in here else f"fifthwheel.{module}.{name}", getattr(package, name))
+        value = getattr(package, name)
+        yield Entry(f"fifthwheel.{short(value) or f'{short(package) or module}.{name}'}", value)
+
+
+def short(value: Any) -> str | None:
+    """The name that `fifthwheel` has for it."""
+    return next((name for name in fifthwheel.__all__ if getattr(fifthwheel, name) is value), None)
 
 
 def is_of(value: Any, module: str) -> bool:

@@ -78,8 +78,8 @@ def study(
             only, `exact_guess`.
         settling_time: time at the start of each run that the rms errors of the states leave out, s.
         jobs: processes; by default one per core. More than one needs functions at the top level of a module.
-        scheduler: address of a Dask scheduler that runs the estimators instead, as of `fifthwheel.apps.cluster.connected`;
-            its workers import the functions from the same modules.
+        scheduler: address of a Dask scheduler that runs the estimators instead, as of
+            `fifthwheel.apps.cluster.connected`; its workers import the functions from the same modules.
         progress: called while trucks are simulated and runs end; see `fifthwheel.progress_bar`.
 
     Returns:
