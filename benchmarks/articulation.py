@@ -6,7 +6,7 @@
 The nonlinear truck drives by engine and gears on hilly, banked roads in wind. Each seed draws the errors of all numbers
 of the vehicle file and of all sensors as in sharpness.py:
 
-* class: nothing is stated, the defaults hold (`vehicle.uncertainty`, `OneStage`);
+* class: nothing is stated, the defaults hold (`truck.uncertainty`, `OneStage`);
 * careful: masses from a weighbridge, lengths from a tape, sensors of a known class (`CAREFUL`).
 
 The signals are those that most tractors have, at 25 Hz: speed, steer angle, yaw rate and lateral acceleration; the

@@ -2,7 +2,7 @@
 
     python benchmarks/mass.py [--seeds 40] [--first 0] [--minutes 10] [--cases 3] [--nonlinear]
 
-The truth is `plant.driving`, which shares no code with the estimator. Each seed draws a mass from 16 to 42 t, the
+The truth is `model.plant.driving`, which shares no code with the estimator. Each seed draws a mass from 16 to 42 t, the
 numbers and sensor errors of the truck (`DrivenTruck.drawn`), its driver, road, traffic and wind. The estimator has the
 driveline of no vehicle file, only the figures of heavy trucks, and starts from 40.6 t.
 

@@ -7,7 +7,7 @@
 
 Each drawn truck is a vehicle of the catalogue whose load is 1 to 2.2 times as high; with other factors more are near a
 threshold.
-A vehicle file with random errors describes it: those of `vehicle.uncertainty.changes`, of the priors of numbers on
+A vehicle file with random errors describes it: those of `truck.uncertainty.changes`, of the priors of numbers on
 which the file states nothing, of the half track and of the driveline. `assess` sees the file only. The table counts how
 many true measures lie in the interval of 90 %, and how many trucks meet the thresholds of all levels, beside the mean
 of the probability that they do. With `--around file` the file is exact, and the truth has the random errors.

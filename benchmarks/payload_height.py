@@ -3,7 +3,7 @@ static roll test of the empty trailer, whose readings are those of the linear eq
 
     python benchmarks/payload_height.py [--seeds 20] [--one-scale]
 
-Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the uncertain
+Each seed draws the errors of the vehicle file from `truck.uncertainty.changes` and from the priors of the uncertain
 numbers, and the errors of the sensors from the priors of `OneStage`. Suspension, lengths, unladen bodies, gains,
 delays and misalignments are those of the truck, the same in all its logs; masses, CoG and offsets are drawn for each.
 Each load is weighed on another scale, or all on one, as the knowledge of a truck assumes.

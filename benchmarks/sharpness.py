@@ -5,7 +5,7 @@
 
 Every seed draws the errors of all numbers of the vehicle file and of all sensors from what is stated of them:
 
-* class: nothing is stated, the defaults hold (`vehicle.uncertainty`, `OneStage`);
+* class: nothing is stated, the defaults hold (`truck.uncertainty`, `OneStage`);
 * careful: masses from a weighbridge, lengths from a tape, sensors of a known class (`CAREFUL`).
 
 The linear truck has the speed and the steer angle of a run of the nonlinear truck. It is an extreme case: tyres without

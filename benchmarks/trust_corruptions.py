@@ -223,7 +223,7 @@ def time_base(factor: float) -> OfRecord:
 
 
 def tilted(angles: Mapping[str, float]) -> OfRecord:
-    """Gyros rotated about the lateral axis of their unit by angles in degrees; see `plant.sensors.Sensor`."""
+    """Gyros rotated about the lateral axis of their unit by angles in degrees; see `model.plant.sensors.Sensor`."""
 
     def inject(record: Record) -> Record:
         signals = {}

@@ -1,6 +1,6 @@
 """Coverage of the 90 % intervals of parameters and states with random errors of vehicle file and sensors.
 
-Each seed draws the errors of the vehicle file from `vehicle.uncertainty.changes` and from the priors of the uncertain
+Each seed draws the errors of the vehicle file from `truck.uncertainty.changes` and from the priors of the uncertain
 parameters, and the errors of the sensors, the latency of the gyros and the bank from the priors of `OneStage`. The
 linear truck has the speed and the steer angle of a run of the nonlinear truck.
 """

@@ -382,7 +382,7 @@ class Vehicle(Component):
         The nonlinear truck, two stages and `assess` refuse such a vehicle.
 
         Args:
-            equations: function of a module; `vehicle.steering` says what it gets and returns.
+            equations: function of a module; `truck.steering` says what it gets and returns.
             states: its own states, quantity.unit, each with the standard deviation about its steady value at the first
                 sample, such as {"actuator.semitrailer": "0.01 rad"}.
             parameters: its own parameters, such as {"lag": "0.15 s +- 0.05 s"}, with the path "steering.lag". One

@@ -67,7 +67,7 @@ class TwoStage(CommonSettings):
     Q_x: Mapping[str, FiniteNonNegative] = field(default_factory=dict)
     """Variance that a state gains per sample, SI squared, by its name, such as "yaw_rate.tractor", with * for any
     words: equation (14) is {"*": 1e-8}. A state that is not listed has the default,
-    `filters.variances.PROCESS_VARIANCE` per second."""
+    `estimate.filters.variances.PROCESS_VARIANCE` per second."""
     Q_p: Diagonal = field(default_factory=dict)
     """Variance that a parameter gains per sample, in its SI unit squared, by its path or the end of it: equation (11)
     begins {"tractor.front.cornering_stiffness": 475**2}. A text is a standard deviation: "+- 0.1 %", "+- 5 mm". A

@@ -62,7 +62,7 @@ class LiveFault(IntFlag):
     NOT_SENT = 512
     """Frames cannot be sent."""
     WHEEL_LIFT = 1024
-    """A wheel is about to lift: see `observe.states.time_to_lift`. A fault of the truck's motion."""
+    """A wheel is about to lift: see `estimate.observe.states.time_to_lift`. A fault of the truck's motion."""
     IMPLAUSIBLE = 2048
     """All values of a mapped signal are beyond what a heavy vehicle can reach."""
     FROZEN = 4096

@@ -182,7 +182,7 @@ class DrivenVehicle:
 
 def drive_vehicle(records: Sequence[Record], text: str) -> DrivenVehicle:
     """The vehicle of a file with the payload, and with axle loads the CoG, of its laden unit in logs; see
-    `identify.mass`.
+    `estimate.identify.mass`.
 
     The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
     deviation of the measurements and the other units; its body keeps its own.

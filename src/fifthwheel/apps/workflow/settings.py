@@ -27,7 +27,7 @@ def identification_settings(
         base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
 
     Raises:
-        FifthwheelError: a statement that cannot be used (`identify.given`), or an option of another method.
+        FifthwheelError: a statement that cannot be used (`estimate.identify.given`), or an option of another method.
         VehicleError: a parameter that does not exist.
     """
     one_stage = chosen.method == "one-stage"

@@ -12,7 +12,7 @@ from fifthwheel.base.types import Array
 Symbol = Any
 """A symbolic expression (`casadi.SX`)."""
 Instant = Any
-"""What a model provides at one instant, symbolic: `dynamics.sensors.SensorInputs`."""
+"""What a model provides at one instant, symbolic: `model.dynamics.sensors.SensorInputs`."""
 
 
 class SignalName(NamedTuple):
@@ -256,9 +256,9 @@ class Channel:
     discrepancy: float = 0.0
     """Standard deviation of the part of the signal that the linear model does not describe, SI, with the time constant
     of some seconds: of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification
-    fits (`identify.noise_model`)."""
+    fits (`estimate.identify.noise_model`)."""
     shows_clock: bool = False
-    """Whether the drift of its clock is measured (`time_bases.rates`)."""
+    """Whether the drift of its clock is measured (`estimate.time_bases.rates`)."""
     large_offset: bool = False
     """Whether its offset is large, and its noise different on every truck. The offset would decide if nothing else were
     measured, so observers estimate it, and use the channel only beside others."""

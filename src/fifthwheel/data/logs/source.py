@@ -62,7 +62,7 @@ class Column:
     time_base: str = ""
     """Name of the physical clock behind the timestamps, where it is not that of the logger; "" is the logger's."""
     sensor: str = ""
-    """What the file states of the sensor: a `channels.sensors.SensorPrior` as JSON."""
+    """What the file states of the sensor: a `data.channels.sensors.SensorPrior` as JSON."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

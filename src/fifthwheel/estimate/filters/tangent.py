@@ -5,7 +5,7 @@ the forward or by the reverse mode. They are exact but for rounding: the reverse
 compiled step serves every choice of unknowns.
 
 Both steps give innovations. Those of the free-running model are y - h(x) - d, where the discrepancy d of each channel
-is a first-order process, predicted from the residuals before (`identify.noise_model`): they are white.
+is a first-order process, predicted from the residuals before (`estimate.identify.noise_model`): they are white.
 """
 
 import os

@@ -2,7 +2,7 @@
 
 Unknown are the load of each laden unit, without a prior, and the numbers of the vehicle file, with its uncertainty as
 independent changes N(0, 1) (`vehicle.changes`). Measured are the gross mass in driving (`longitudinal`) and the static
-weights of the logs (`checks.axle_loads`), which follow from masses and positions by statics (`vehicle.axle_loads`;
+weights of the logs (`data.checks.axle_loads`), which follow from masses and positions by statics (`truck.axle_loads`;
 Cheng and Cebon 2011, section 2.2). Gauss-Newton steps give the least squares and their covariance.
 """
 
@@ -92,7 +92,7 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
 
     Args:
         records: of one load.
-        vehicle: with its `[driveline]` if there is one; see `vehicle.driveline`.
+        vehicle: with its `[driveline]` if there is one; see `truck.driveline`.
 
     Raises:
         SignalError: a signal is missing, the brakes are never on although the vehicle brakes, or the force is known

@@ -20,7 +20,7 @@ from fifthwheel.truck import Vehicle
 
 
 class ObservedChain:
-    """A `filters.model.Model` without parameters p, built by `observed_chain`.
+    """A `estimate.filters.model.Model` without parameters p, built by `observed_chain`.
 
     The states of the chain come first; the offsets, whose names begin with those of the steer angles, are the last
     states. The bank, the last state of the chain, is either estimated, or the last parameter of c.
@@ -106,7 +106,7 @@ def observed_chain(
     estimate_bank: bool,
     tyres: Tyres = "linear",
 ) -> ObservedChain:
-    """The model of a vehicle, see `dynamics.model`; vehicles of equal topology share one model.
+    """The model of a vehicle, see `model.dynamics.model`; vehicles of equal topology share one model.
 
     The offsets of the signals `offset_states` are states, whether or not these are among the outputs. The derivative of
     the speed is an input.

@@ -101,7 +101,7 @@ class ObserverSettings(ObserverOptions):
     """Model roll if a signal contains it. False: yaw only, without signals that contain roll."""
     speed_smoothing: Positive = TIME_CONSTANT
     """Time constant of the derivative of the speed, s, from which braking is known to saturating tyres (see
-    `dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
+    `model.dynamics.speed_rate`); longer for a noisier speed. Infinite: the speed changes slowly."""
     sensor_errors: Mapping[SensorErrorKey, InSI] = field(default_factory=dict)
     """Known offsets, gains and delays of sensors, such as "steer.tractor.front.offset"; none by default. The correction
     of a delay of the steer angle uses its slope, which amplifies its noise: use a smooth steer signal."""

@@ -253,7 +253,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
-        tyres: law of their side forces, see `dynamics.tyres`, or a user's own, see `dynamics.tyre_law`.
+        tyres: law of their side forces, see `model.dynamics.tyres`, or a user's own, see `model.dynamics.tyre_law`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`; without it, the speed changes slowly.
 
     Raises:

@@ -1,4 +1,4 @@
-"""Own equations of the steering (`vehicle.steering`) as expressions of the model's state.
+"""Own equations of the steering (`truck.steering`) as expressions of the model's state.
 
 With the state x (n,), which has the own states, and the measured steer angles d (k,), corrected by the errors of their
 sensors, the wheels of m axles have the angles w(x, d), and x' gains r(x, d), which is 0 but in the own states. Without

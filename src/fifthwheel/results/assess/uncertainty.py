@@ -1,7 +1,7 @@
 """The uncertainty of an assessed truck: of an identification, or of a vehicle file.
 
 An identification brings the joint covariance of estimated and considered parameters. A vehicle file brings what it
-states, and the defaults of masses and lengths (`vehicle.uncertainty`). On any other number it states nothing; such a
+states, and the defaults of masses and lengths (`truck.uncertainty`). On any other number it states nothing; such a
 number gets the prior that an identification would give it (`ASSUMED`). Parameters of a file that is exact are exact.
 """
 

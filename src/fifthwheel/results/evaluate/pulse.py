@@ -2,7 +2,7 @@
 
 The decrement of successive peaks of the last articulation angle, or of the last yaw rate without it (measured ones
 before reference signals, where they have two peaks above the noise), gives the damping ratio as in
-`assess.yaw_damping`. Peaks within `NOISE` standard deviations of the noise are not used.
+`results.assess.yaw_damping`. Peaks within `NOISE` standard deviations of the noise are not used.
 """
 
 from collections.abc import Mapping

@@ -186,7 +186,7 @@ def validate(
         log: the measured one.
         test: one of `METHODS`.
         tolerances: by measure or curve, or the beginning of its name, such as {"understeer_gradient": "5 %",
-            "yaw_rate.tractor": "5 % + 0.2 deg/s"}. Default: `evaluate.tolerances.DEFAULTS`, which are ours.
+            "yaw_rate.tractor": "5 % + 0.2 deg/s"}. Default: `results.evaluate.tolerances.DEFAULTS`, which are ours.
         vehicle: as of `evaluate`.
 
     Raises:

@@ -1,6 +1,6 @@
 """The logs of one truck combined: its unknowns over all its trailers and loads, changes, and histories.
 
-Which logs share an unknown is stated in the row of the number (`vehicle.quantities.SCOPES`).
+Which logs share an unknown is stated in the row of the number (`truck.quantities.SCOPES`).
 """
 
 import datetime

@@ -7,7 +7,7 @@ random walk over days, all others are constant until a change. A trip gives its 
     smoother     z_k|N = z_k + C (z_k+1|N - z_k+1|k),      C = P_k F' P_k+1|k^-1      (Rauch, Tung and Striebel 1965),
 
 with F = I but for the unknowns that a change resets to their priors. The covariance of z is D P D; D is the diagonal of
-factors by which model error widens P (`identify.one_stage`).
+factors by which model error widens P (`estimate.identify.one_stage`).
 
 Few unknowns of many walk. Between two trips without a change P_k+1|k = P_k + Q, so that C = I - Q P_k+1|k^-1 differs
 from I only in the rows of those that walk.

@@ -1,4 +1,4 @@
-"""What a learner learned, as the knowledge of a log, and its doubts by the rules of `identify.doubts`.
+"""What a learner learned, as the knowledge of a log, and its doubts by the rules of `estimate.identify.doubts`.
 
 With the means z0 and z1 of the estimated unknowns at the start and now, and their covariances P0 and P1, which contain
 the effect of the considered unknowns, the samples between contribute the information H = P1^-1 - P0^-1 and
