@@ -5,7 +5,7 @@ from svg import box, label, path, picture
 ROOMS = {  # name: (x, y, what it does)
     "logs": (20, 30, "files to records"),
     "checks, time_bases": (360, 30, "faults of signals"),
-    "vehicle": (20, 120, "files, published values"),
+    "truck": (20, 120, "files, published values"),
     "dynamics": (360, 120, "equations of motion"),
     "filters, native": (530, 120, "Kalman steps, compiled"),
     "stream, observe": (700, 120, "states"),
@@ -42,9 +42,9 @@ FLOWS = [
     [(940, 210), (940, 170)],
 ]
 BARS = [
-    "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every room reads it",
+    "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every package reads it",
     "workflow joins the steps for live, app, fleet and cli; "
-    "studies, cheng_cebon_2011 and export use the rooms directly",
+    "studies, cheng_cebon_2011 and export use the packages directly",
 ]
 
 

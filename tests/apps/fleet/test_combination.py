@@ -120,8 +120,7 @@ def test_two_trucks_share_nothing() -> None:
     rng = np.random.default_rng(4)
     rows = [Synthetic(rng).trip(k) | {"tractor": tractor} for k, tractor in enumerate(("tractor", "lorry"))]
     for row in rows:
-        for unknown, name in zip(row["unknowns"], ("mass_scale", "time_base"), strict=False):
-            unknown["name"] = name
+        row["information"]["names"][:2] = ("mass_scale", "time_base")
     result = combined(rows)
     assert len(result.layout.unknowns) == 2 * len(NAMES)
     for name in ("mass_scale", "time_base"):

@@ -67,7 +67,7 @@ def huge(content):
     ("change", "reason"),
     [
         (lambda content: content.pop("logs"), "a valid tuple"),
-        (lambda content: content["logs"][0].pop("estimated"), "0.estimated: Field required"),
+        (lambda content: content["logs"][0].pop("tractor"), "0.tractor: Field required"),
         (lambda content: content.update(logs={}), "a valid tuple"),
         (lambda content: content.update(logs=["x"]), "not what"),
         (set_log("name", 3), "0.name: Input should be a valid string"),
