@@ -35,11 +35,11 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-ONE_STAGE = "src/fifthwheel/identify/one_stage"
+ONE_STAGE = "src/fifthwheel/estimate/identify/one_stage"
 PROBLEM_TESTS = "tests/estimate/identify/one_stage/test_problem.py"
-SOLVER_TESTS = "tests/frozen tests/identify/one_stage tests/diagnose"
-STREAM_TESTS = "tests/frozen tests/observe tests/identify/online"
-FLEET_TESTS = "tests/fleet tests/apps/cli/test_fleet.py"
+SOLVER_TESTS = "tests/frozen tests/estimate/identify/one_stage tests/results/diagnose"
+STREAM_TESTS = "tests/frozen tests/estimate/observe tests/estimate/identify/online"
+FLEET_TESTS = "tests/apps/fleet tests/apps/cli/test_fleet.py"
 TESTS = {
     "src/fifthwheel/estimate/identify/verdict.py": ("tests/estimate/identify/test_verdict.py", SOLVER_TESTS),
     "src/fifthwheel/estimate/identify/doubts.py": (
@@ -50,10 +50,10 @@ TESTS = {
     "src/fifthwheel/estimate/stream": ("tests/estimate/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
     "src/fifthwheel/estimate/observe/monitor.py": (
         "tests/estimate/observe/test_limits.py tests/estimate/observe/test_settling.py",
-        f"tests/estimate/observe/test_consistency.py {STREAM_TESTS} tests/live",
+        f"tests/estimate/observe/test_consistency.py {STREAM_TESTS} tests/apps/live",
     ),
     "src/fifthwheel/apps/fleet/manifest.py": ("tests/apps/fleet/test_manifest.py", FLEET_TESTS),
-    "src/fifthwheel/fleet": (
+    "src/fifthwheel/apps/fleet": (
         "tests/apps/fleet/test_storage.py tests/apps/fleet/test_report.py tests/apps/fleet/test_combination.py",
         "tests/apps/fleet/test_run.py",
         FLEET_TESTS,
@@ -64,7 +64,7 @@ TESTS = {
     ),
     f"{ONE_STAGE}/identify.py": (
         "tests/estimate/identify/knowledge/test_contradictions.py",
-        f"tests/identify/knowledge {SOLVER_TESTS}",
+        f"tests/estimate/identify/knowledge {SOLVER_TESTS}",
     ),
     f"{ONE_STAGE}/problem.py": (
         f"{PROBLEM_TESTS} --deselect={PROBLEM_TESTS}::test_gradient",

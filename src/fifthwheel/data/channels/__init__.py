@@ -1,7 +1,7 @@
 """Channels: the quantities that signals have. Each is one object with all that the package knows of it.
 
 Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write its `Channel` in
-a module of this room and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if observers and identifications use it.
+a module of this package and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if observers and identifications use it.
 """
 
 import re
