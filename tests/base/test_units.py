@@ -162,7 +162,7 @@ def test_quantities() -> None:
         ("5 t+-200 kg", 5e3, 200.0),
         ("5 t ±0.2t", 5e3, 200.0),
         ("5 t +/- 2%", 5e3, 100.0),
-        ("5 +- 0.2 t", 5.0, 200.0),
+        ("5 +- 2 kg", 5.0, 2.0),
         ("0 kg +- 3 kg", 0.0, 3.0),
         ("5 kg +- 0 kg", 5.0, 0.0),
     ],
@@ -176,6 +176,13 @@ def test_a_number_without_a_unit_is_refused_where_one_is_needed() -> None:
     assert uncertain_quantity("0", "kg", unit_needed=True) == (0.0, None)
     with pytest.raises(UnitError, match=r"expected a number with a unit such as '1 kg', got '8 exact'; add its unit"):
         uncertain_quantity("8 exact", "kg", unit_needed=True)
+    assert uncertain_quantity("8 +- 2 kg", "kg", unit_needed=True) == (8.0, 2.0)
+
+
+def test_a_unit_behind_the_standard_deviation_only_is_refused_where_it_could_be_that_of_both() -> None:
+    with pytest.raises(UnitError, match=r"expected a unit of the value too, got '5 \+- 0.2 t'; write '5 t \+- 0.2 t'"):
+        uncertain_quantity("5 +- 0.2 t", "kg")
+    assert uncertain_quantity("0 +- 0.2 t", "kg") == (0.0, 200.0)
 
 
 @pytest.mark.parametrize("text", ["7,6 m", "6,900 m", "7.6 m +- 0,1 m"])

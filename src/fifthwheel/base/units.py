@@ -139,8 +139,8 @@ def uncertain_quantity(
 ) -> tuple[float, float | None]:
     """A value in the SI unit `si` and its standard deviation: 0 if it is exact, None if the text does not state it.
 
-    The standard deviation follows "+-", "+/-" or "±", with a unit or in percent of the value. Its unit may be missing
-    only if the value has none either. With `unit_needed`, a text has a unit, unless its number is 0.
+    The standard deviation follows "+-", "+/-" or "±", with a unit or in percent of the value; one behind both is `si`.
+    With `unit_needed`, a text has a unit, unless its number is 0.
 
     Raises:
         UnitError: the value or its standard deviation is not valid; arguments as in `factor`.
@@ -152,7 +152,13 @@ def uncertain_quantity(
         return quantity(value, si, strict=strict), None
     text, *statement = split_statement(value)
     size = quantity(text, si, strict=strict)
-    if unit_needed and size and not _number_and_unit(text, si)[1]:
+    behind = _number_and_unit(statement[1], si, "after '+-': ")[1] if statement[1] else ""
+    bare = bool(size) and not _number_and_unit(text, si)[1]
+    if bare and behind not in ("", "%", si):
+        raise UnitError(
+            f"expected a unit of the value too, got {_shown(value)}; write '{text} {behind} +- {statement[1]}'"
+        )
+    if bare and unit_needed and behind != si:
         raise UnitError(f"expected a number with a unit such as '1 {si}', got {_shown(value)}; add its unit")
     if not statement[0]:
         return size, None

@@ -268,8 +268,10 @@ def _refuse(
         raise VehicleError(
             f"{each}: {valueless[0]} has no value in the vehicle file; state one, such as '{number} +- ...'"
         )
-    words = names if "." in each.name else sorted({ParameterPath.of(name).last_word for name in names})
-    raise VehicleError(f"{each.name}: no such parameter in {vehicle.name}; {suggestion(each.name, words)}")
+    is_path = "." in each.name and "*" not in each.name
+    words = names if is_path else sorted({ParameterPath.of(name).last_word for name in names})
+    sought = each.name if is_path else ParameterPath.of(each.name).last_word
+    raise VehicleError(f"{each.name}: no such parameter in {vehicle.name}; {suggestion(sought, words)}")
 
 
 def _is_sensor_error(name: str) -> bool:

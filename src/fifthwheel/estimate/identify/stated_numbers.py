@@ -19,7 +19,7 @@ from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.statement import prior_of, states_sigma
 from fifthwheel.estimate.identify.unknowns.parameters import path_of_place
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, linear_unknown
-from fifthwheel.estimate.identify.verdict import uncertain_verdict
+from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.truck import changes
 from fifthwheel.truck.quantities import BANK_VARIATION, DISCREPANCY, ROAD_BANK, TIME_BASE, quantity_of
@@ -50,8 +50,8 @@ def stated_estimates(
 ) -> Iterator[Estimate]:
     """What vehicle file and settings state with a standard deviation, by its name, without the estimated parameters.
 
-    z (k,) are the unknowns of the posterior, in units of the prior. What no unknown changes keeps its prior. What the
-    logs state of their `sensors` is not listed.
+    z (k,) are the unknowns of the posterior, in units of the prior. What the logs do not determine is STATED; what no
+    unknown changes keeps its prior. What the logs state of their `sensors` is not listed.
     """
     for name, number in _numbers(setup, posterior.names, logs, sensors).items():
         base, _ = split_log(name)
@@ -65,7 +65,7 @@ def stated_estimates(
             sigma=sigma,
             unit=sensor_error_unit(base) if is_sensor_error(base) else quantity_of(base).unit,
             initial=number.mean,
-            verdict=uncertain_verdict(sigma / number.sigma, setup.settings.excited),
+            verdict=Verdict.CONVERGED if sigma < setup.settings.excited * number.sigma else Verdict.STATED,
             stage=1,
             prior=number.sigma,
         )
