@@ -25,7 +25,7 @@ separate = fw.identify([record], block, replace(settings, uniform_payload=False)
 # %%
 # The point load has the same CoG, but less roll inertia than the block.
 
-laden = fw.vehicle.laden(true.parameters(), point)
+laden = laden_values(true.parameters(), point)
 true_values = {"semitrailer.cog_height": laden.cog_height, "semitrailer.roll_inertia": laden.roll_inertia}
 results = {"uniform block": assumed, "any load": separate}
 figure, axes = plt.subplots(1, 2, figsize=(8, 2.8), sharey=True, layout="constrained")

@@ -3,6 +3,7 @@
 import pytest
 
 import fifthwheel as fw
+from fifthwheel.truck import changes
 from fifthwheel.truck.driveline import DRIVELINE, Driveline, driveline_numbers
 
 TEXT = fw.vehicle("cheng_cebon_2011").to_toml()
@@ -42,7 +43,7 @@ def test_numbers_of_the_file_replace_the_figures():
 def test_the_lateral_motion_does_not_depend_on_it():
     truck = with_driveline('efficiency = "0.93 +- 0.5 %"')
     plain = fw.Vehicle.loads(TEXT)
-    assert [c.slopes for c in fw.vehicle.changes(truck)] == [c.slopes for c in fw.vehicle.changes(plain)]
+    assert [c.slopes for c in changes(truck)] == [c.slopes for c in changes(plain)]
     first, second = (fw.simulate(v, count=1, seed=1) for v in (truck, plain))
     assert first == second
 

@@ -598,7 +598,7 @@ def test_an_interrupt(where, folder, run, monkeypatch):
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    target = "workflow.identification.identify" if where == "identify" else "observe.Observer.batch"
+    target = "apps.workflow.identification.identify" if where == "identify" else "estimate.observe.Observer.batch"
     monkeypatch.setattr(f"fifthwheel.{target}", interrupt)
     outcome = run(where, folder / "first.csv", "-v", TRUCK)
     assert outcome.code == 130
@@ -631,7 +631,7 @@ def test_every_example_is_a_command_that_parses():
 def test_help_imports_nothing_slow(command):
     """Neither NumPy nor anything that needs it, so that help appears at once."""
     code = (
-        "import sys; from fifthwheel import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
+        "import sys; from fifthwheel.apps import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
         "try: cli.main()\nfinally: print(*sys.modules, file=sys.stderr)"
     )
     done = subprocess.run([sys.executable, "-c", code, command, "--help"], capture_output=True, text=True, check=True)
@@ -645,7 +645,7 @@ def test_identify_imports_neither_scipy_nor_pandas(tmp_path):
     truck = get("cheng_cebon_2011")
     write_record(simulate(truck, count=2, seed=0), tmp_path / "run.csv")
     code = (
-        "import sys; from fifthwheel import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
+        "import sys; from fifthwheel.apps import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
         "try: cli.main()\nfinally: print(*sys.modules, file=sys.stderr)"
     )
     arguments = ["identify", "run.csv", "-v", "cheng_cebon_2011"]

@@ -13,8 +13,10 @@ from fifthwheel.base.pages import page
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration, lateral_acceleration
 from fifthwheel.estimate.identify import Verdict
+from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.results.report import Provenance, front_page, write_report
 from fifthwheel.results.report.truck_drawing import CHARACTER, WIDTH, truck_drawing
+from fifthwheel.truck.spoken_names import spoken
 from tests.results.report.conftest import Page
 
 SECTIONS = ["Parameters", "Measured and predicted", "States", "Appendix"]
@@ -75,7 +77,7 @@ def test_everything_but_three_sections_is_folded_in_the_appendix(text):
 def test_the_table_has_plain_names_with_their_paths_and_a_picture(result, text):
     table = text[text.index('aria-label="Estimates"') : text.index("Notes, priors")]
     for e in (*result.identification.parameters, *result.identification.derived):
-        assert f'title="{e.name}">{fw.diagnose.spoken(e.name)}<' in table
+        assert f'title="{e.name}">{spoken(e.name)}<' in table
     assert table.count('<svg class="whisker"') == table.count("<tr") - 1
     inertia = next(e for e in result.identification.parameters if e.name == "semitrailer.yaw_inertia")
     prior = with_sigma(inertia.initial, inertia.prior, inertia.unit)
@@ -128,7 +130,7 @@ def test_no_texts_of_a_drawing_overlap(result, name):
 
 def test_what_was_driven(result):
     identification, record = result.identification, result.records[0]
-    runs = fw.diagnose.summarise_runs(identification, [record])
+    runs = summarise_runs(identification, [record])
     (beside,) = front_page.truck_and_runs(identification, [record], runs)
     (figure,) = beside.blocks[1].plots
     speed, lateral = (panel.items[0] for panel in figure.plot.panels)
@@ -136,7 +138,7 @@ def test_what_was_driven(result):
     assert np.allclose(speed.y, 3.6 * record.signals["speed"])
     assert np.nanmax(np.abs(lateral.y)) == pytest.approx(runs[0].acceleration, rel=0.02)
     assert f"up to {runs[0].acceleration:.2f} m/s²" in figure.note
-    both = fw.diagnose.summarise_runs(identification, result.records)
+    both = summarise_runs(identification, result.records)
     (beside,) = front_page.truck_and_runs(identification, result.records, both)
     (figure,) = beside.blocks[1].plots
     assert [line.name for line in figure.plot.panels[0].items] == [r.name for r in result.records]

@@ -108,7 +108,7 @@ def test_a_cause_has_to_explain_the_logs(find):
 def test_the_odds_of_a_linear_test(statistic, implied):
     """Of the deviation without its prior, by its normal densities with the two variances."""
     error, variance = GrossError(7.0, 1.5), (implied / statistic) ** 2
-    test = PriorTest(name="a", statistic=statistic, implied=implied, size=abs(statistic), shifts=np.zeros(1))
+    test = PriorTest(name="a", statistic=statistic, implied=implied, shifts=np.zeros(1))
     densities = stats.norm.logpdf(implied, scale=np.sqrt([variance + 7**2 - 1, variance]))
     assert linear_odds(test, error) == pytest.approx(math.log(0.003 * 1.5) + densities[0] - densities[1])
 
@@ -146,7 +146,7 @@ def test_the_odds_of_a_hypothesis(monkeypatch, name):
     J = rng.normal(size=(30, 5)) * [0.3, 0.2, 0.3, 0.4, 0.5]
     problem = Linear(J, J @ [6.0, 0.5, 4.0, -3.0, 1.0] + rng.normal(size=30), np.ones(5))
     base = causes._fit(problem, np.zeros(5))
-    test = PriorTest(name=name, statistic=4.0, implied=3.0, size=4.0, shifts=rng.normal(size=5))
+    test = PriorTest(name=name, statistic=4.0, implied=3.0, shifts=rng.normal(size=5))
     found = causes._fitted(base, test, GrossError(5.0, 2.0))
     i, wide = problem.names.index(name), problem.with_gross_error(name, 5.0, 3.0)
     evidence = wide.log_evidence() - problem.log_evidence()

@@ -113,7 +113,7 @@ def test_a_cause_of_a_contradiction_widens_the_covariance() -> None:
         problem=SimpleNamespace(prior=SimpleNamespace(variance=prior)),
     )
     shifts = (np.array([1.0, 3.0]), np.array([-1.0, 1.0]))
-    causes = [PriorTest(name="a", statistic=5.0, implied=4.0, size=5.0, shifts=shift) for shift in shifts]
+    causes = [PriorTest(name="a", statistic=5.0, implied=4.0, shifts=shift) for shift in shifts]
     none, step = np.zeros(2), np.array([-1.0, 2.0])
     assert _doubtful_covariance(solution, [], none, explained=True).tolist() == covariance.tolist()
     assert _doubtful_covariance(solution, causes, none, explained=True).tolist() == [[3.0, 1.5], [1.5, 6.0]]

@@ -63,8 +63,16 @@ def test_score_tests() -> None:
     )
     assert (first.implied, second.implied) == (0.5, -(6 / 9))
     np.testing.assert_allclose(second.shifts, [0.0, -0.2 / 3, -0.4 / 3])
-    without = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.full(2, 1e-9), information=np.array([0.0, 1e-9]))
-    assert [test.name for test in score_tests(live_filter(), without)] == ["cog"]
+
+
+def test_a_number_of_the_vehicle_is_tested_with_more_information_than_its_prior() -> None:
+    """A sensor error with any."""
+    delay = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, kind=UnknownKind.CONSIDERED, **BOUNDS)
+    live = live_filter()
+    live.setup = SimpleNamespace(considered_unknowns=(CONSIDERED[0], delay))
+    for information, tested in ((0.0, []), (0.01, [delay.name]), (1.0, [delay.name]), (1.01, ["mass", delay.name])):
+        little = estimated(z=np.zeros(3), Pz=PZ, B=B, gradient=np.full(2, 1e-3), information=np.full(2, information))
+        assert [test.name for test in score_tests(live, little)] == tested
 
 
 def limit(unknown: Unknown, information: float, odds: float = 0.0) -> float:
@@ -79,7 +87,7 @@ def limit(unknown: Unknown, information: float, odds: float = 0.0) -> float:
 
 
 @pytest.mark.parametrize("sign", [-1, 1])
-@pytest.mark.parametrize("information", [1.0, 4.0, 100.0])
+@pytest.mark.parametrize("information", [1.001, 4.0, 100.0])
 def test_a_contradicted_assumption(sign: int, information: float) -> None:
     """A gross error is as probable as none; `cog` alters x and y."""
     t = limit(CONSIDERED[1], information)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.types import Array
+from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.estimate.filters.relinearised import JointEstimate
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind, Evidence, PriorTest, describe_doubt, most_likely
 from fifthwheel.estimate.identify.knowledge.information import (
@@ -33,6 +34,7 @@ from fifthwheel.estimate.identify.online.live_filter import LiveFilter
 from fifthwheel.estimate.identify.online.persistence import EstimateBlock
 from fifthwheel.estimate.identify.stored import restored, stored
 from fifthwheel.estimate.identify.unknowns.gross_errors import is_possible
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 GAINED = 1e-3
 """Smallest information of a direction of z that counts, in units of the prior's."""
@@ -109,6 +111,12 @@ def learned_knowledge(live: LiveFilter, labels: Labels) -> SharedInformation | N
     return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log, labels)
 
 
+TESTED_INFORMATION = 1.0
+"""Least information on a number of the vehicle, in that of its prior. Below it the score is mostly what the estimates
+do not absorb exactly: in eight lane changes of an exact truck it is 6 standard deviations from 0 with an information
+of 0.3 (`tyre_roll_stiffness`). The errors of sensors act on one channel, and are tested always."""
+
+
 def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
     """The doubts of a filter at an estimate, each with the parameters that it concerns."""
     setup, learner, innovations = live.setup, live.learner, live.innovations
@@ -131,15 +139,20 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
     return tuple(doubts)
 
 
+def least_information(unknown: Unknown) -> float:
+    """The information, in that of its prior, above which an unknown is tested."""
+    return 0.0 if is_sensor_error(unknown.name) else TESTED_INFORMATION
+
+
 def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
-    """The test of every considered unknown that a truck can have as it implies.
+    """The test of every considered unknown on which a drive has enough information, and that a truck can have so.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
     tests, cross = [], estimate.B @ estimate.correlation
     for i, unknown in enumerate(live.setup.considered_unknowns):
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
-        if information <= 0:
+        if information <= least_information(unknown):
             continue
         implied = -gradient / information
         change = implied * float(live.considered.sigma[i])
