@@ -11,6 +11,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 
 import fifthwheel as fw
+from fifthwheel.truck import laden
 
 block = fw.vehicle("cheng_cebon_2011")
 trailer = block.unit("semitrailer")
@@ -25,8 +26,8 @@ separate = fw.identify([record], block, replace(settings, uniform_payload=False)
 # %%
 # The point load has the same CoG, but less roll inertia than the block.
 
-laden = laden_values(true.parameters(), point)
-true_values = {"semitrailer.cog_height": laden.cog_height, "semitrailer.roll_inertia": laden.roll_inertia}
+body = laden(true.parameters(), point)
+true_values = {"semitrailer.cog_height": body.cog_height, "semitrailer.roll_inertia": body.roll_inertia}
 results = {"uniform block": assumed, "any load": separate}
 figure, axes = plt.subplots(1, 2, figsize=(8, 2.8), sharey=True, layout="constrained")
 for axis, (name, value) in zip(axes, true_values.items(), strict=True):
