@@ -72,7 +72,8 @@ class IdentifyOptions(Settings):
             "road or model, the last part of it, or has * for any words. STATEMENT is a value, '+- SIGMA', both, "
             "'exact', or 'free' for a wide prior: semitrailer.mass='33.4 t +- 0.5 %', yaw_inertia=exact, "
             "road.friction=wet (dry, wet, snow, ice or unknown), 'steer.*.delay=+- 5 ms', road.bank='+- 1 deg', "
-            "others=exact (all but the parameters of the result), sensors=exact.",
+            "others=exact (all but the parameters of the result), sensors=exact. @FILE: the "
+            "table [given] of a TOML file.",
             label="State a number",
         ),
     ] = ()

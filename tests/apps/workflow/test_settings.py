@@ -3,6 +3,7 @@
 import pytest
 
 from fifthwheel.apps.workflow import chosen_one_stage, identification_settings
+from fifthwheel.apps.workflow.settings import stated_in
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.estimate.identify import OneStage
@@ -28,6 +29,42 @@ def test_a_fraction_is_a_stated_sigma():
     vehicle, settings = chosen(statements=("semitrailer.roll_stiffness=exact",))
     assert vehicle.stated == {"semitrailer.roll_stiffness": 0.0}
     assert settings.given == {"semitrailer.roll_stiffness": "exact"}
+
+
+def test_a_file_of_statements(tmp_path):
+    """A later option on the same number disagrees; the path of a number may be a table."""
+    file = tmp_path / "known.toml"
+    file.write_text(
+        '[given]\n"steer.*.delay" = "+- 5 ms"\nsemitrailer.roll_stiffness = "+- 20 %"\nroad.friction = 0.6\n'
+    )
+    assert stated_in((f"@{file}", "road.bank=+- 1 deg")) == {
+        "steer.*.delay": "+- 5 ms",
+        "semitrailer.roll_stiffness": "+- 20 %",
+        "road.friction": 0.6,
+        "road.bank": "+- 1 deg",
+    }
+    with pytest.raises(FifthwheelError, match=r"semitrailer\.roll_stiffness: expected one statement, got"):
+        stated_in((f"@{file}", "semitrailer.roll_stiffness=+- 10 %"))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", r"known\.toml: expected a table \[given\]"),
+        ("given = 3", r"known\.toml: expected a table \[given\]"),
+        ("[given]\nmass = [1]", r"known\.toml: mass: expected a text such as '\+- 5 %', or a number in SI, got \[1\]"),
+        ("[given]\nmass = true", r"known\.toml: mass: expected a text"),
+        ("[given]\nmass = nan", r"mass: expected a finite number"),
+        ("[given", r"known\.toml: "),
+    ],
+)
+def test_a_file_without_statements_is_refused(tmp_path, content, message):
+    file = tmp_path / "known.toml"
+    file.write_text(content)
+    with pytest.raises(FifthwheelError, match=message):
+        stated_in((f"@{file}",))
+    with pytest.raises(FifthwheelError, match=r"missing\.toml: cannot be read"):
+        stated_in((f"@{tmp_path / 'missing.toml'}",))
 
 
 def test_free_parameters_are_estimated_in_addition_to_the_usual_ones():

@@ -57,8 +57,8 @@ def run(
     `pip install 'fifthwheel[fleet]'`.
     """
     from fifthwheel.apps.fleet import run as run_fleet
+    from fifthwheel.apps.workflow.settings import stated_in
     from fifthwheel.estimate.identify import OneStage
-    from fifthwheel.estimate.identify.statement import combined, parse
 
     with terminal.progress_bar(quiet=as_json) as progress:
         result = run_fleet(
@@ -67,7 +67,7 @@ def run(
             settings=OneStage(
                 check=identification.check,
                 tyres=identification.tyres,
-                given=combined(map(parse, identification.statements)),
+                given=stated_in(identification.statements),
             ),
             fleet=chosen,
             scheduler=scheduler,

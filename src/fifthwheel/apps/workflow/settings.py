@@ -1,16 +1,18 @@
 """Settings of an identification from the choices that a user makes."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.input_files import parse_toml, read_toml
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
 from fifthwheel.estimate.identify import CommonSettings, OneStage
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.statement import combined, parse
+from fifthwheel.estimate.identify.statement import Statement, combined, parse, statement
 from fifthwheel.truck import Vehicle
 
 
@@ -39,7 +41,7 @@ def identification_settings(
     if one_stage:
         return chosen_one_stage(vehicle, chosen, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
-    given = {**preset.given, **combined(map(parse, chosen.statements))}
+    given = {**preset.given, **stated_in(chosen.statements)}
     return applied(vehicle, replace(preset, check=chosen.check, passes=chosen.passes or preset.passes, given=given))
 
 
@@ -53,8 +55,39 @@ def chosen_one_stage(
     form: Any = chosen.form.replace("-", "_")
     of_options = {"check": chosen.check, "form": form, "tyres": chosen.tyres, "uniform_payload": not chosen.any_load}
     base = base or OneStage()
-    given = {**base.given, **combined(map(parse, chosen.statements))}
+    given = {**base.given, **stated_in(chosen.statements)}
     return applied(vehicle, replace(base, given=given, **of_options))
+
+
+def stated_in(texts: Iterable[str]) -> dict[str, str | float]:
+    """Statements as a mapping from texts NAME=STATEMENT, or @FILE: a TOML file with the table [given].
+
+    Raises:
+        FifthwheelError: a text of another form, statements that disagree, or a file that cannot be read.
+    """
+    return combined(each for text in texts for each in (_of_file(Path(text[1:])) if text[:1] == "@" else [parse(text)]))
+
+
+def _of_file(path: Path) -> Iterator[Statement]:
+    text = read_toml(path)
+    try:
+        given = parse_toml(text).get("given")
+    except FifthwheelError as error:
+        raise FifthwheelError(f"{path}: {error}") from None
+    if not given or not isinstance(given, dict):
+        raise FifthwheelError(f"{path}: expected a table [given] with lines NAME = STATEMENT, got none; add it")
+    yield from _of_table(path, given)
+
+
+def _of_table(path: Path, given: Mapping[str, Any], owner: str = "") -> Iterator[Statement]:
+    for key, text in given.items():
+        name = f"{owner}{key}"
+        if isinstance(text, dict):  # TOML reads semitrailer.mass without quotes as a table in a table
+            yield from _of_table(path, text, f"{name}.")
+        elif isinstance(text, bool) or not isinstance(text, str | int | float):
+            raise FifthwheelError(f"{path}: {name}: expected a text such as '+- 5 %', or a number in SI, got {text!r}")
+        else:
+            yield statement(name, text)
 
 
 _ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")
