@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from fifthwheel.base import pages
-from fifthwheel.base.formatting import enumerated, kmh, percent, relative, seconds, shown_parts, with_sigma
+from fifthwheel.base.formatting import enumerated, kmh, percent, seconds, shown_parts, with_sigma
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
@@ -106,7 +106,7 @@ def estimates(identification: Identification) -> Iterator[pages.Block]:
                 value,
                 sigma or "–",
                 unit,
-                relative(e.value, e.sigma),
+                e.percent,
                 pages.Mark(
                     spoken_verdict(e.verdict) + (DERIVED if e in identification.derived else ""),
                     e.verdict,

@@ -6,7 +6,7 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.errors import SignalError, suggestion
-from fifthwheel.base.formatting import percent, relative, shown, with_sigma
+from fifthwheel.base.formatting import percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.items import Dash
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, VERMILLION
@@ -54,7 +54,7 @@ def estimates_table(parameters: Iterable[Estimate], derived: Sequence[Estimate] 
         (
             e.name,
             with_sigma(e.value, e.sigma, e.unit),
-            relative(e.value, e.sigma).removesuffix(" %").replace("> ", ">"),
+            e.percent.removesuffix(" %").replace("> ", ">"),
             pages.Mark(e.verdict.replace("_", " ") + (DERIVED if e in derived else ""), e.verdict),
         )
         for e in (*parameters, *derived)

@@ -7,8 +7,10 @@ from typing import Annotated
 import numpy as np
 from pydantic import PlainValidator
 
+from fifthwheel.base.formatting import relative
 from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.base.types import Array, ComparedByContents
+from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.data.checks import Finding
 from fifthwheel.estimate.identify.doubts import Doubt
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
@@ -18,7 +20,7 @@ from fifthwheel.estimate.identify.stored import Number, Real
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.truck import Vehicle
-from fifthwheel.truck.quantities import size_of
+from fifthwheel.truck.quantities import quantity_of, size_of
 
 Series = Annotated[Array, PlainValidator(np.asarray)]
 """An array, which is not in the JSON file; empty without its file."""
@@ -56,6 +58,13 @@ class Estimate:
     def relative_sigma(self) -> float:
         """Sigma as a fraction of the value; of a number that may be 0, of its prior sigma. 0 without sigma."""
         return self.sigma / size_of(self.name, self.value, self.prior or self.sigma) if self.sigma else 0.0
+
+    @property
+    def percent(self) -> str:
+        """Sigma in per cent of the value as text; a dash for a number that may be 0 or negative."""
+        error = SensorErrorName.of(split_log(self.name)[0])
+        signed = not (error.row and error.row.ideal) if error else quantity_of(self.name).signed
+        return "–" if signed else relative(self.value, self.sigma)
 
 
 @dataclass(frozen=True, kw_only=True)
