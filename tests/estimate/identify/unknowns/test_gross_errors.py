@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error, is_possible
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
@@ -81,3 +82,14 @@ def test_each_row_is_of_an_unknown(truck: Vehicle) -> None:
     used = {id(quantity_of(name)) for vehicle, tyres in cases for name in unknowns(vehicle, tyres)}
     unused = {key for key, row in QUANTITIES.items() if row.gross and id(row) not in used}
     assert unused == {"time_base.delay"}  # of logs with several time bases
+
+
+def test_a_change_means_the_same_whatever_its_standard_deviation(truck: Vehicle) -> None:
+    """So the knowledge from earlier logs holds also where it is stated anew."""
+    name, found = "semitrailer.axle_positions", []
+    for sigma in ("1 cm", "10 cm"):
+        vehicle, settings = applied(truck, OneStage(given={"semitrailer.wheelbase": f"+- {sigma}"}))
+        found.append(next(u for u in one_stage_unknowns(vehicle, [], settings) if u.name == name))
+    assert found[0].moves == pytest.approx(found[1].moves)
+    assert found[1].scale == pytest.approx(10 * found[0].scale)
+    assert max(map(abs, found[0].moves.values())) == 1.0

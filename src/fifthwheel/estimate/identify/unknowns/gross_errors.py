@@ -29,7 +29,7 @@ def gross_error(unknown: Unknown) -> GrossError | None:
     """The gross error of an unknown; None if it is not larger than the prior."""
     error = SensorErrorName.of(unknown.name)
     row = (error.row if error else None) or quantity_of(unknown.name)
-    size = row.gross / _unit(unknown)
+    size = row.gross / unknown.scale
     return GrossError(size, row.weight) if size > 1 else None
 
 
@@ -45,12 +45,3 @@ def largest_possible(unknown: Unknown) -> float:
     if unknown.logarithmic:
         return reach
     return min(reach, max(abs(end - unknown.centre) for end in unknown.possible) / unknown.scale)
-
-
-def _unit(unknown: Unknown) -> float:
-    """The prior standard deviation in the unit of the rows."""
-    lengths = [abs(slope) for path, slope in unknown.moves.items() if quantity_of(path).is_position]
-    if lengths:
-        return max(lengths) * unknown.scale
-    relative = [abs(unknown.moves[p] / value) for p, value in unknown.given.items() if quantity_of(p).unit == "kg"]
-    return max(relative, default=1.0) * unknown.scale

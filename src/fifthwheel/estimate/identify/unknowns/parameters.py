@@ -212,10 +212,20 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
             sigma = abs(moves[change.name])
             unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
         elif moves:
-            unknown = linear_unknown(change.name, 0.0, 1.0, UnknownKind.UNCERTAIN, moves=moves | of_tyres)
             given = {p: values[p] for p in moves if values[p] > 0 and not quantity_of(p).signed}
+            size = _size(moves, given)
+            rates = {path: slope / size for path, slope in (moves | of_tyres).items()}
+            unknown = linear_unknown(change.name, 0.0, size, UnknownKind.UNCERTAIN, moves=rates)
             unknowns.append(replace(unknown, given=given))
     return unknowns
+
+
+def _size(moves: Mapping[str, float], given: Mapping[str, float]) -> float:
+    """The standard deviation of a change: the largest of its positions, m, else of its masses, as a fraction. In this
+    unit a change means the same whatever its standard deviation is, such as in the knowledge from earlier logs."""
+    lengths = [abs(slope) for path, slope in moves.items() if quantity_of(path).is_position]
+    masses = [abs(moves[path]) / value for path, value in given.items() if quantity_of(path).unit == "kg"]
+    return max(lengths, default=0.0) or max(masses, default=0.0) or 1.0
 
 
 def _changes_of_tyres(vehicle: Vehicle, moves: Mapping[str, float], settings: OneStage) -> dict[str, float]:
