@@ -10,6 +10,7 @@ from fifthwheel.base.pages import html
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.result.parts import Estimate
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report import front_page, identification_document
 from fifthwheel.truck import Vehicle, get
@@ -111,3 +112,18 @@ def test_the_vehicle_file_states_it() -> None:
     assert 0 < result["tractor.accelerometer.position"].sigma < 0.2
     assert result["driveline.torque_scale"].sigma == pytest.approx(0.00102)
     assert result.stated_numbers == []
+
+
+@pytest.mark.parametrize(
+    ("name", "percent"),
+    [
+        ("semitrailer.mass", "5 %"),
+        ("steer.tractor.front.gain", "5 %"),
+        ("steer.tractor.front.offset@run", "–"),
+        ("semitrailer.cog", "–"),
+    ],
+)
+def test_a_number_that_may_be_negative_has_no_per_cent(name: str, percent: str) -> None:
+    verdict = Verdict.STATED
+    found = Estimate(name=name, value=1.0, sigma=0.05, unit="1", initial=1.0, verdict=verdict, stage=1)
+    assert found.percent == percent
