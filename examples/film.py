@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.base.atomic import atomic_write
+from fifthwheel.base.errors import SignalError
 from fifthwheel.base.extras import require
 from fifthwheel.base.types import Array
-from fifthwheel.base.errors import SignalError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -3,8 +3,8 @@
     python examples/unscented_filter.py
 
 The state is that of the linear model with the logarithms of three cornering stiffnesses and the trailer's yaw inertia,
-relative to their initial values. The step of the model comes from `fifthwheel.model.dynamics.model`. The sigma points are
-those of Julier with kappa = 0, which keep the covariance positive.
+relative to their initial values. The step of the model comes from `fifthwheel.model.dynamics.model`. The sigma points
+are those of Julier with kappa = 0, which keep the covariance positive.
 """
 
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from compare import compare
 from filterpy.kalman import JulierSigmaPoints, UnscentedKalmanFilter
 
 import fifthwheel as fw
-from fifthwheel.model import dynamics
-from fifthwheel.data.channels import SignalName
 from fifthwheel.base.names import ParameterPath
+from fifthwheel.data.channels import SignalName
+from fifthwheel.model import dynamics
 
 PROCESS_VARIANCE = {
     "lateral_velocity": 4e-4,

@@ -42,7 +42,7 @@ FLOWS = [
     [(940, 210), (940, 170)],
 ]
 BARS = [
-    "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every package reads it",
+    "channels: of each measured quantity its unit, model, limits, noise, sensor errors and words; every layer reads it",
     "workflow joins the steps for live, app, fleet and cli; "
     "studies, cheng_cebon_2011 and export use the packages directly",
 ]

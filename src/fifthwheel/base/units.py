@@ -154,7 +154,7 @@ def uncertain_quantity(
     size = quantity(text, si, strict=strict)
     behind = _number_and_unit(statement[1], si, "after '+-': ")[1] if statement[1] else ""
     bare = bool(size) and not _number_and_unit(text, si)[1]
-    if bare and behind not in ("", "%", si):
+    if bare and behind not in ("", "%", si) and si != "1":
         raise UnitError(
             f"expected a unit of the value too, got {_shown(value)}; write '{text} {behind} +- {statement[1]}'"
         )
