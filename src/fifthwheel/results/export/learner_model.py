@@ -12,7 +12,7 @@ from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.estimate.identify import doubts
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.estimate.identify.online.learned import least_information
+from fifthwheel.estimate.identify.online.learned import least_change
 from fifthwheel.estimate.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
 from fifthwheel.estimate.identify.online.start import discrepancy_variances
 from fifthwheel.estimate.identify.online.steering import Excitation
@@ -185,7 +185,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
         "possible_change": [largest_possible(u) for u in considered],
         "gross_variance": [error.size**2 - 1 for error in errors],
         "gross_odds": [error.prior_odds for error in errors],
-        "least_information": [least_information(u) for u in considered],
+        "least_change": [least_change(u) for u in considered],
     }
     return [
         *(table(name, getattr(scaling, name), static=False) for name in ("centre", "scale", "lower", "upper")),

@@ -111,10 +111,11 @@ def learned_knowledge(live: LiveFilter, labels: Labels) -> SharedInformation | N
     return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log, labels)
 
 
-TESTED_INFORMATION = 1.0
-"""Least information on a number of the vehicle, in that of its prior. Below it the score is mostly what the estimates
-do not absorb exactly: in eight lane changes of an exact truck it is 6 standard deviations from 0 with an information
-of 0.3 (`tyre_roll_stiffness`). The errors of sensors act on one channel, and are tested always."""
+UNUSUAL_CHANGE = 3.5
+"""Prior standard deviations that the estimate of a number of the vehicle changes at least, with its prior, if it is
+contradicted. A smaller change with a large score is mostly what the estimates do not absorb exactly: in eight lane
+changes of an exact truck a score is 6 standard deviations from 0, but the change 2.7 (`tyre_roll_stiffness`). The
+errors of sensors act on one channel, and need no such limit."""
 
 
 def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
@@ -139,20 +140,20 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
     return tuple(doubts)
 
 
-def least_information(unknown: Unknown) -> float:
-    """The information, in that of its prior, above which an unknown is tested."""
-    return 0.0 if is_sensor_error(unknown.name) else TESTED_INFORMATION
+def least_change(unknown: Unknown) -> float:
+    """The change in prior standard deviations, with the prior, from which an unknown is tested."""
+    return 0.0 if is_sensor_error(unknown.name) else UNUSUAL_CHANGE
 
 
 def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:
-    """The test of every considered unknown on which a drive has enough information, and that a truck can have so.
+    """The test of every considered unknown that changes enough, and that a truck can have as it implies.
 
     The innovations of the filter are independent of the estimates, so no other information matrix is needed.
     """
     tests, cross = [], estimate.B @ estimate.correlation
     for i, unknown in enumerate(live.setup.considered_unknowns):
         gradient, information = float(estimate.gradient[i]), float(estimate.information[i])
-        if information <= least_information(unknown):
+        if information <= 0 or abs(gradient) < least_change(unknown) * (1 + information):
             continue
         implied = -gradient / information
         change = implied * float(live.considered.sigma[i])

@@ -75,7 +75,7 @@ static fw_test fw_test_prior(const fw_inflated *estimate, int c)
     const fw_real gradient = estimate->evidence[(FW_AT_GRADIENT - FW_AT_Z) + c] / estimate->inflation;
     const fw_real information = estimate->evidence[(FW_AT_INFORMATION - FW_AT_Z) + c] / estimate->inflation;
     fw_test test = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(-1.0)};
-    if (information > fw_least_information[c]) {
+    if ((information > FW_REAL(0.0)) && (FW_ABS(gradient) >= (fw_least_change[c] * (FW_REAL(1.0) + information)))) {
         const fw_real variance = FW_REAL(1.0) + (FW_REAL(1.0) / information);
         const fw_real wider = variance + fw_gross_variance[c];
         test.implied = -gradient / information;
