@@ -10,7 +10,7 @@ considered unknowns nothing is kept: their effect is a bound of model errors, fr
 import datetime
 import math
 import uuid
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -130,7 +130,7 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
         parameters=tuple(u.name for u in unknowns if u.is_of_truck),
     )
     doubts = [
-        *evidence.contradicted_assumptions(most_likely(score_tests(live, estimate), evidence.unknowns)),
+        *evidence.contradicted_assumptions(_likely(score_tests(live, estimate), evidence.unknowns)),
         *evidence.unusual_estimates(),
     ]
     size, autocorrelation = max(innovations.mean_square), max(innovations.autocorrelation)
@@ -143,6 +143,12 @@ def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
 def least_change(unknown: Unknown) -> float:
     """The change in prior standard deviations, with the prior, from which an unknown is tested."""
     return 0.0 if is_sensor_error(unknown.name) else UNUSUAL_CHANGE
+
+
+def _likely(tests: Sequence[PriorTest], unknowns: Mapping[str, Unknown]) -> list[PriorTest]:
+    """The likely causes of a contradiction: those on which the drive has most information, if there are any."""
+    informed = [t for t in tests if least_change(unknowns[t.name]) == 0 or t.implied**2 <= 2 * t.statistic**2]
+    return most_likely(informed, unknowns) or most_likely(tests, unknowns)
 
 
 def score_tests(live: LiveFilter, estimate: JointEstimate) -> list[PriorTest]:

@@ -68,18 +68,20 @@ typedef struct {
     fw_real implied;   /* change without the prior */
     fw_real statistic; /* squared; it has the variance 1 if the prior holds */
     fw_real odds;      /* logarithm of the odds of a gross error; below 0 if a truck cannot have the change */
+    int informed;      /* whether the measurements contain no less information than the prior, or it is a sensor's */
 } fw_test;
 
 static fw_test fw_test_prior(const fw_inflated *estimate, int c)
 {
     const fw_real gradient = estimate->evidence[(FW_AT_GRADIENT - FW_AT_Z) + c] / estimate->inflation;
     const fw_real information = estimate->evidence[(FW_AT_INFORMATION - FW_AT_Z) + c] / estimate->inflation;
-    fw_test test = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(-1.0)};
+    fw_test test = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(-1.0), 0};
     if ((information > FW_REAL(0.0)) && (FW_ABS(gradient) >= (fw_least_change[c] * (FW_REAL(1.0) + information)))) {
         const fw_real variance = FW_REAL(1.0) + (FW_REAL(1.0) / information);
         const fw_real wider = variance + fw_gross_variance[c];
         test.implied = -gradient / information;
         test.statistic = test.implied * test.implied / variance;
+        test.informed = (fw_least_change[c] <= FW_REAL(0.0)) || (variance <= FW_REAL(2.0));
         if (FW_ABS(test.implied) <= fw_possible_change[c]) {
             test.odds = fw_gross_odds[c] + ((test.statistic * (FW_REAL(1.0) - (variance / wider))) * FW_REAL(0.5)) -
                         (FW_LOG(wider / variance) * FW_REAL(0.5));
@@ -91,14 +93,17 @@ static fw_test fw_test_prior(const fw_inflated *estimate, int c)
 /* Estimates that depend on the assumptions which the measurements contradict most. */
 static void fw_doubt_assumptions(const fw_inflated *estimate, fw_doubts doubts)
 {
-    fw_test best = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(0.0)};
-    for (int c = 0; c < FW_CONSIDERED; c++) {
-        const fw_test test = fw_test_prior(estimate, c);
-        best = (test.odds > best.odds) ? test : best;
+    fw_test best = {FW_REAL(0.0), FW_REAL(0.0), FW_REAL(0.0), 0};
+    for (int informed = 1; (informed >= 0) && (best.odds <= FW_REAL(0.0)); informed--) {
+        for (int c = 0; c < FW_CONSIDERED; c++) {
+            const fw_test test = fw_test_prior(estimate, c);
+            best = ((test.informed >= informed) && (test.odds > best.odds)) ? test : best;
+        }
     }
     for (int c = 0; c < FW_CONSIDERED; c++) {
         const fw_test test = fw_test_prior(estimate, c);
-        const int likely = (test.odds > FW_REAL(0.0)) && (test.odds > (best.odds - FW_ABOUT_AS_LIKELY));
+        const int likely = (test.informed >= best.informed) && (test.odds > FW_REAL(0.0)) &&
+                           (test.odds > (best.odds - FW_ABOUT_AS_LIKELY));
         for (int i = 0; (likely != 0) && (i < FW_Z_COUNT); i++) {
             fw_mark_moved(estimate, i, fw_dependence(estimate, i, c) * test.implied, doubts);
         }
