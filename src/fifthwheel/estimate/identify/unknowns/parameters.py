@@ -121,8 +121,8 @@ def one_stage_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: OneSt
     """
     estimated = estimated_parameters(vehicle, settings)
     unknowns = [
-        *_estimated_unknowns(vehicle, estimated, settings),
-        *_vehicle_file_unknowns(vehicle, estimated, settings),
+        *_parameters(vehicle, estimated, settings),
+        *_uncertain_numbers(vehicle, estimated, settings),
     ]
     unknowns += _self_steering_unknowns(vehicle, [u.name for u in unknowns], settings)
     unknowns += _changes_of_vehicle(vehicle, {*[u.name for u in unknowns], *estimated}, settings)
@@ -310,7 +310,7 @@ def softening_priors(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
     return {path: (mean * slope, sigma * slope) for path, slope in of_fiala.items()}
 
 
-def _estimated_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
+def _parameters(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """The estimated parameters: with the prior that is stated, else as a guess."""
     values, named = given_parameters(vehicle, settings), vehicle.paths(settings.reported)
     of_steering, unknowns = own_parameters(vehicle.steering), []
@@ -345,7 +345,7 @@ def _default_sigma(vehicle: Vehicle, name: str, value: float) -> float:
     return sigma
 
 
-def _vehicle_file_unknowns(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
+def _uncertain_numbers(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) -> list[Unknown]:
     """Uncertain numbers of the vehicle file and of saturating tyres, beside masses and lengths.
 
     The roll inertia of the sprung body below a payload whose height is estimated is none: it acts like this height.
