@@ -152,8 +152,9 @@ def uncertain_quantity(
         return quantity(value, si, strict=strict), None
     text, *statement = split_statement(value)
     size = quantity(text, si, strict=strict)
-    behind = _number_and_unit(statement[1], si, "after '+-': ")[1] if statement[1] else ""
-    bare = bool(size) and not _number_and_unit(text, si)[1]
+    number, behind = _number_and_unit(statement[1], si, "after '+-': ") if statement[0] == "+-" else (0.0, "")
+    own = _number_and_unit(text, si)[1]
+    bare = bool(size) and not own
     if bare and behind not in ("", "%", si) and si != "1":
         raise UnitError(
             f"expected a unit of the value too, got {_shown(value)}; write '{text} {behind} +- {statement[1]}'"
@@ -164,15 +165,14 @@ def uncertain_quantity(
         return size, None
     if statement[0] == "exact":
         return size, 0.0
-    number, unit = _number_and_unit(statement[1], si, "after '+-': ")
-    if unit == "%":
+    if behind == "%":
         if size == 0:
             raise UnitError(
                 f"after '+-': expected {si}, because percent of 0 is 0, got {_shown(value)}; write '+- 0.1 {si}'"
             )
         sigma = abs(size) * number / 100
-    elif not unit and (needed := _number_and_unit(text, si)[1]):
-        raise UnitError(f"after '+-': expected a unit, got {_shown(value)}; write '+- {number:g} {needed}'")
+    elif own and not behind:
+        raise UnitError(f"after '+-': expected a unit, got {_shown(value)}; write '+- {number:g} {own}'")
     else:
         try:
             sigma = quantity(statement[1], si, strict=strict)

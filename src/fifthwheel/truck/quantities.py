@@ -54,8 +54,8 @@ SCOPES: dict[Scope, Sharing] = {
     "road": Sharing(("road",), ("road",)),
     "log": Sharing(("log",), ("log",)),
 }
-"""Which logs share a number, by its scope. A label is one of a log (`identify.knowledge.information.Labels`), or a text
-field of the number's unit in the vehicle file."""
+"""Which logs share a number, by its scope. A label is one of a log (`Labels` in
+`estimate.identify.knowledge.information`), or a text field of the number's unit in the vehicle file."""
 
 
 class Quantity(NamedTuple):

@@ -258,7 +258,8 @@ def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> Weig
     of_units = {unit.name for unit in vehicle.units} - set(groups)  # a trailer with one axle group has its name
     loads = {group: load for group, load in static_loads(record).items() if group not in of_units}
     weights = [name for name in record.signals if is_of(name, *WEIGHTS)]
-    unused = tuple(name for name in weights if name not in [f"{PREFIX}{group}" for group in loads])
+    weighed_groups = {f"{PREFIX}{group}" for group in loads}
+    unused = tuple(name for name in weights if name not in weighed_groups)
     for group in loads:
         if group not in groups:
             raise SignalError(

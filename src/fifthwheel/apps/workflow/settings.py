@@ -65,7 +65,10 @@ def stated_in(texts: Iterable[str]) -> dict[str, str | float]:
     Raises:
         FifthwheelError: a text of another form, statements that disagree, or a file that cannot be read.
     """
-    return combined(each for text in texts for each in (_of_file(Path(text[1:])) if text[:1] == "@" else [parse(text)]))
+    found: list[Statement] = []
+    for text in texts:
+        found += _of_file(Path(text[1:])) if text.startswith("@") else [parse(text)]
+    return combined(found)
 
 
 def _of_file(path: Path) -> Iterator[Statement]:

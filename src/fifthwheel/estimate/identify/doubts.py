@@ -107,6 +107,11 @@ class PriorTest:
     implied: float  # change that the logs imply, in standard deviations of the prior
     shifts: Array  # change (k,) of all unknowns that goes with it, in prior standard deviations
 
+    @property
+    def variance(self) -> float:
+        """V, of the deviation without the prior, in that of the prior: 1 + 1 / I with the information I of the logs."""
+        return (self.implied / self.statistic) ** 2 if self.statistic else 1.0
+
 
 def prior_tests(
     names: Sequence[str], z: Array, P: Array, scatter: Array, tested: Iterable[str], variance: Array | None = None
@@ -131,9 +136,8 @@ def prior_tests(
 
 def linear_odds(test: PriorTest, error: GrossError) -> float:
     """Logarithm of the odds of a gross error of the number that is tested."""
-    variance = (test.implied / test.statistic) ** 2 if test.statistic else 1.0
-    wider = variance + error.size**2 - 1
-    return error.prior_odds + (test.statistic**2 * (1 - variance / wider) - math.log(wider / variance)) / 2
+    wider = test.variance + error.size**2 - 1
+    return error.prior_odds + (test.statistic**2 * (1 - test.variance / wider) - math.log(wider / test.variance)) / 2
 
 
 def most_likely(tests: Iterable[PriorTest], unknowns: Mapping[str, Unknown]) -> list[PriorTest]:

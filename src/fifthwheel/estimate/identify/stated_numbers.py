@@ -86,7 +86,7 @@ def _numbers(
         path = path_of_place(vehicle, error) if error and error.kind in PLACE_KINDS else ""
         log = numbered.log if len(logs) > 1 else None
         name = u.name if log is None else f"{u.name}@{logs[log]}"
-        if path in numbers or (name not in {*numbers, *of_changes} and states_sigma(given, u.name)):
+        if path in numbers or (name not in numbers and name not in of_changes and states_sigma(given, u.name)):
             numbers[path or name] = _Number(mean=u.centre, sigma=u.prior_sigma, slopes=((u, i, 1.0),))
     for name in (ROAD_BANK, BANK_VARIATION, DISCREPANCY, *[n for n in given if n.startswith(f"{TIME_BASE}.")]):
         if name not in numbers and states_sigma(given, name):

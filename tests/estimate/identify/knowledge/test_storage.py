@@ -80,6 +80,7 @@ def huge(content):
         (set_information("information", [1.0, 1.0]), "a symmetric matrix of 2 numbers"),
         (set_information("information", {}), "valid list"),
         (set_information("vector", [1.0]), "columns of other lengths"),
+        (set_information("origins", []), "columns of other lengths"),
         (set_unknown("scale", 0), "positive scale"),
         (set_unknown("centre", -1.0), "positive scale or median"),
         (set_unknown("centre", 1e200), "less than or equal to 10{40}"),

@@ -137,7 +137,8 @@ class Labels(ComparedByContents):
         """The owner of a number of a unit."""
         sharing = SCOPES[scope]
         wanted = sharing.first if unit == self.tractor else sharing.others
-        known = {path.rpartition(".")[2]: name for path, name in self.units.items() if path.startswith(f"{unit}.")}
+        paths = {ParameterPath.of(path): name for path, name in self.units.items()}
+        known = {path.quantity: name for path, name in paths.items() if path.unit == unit}
         known |= {"tractor": self.tractor, "trailer": self.trailer, "load": self.load, "log": self.name}
         known |= {"road": self.road} if self.road else {}
         if not known.keys() >= set(wanted):

@@ -76,7 +76,7 @@ def _require_possible(information: SharedInformation) -> None:
         raise ValueError(f"{n} unknowns of a log; at most {MAX_UNKNOWNS} expected")
     if len(set(own.names)) < n:
         raise ValueError("a log with two unknowns of one name")
-    columns = (own.centre, own.scale, own.logarithmic, own.non_negative, own.vector, own.origins or own.names)
+    columns = (own.centre, own.scale, own.logarithmic, own.non_negative, own.vector, own.origins)
     if {len(column) for column in columns} != {n}:
         raise ValueError(f"columns of other lengths than {n} unknowns")
     if not (own.scale > 0).all() or not (own.centre[own.logarithmic] > 0).all():

@@ -75,9 +75,9 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         else:
             verdict = uncertain_verdict(sigma[u.name], settings.excited)
             uncertain.append(estimates.parameter_estimate(u, shared[u.name], sigma[u.name], verdict))
-    log_names, known = [log.name for log in logs], {e.name for e in uncertain}
-    stated = stated_estimates(problem.setup, posterior, minimum.z, log_names, dataset.sensors)
-    uncertain += [e for e in stated if e.name not in known]
+    listed = {e.name: e for e in uncertain}
+    for e in stated_estimates(problem.setup, posterior, minimum.z, [log.name for log in logs], dataset.sensors):
+        listed.setdefault(e.name, e)
     estimated += [estimates.fixed_estimate(name, given[name]) for name in problem.setup.fixed]
     vehicle = dataset.identified_vehicle(vehicle_values)
     joint = _doubtful_covariance(solution, causes.likely, step, explained=left is None)
@@ -94,10 +94,10 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
         parameters=tuple(estimated),
         derived=(
             *estimates.derived_from_covariance(dataset.initial_vehicle, vehicle, estimated, covariance),
-            *[e for e in lengths if e.name not in {other.name for other in uncertain}],
+            *[e for e in lengths if e.name not in listed],
         ),
         sensors=tuple(estimates.sensor_error_estimates(sensor_errors, logs, shared, sigma)),
-        uncertain=tuple(uncertain),
+        uncertain=tuple(listed.values()),
         surroundings={name: values[name] for name in of_truck if name in around and not is_sensor_error(name)},
         covariance=covariance,
         doubts=tuple(doubts),

@@ -38,6 +38,11 @@ from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 GAINED = 1e-3
 """Smallest information of a direction of z that counts, in units of the prior's."""
+UNUSUAL_CHANGE = 3.5
+"""Prior standard deviations that the estimate of a number of the vehicle changes at least, with its prior, if it is
+contradicted. A smaller change with a large score is mostly what the estimates do not absorb exactly: in eight lane
+changes of an exact truck a score is 6 standard deviations from 0, but the change 2.7 (`tyre_roll_stiffness`). The
+errors of sensors act on one channel, and need no such limit."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -111,13 +116,6 @@ def learned_knowledge(live: LiveFilter, labels: Labels) -> SharedInformation | N
     return marginal_information(setup, [u.name for u in setup.unknowns], now.z, log, labels)
 
 
-UNUSUAL_CHANGE = 3.5
-"""Prior standard deviations that the estimate of a number of the vehicle changes at least, with its prior, if it is
-contradicted. A smaller change with a large score is mostly what the estimates do not absorb exactly: in eight lane
-changes of an exact truck a score is 6 standard deviations from 0, but the change 2.7 (`tyre_roll_stiffness`). The
-errors of sensors act on one channel, and need no such limit."""
-
-
 def find_doubts(live: LiveFilter, estimate: JointEstimate) -> tuple[Doubt, ...]:
     """The doubts of a filter at an estimate, each with the parameters that it concerns."""
     setup, learner, innovations = live.setup, live.learner, live.innovations
@@ -146,8 +144,9 @@ def least_change(unknown: Unknown) -> float:
 
 
 def _likely(tests: Sequence[PriorTest], unknowns: Mapping[str, Unknown]) -> list[PriorTest]:
-    """The likely causes of a contradiction: those on which the drive has most information, if there are any."""
-    informed = [t for t in tests if least_change(unknowns[t.name]) == 0 or t.implied**2 <= 2 * t.statistic**2]
+    """The likely causes of a contradiction: if there are any, errors of sensors, and numbers on which the drive has no
+    less information than their prior."""
+    informed = [test for test in tests if is_sensor_error(test.name) or test.variance <= 2]
     return most_likely(informed, unknowns) or most_likely(tests, unknowns)
 
 

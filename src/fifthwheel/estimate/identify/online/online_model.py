@@ -32,7 +32,7 @@ Structure = tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...], tupl
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class OnlineModel:
-    """A `estimate.filters.model.Model` whose parameters p are the values of unknowns; built by `online_model`.
+    """An `estimate.filters.model.Model` whose parameters p are the values of unknowns; built by `online_model`.
 
     The output of a channel is that of the chain plus its discrepancy, a first-order process (`noise_model`). The states
     are those of the chain, then the discrepancies. c = [known parameters of the chain, given values of the parameters

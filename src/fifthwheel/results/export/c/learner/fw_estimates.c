@@ -81,7 +81,7 @@ static fw_test fw_test_prior(const fw_inflated *estimate, int c)
         const fw_real wider = variance + fw_gross_variance[c];
         test.implied = -gradient / information;
         test.statistic = test.implied * test.implied / variance;
-        test.informed = (fw_least_change[c] <= FW_REAL(0.0)) || (variance <= FW_REAL(2.0));
+        test.informed = ((fw_least_change[c] <= FW_REAL(0.0)) || (variance <= FW_REAL(2.0))) ? 1 : 0;
         if (FW_ABS(test.implied) <= fw_possible_change[c]) {
             test.odds = fw_gross_odds[c] + ((test.statistic * (FW_REAL(1.0) - (variance / wider))) * FW_REAL(0.5)) -
                         (FW_LOG(wider / variance) * FW_REAL(0.5));
@@ -102,8 +102,8 @@ static void fw_doubt_assumptions(const fw_inflated *estimate, fw_doubts doubts)
     }
     for (int c = 0; c < FW_CONSIDERED; c++) {
         const fw_test test = fw_test_prior(estimate, c);
-        const int likely = (test.informed >= best.informed) && (test.odds > FW_REAL(0.0)) &&
-                           (test.odds > (best.odds - FW_ABOUT_AS_LIKELY));
+        const int likely = ((test.informed >= best.informed) && (test.odds > FW_REAL(0.0)) &&
+                            (test.odds > (best.odds - FW_ABOUT_AS_LIKELY))) ? 1 : 0;
         for (int i = 0; (likely != 0) && (i < FW_Z_COUNT); i++) {
             fw_mark_moved(estimate, i, fw_dependence(estimate, i, c) * test.implied, doubts);
         }
