@@ -9,7 +9,6 @@ import fifthwheel as fw
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant
 from fifthwheel.truck import Vehicle
@@ -21,16 +20,16 @@ LINEAR = fw.OneStage(tyres="linear")
 EXACT = replace(LINEAR, given={"self_steering": "exact"})
 
 
-def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[float, float, UnknownKind]]:
+def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[float, float, bool]]:
     """Prior mean, sigma and kind of what steers itself."""
     truck, settings = applied(truck, settings)
     found = one_stage_unknowns(truck, ["yaw_rate.tractor"], settings)
     assert all(0 <= u.lower < u.upper == 1 for u in found if u.name == PATH)
-    return {u.name: (u.centre, u.scale, u.kind) for u in found if "self_steering" in u.name}
+    return {u.name: (u.centre, u.scale, u.reported) for u in found if "self_steering" in u.name}
 
 
 def test_a_last_axle_may_be_a_castor_axle() -> None:
-    uncertain = UnknownKind.UNCERTAIN
+    uncertain = False  # not reported
     assert unknowns(FIXED) == {PATH: (0.0, 0.015, uncertain)}
     assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.05})) == {PATH: (0.0, 0.05, uncertain)}
     assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.0})) == {}
@@ -42,12 +41,12 @@ def test_a_last_axle_may_be_a_castor_axle() -> None:
 
 
 def test_a_castor_axle_of_the_file_is_uncertain() -> None:
-    assert unknowns(CASTOR) == {PATH: (0.8, 0.1, UnknownKind.UNCERTAIN)}
-    assert unknowns(CASTOR.with_stated({PATH: 0.03})) == {PATH: (0.8, 0.03, UnknownKind.UNCERTAIN)}
+    assert unknowns(CASTOR) == {PATH: (0.8, 0.1, False)}
+    assert unknowns(CASTOR.with_stated({PATH: 0.03})) == {PATH: (0.8, 0.03, False)}
     assert unknowns(CASTOR.with_stated({PATH: 0.0})) == unknowns(CASTOR, EXACT) == {}
-    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"})) == {PATH: (0.8, 0.3, UnknownKind.PARAMETER)}
+    assert unknowns(CASTOR, replace(LINEAR, given={PATH: "free"})) == {PATH: (0.8, 0.3, True)}
     stated = unknowns(CASTOR, replace(LINEAR, given={PATH: "+- 20 %"}))
-    assert stated == {PATH: (0.8, pytest.approx(0.16), UnknownKind.UNCERTAIN)}
+    assert stated == {PATH: (0.8, pytest.approx(0.16), False)}
 
 
 def blamed(result: fw.Identification) -> list[str]:
@@ -94,4 +93,4 @@ def test_of_a_truck_with_fixed_axles() -> None:
 def test_a_castor_axle_can_be_stated_without_a_file() -> None:
     settings = replace(EXACT, given={**EXACT.given, PATH: "0.7 +- 0.05"})
     for truck in (FIXED, CASTOR):
-        assert unknowns(truck, settings) == {PATH: (0.7, 0.05, UnknownKind.UNCERTAIN)}
+        assert unknowns(truck, settings) == {PATH: (0.7, 0.05, False)}

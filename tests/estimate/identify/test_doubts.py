@@ -21,13 +21,13 @@ from fifthwheel.estimate.identify.doubts import (
 )
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.unknowns.gross_errors import RATE, GrossError
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 Array = np.ndarray
 
 NAMES = ("a", "b", "c", "d", "e")
 TESTED = ("b", "d", "e")
-MASS = Unknown(name="mass", centre=1e4, scale=0.03, lower=-9.0, upper=9.0, logarithmic=True, kind=UnknownKind.UNCERTAIN)
+MASS = Unknown(name="mass", centre=1e4, scale=0.03, lower=-9.0, upper=9.0, logarithmic=True)
 UNKNOWNS = dict.fromkeys(TESTED, MASS)
 
 
@@ -165,7 +165,7 @@ def test_an_unknown_with_little_information_has_no_test() -> None:
 
 def test_the_prior_mean_of_a_cause_is_that_of_one_number() -> None:
     """An unknown that changes numbers of other names has none."""
-    fields = {"scale": 0.1, "lower": 0.0, "upper": 9.0, "kind": UnknownKind.UNCERTAIN}
+    fields = {"scale": 0.1, "lower": 0.0, "upper": 9.0}
     mass = Unknown(name="mass", centre=2.0, logarithmic=True, **fields)
     both = Unknown(name="cog", centre=0.0, moves={"x": 2.0, "y": -1.0}, **fields)
     evidence = Evidence(

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import (
     Verdict,
     estimate_verdict,
@@ -57,13 +57,13 @@ def test_uninformed(
 )
 def test_of_an_estimate(value: float, converged: bool, expected: Verdict) -> None:
     """At a bound means closer than a tenth of sigma, converged or not."""
-    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
+    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, reported=True)
     assert estimate_verdict(unknown, value, 0.1, converged=converged) is expected
 
 
 def test_the_first_verdict_that_applies() -> None:
     """Without other statements an estimate has converged, is not doubtful and needs no excitation."""
-    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, kind=UnknownKind.PARAMETER)
+    unknown = Unknown(name="a", centre=1.0, scale=1.0, lower=0.5, upper=2.0, reported=True)
     assert estimate_verdict(unknown, 1.0, 0.1) is Verdict.CONVERGED
     assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True) is Verdict.DOUBTFUL
     assert estimate_verdict(unknown, 1.0, 0.1, doubtful=True, converged=False) is Verdict.NOT_CONVERGED
@@ -93,7 +93,7 @@ def test_limits_of_the_information(remaining: float, information: float, expecte
 )
 def test_what_remains_of_a_prior(logarithmic: bool, value: float, remaining: float) -> None:
     """Of a value or of its logarithm, the larger fraction: sigma grows with the value, that of the prior does not."""
-    bounds = {"lower": 0.5, "upper": 20.0, "kind": UnknownKind.PARAMETER}
+    bounds = {"lower": 0.5, "upper": 20.0, "reported": True}
     unknown = Unknown(name="a", centre=2.0, scale=0.3, logarithmic=logarithmic, **bounds)
     assert remaining_fraction(unknown, value, 0.4) == pytest.approx(remaining)
     assert unknown.sigma(value, 0.4) / unknown.prior_sigma <= remaining * (1 + 1e-9)

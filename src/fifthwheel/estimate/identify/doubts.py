@@ -26,7 +26,7 @@ import numpy as np
 from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 STRONG_SCORE = 9.0
 """Statistic from which the model does not describe the logs: then every estimate is doubtful."""
@@ -183,14 +183,14 @@ class Evidence:
         """Sensor errors and parameters far outside their priors; `exempt` are unknowns that may be."""
         index = {name: i for i, name in enumerate(self.names)}
         for name, u in self.unknowns.items():
-            if not u.is_estimated or name in exempt:
+            if not u.estimated or name in exempt:
                 continue
             i = index[name]
             deviation = float(self.z[i])
-            if u.kind is UnknownKind.SENSOR and abs(deviation) > UNUSUAL_SENSOR_ERROR:
+            if not (u.reported or u.is_uncertain) and abs(deviation) > UNUSUAL_SENSOR_ERROR:
                 kind = DoubtKind.SENSOR
                 parameters = self._moved(self.covariance[:, i] / self.covariance[i, i] * deviation)
-            elif u.kind is UnknownKind.PARAMETER and u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:
+            elif u.reported and u.logarithmic and abs(deviation) > UNUSUAL_ESTIMATE:
                 kind, parameters = DoubtKind.ESTIMATE, (name,)  # a stiffness or inertia; the prior of a height is wide
             else:
                 continue

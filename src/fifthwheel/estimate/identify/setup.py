@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
     time_base_delays,
     with_stated_values,
 )
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind, scaling
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.analysis import slowest_decay
@@ -106,7 +106,7 @@ class Setup:
 
         def considered(u: Unknown) -> Unknown:
             centre = u.centre if u.moves else self.given.get(u.name, u.centre)
-            return replace(u, centre=centre, kind=UnknownKind.CONSIDERED)
+            return replace(u, centre=centre, estimated=False)
 
         return replace(self, unknowns=tuple(considered(u) if u.name in names else u for u in self.unknowns))
 
@@ -143,12 +143,12 @@ class Setup:
     @cached_property
     def estimated_unknowns(self) -> tuple[Unknown, ...]:
         """The unknowns that the logs change."""
-        return tuple(u for u in self.unknowns if u.is_estimated)
+        return tuple(u for u in self.unknowns if u.estimated)
 
     @cached_property
     def considered_unknowns(self) -> tuple[Unknown, ...]:
         """The unknowns that keep their prior mean."""
-        return tuple(u for u in self.unknowns if not u.is_estimated)
+        return tuple(u for u in self.unknowns if not u.estimated)
 
     @cached_property
     def given(self) -> dict[str, float]:
@@ -202,7 +202,7 @@ class Setup:
         """z with stiffer tyres behind the first group, until the slowest mode decays faster than at the rate `least`,
         1/s, at all speeds, m/s."""
         _, *behind_first = [f"{path}.cornering_stiffness" for path in self.vehicle.group_paths()]
-        places = [i for i, u in enumerate(self.unknowns) if u.name in behind_first and u.is_estimated]
+        places = [i for i, u in enumerate(self.unknowns) if u.name in behind_first and u.estimated]
         limits = self.scaling.to_z(self.scaling.upper)
         z = z.copy()
         while self.slowest_decay(z, speeds) <= least and places and z[places[0]] < limits[places[0]]:

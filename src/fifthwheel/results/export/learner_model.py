@@ -18,7 +18,7 @@ from fifthwheel.estimate.identify.online.start import discrepancy_variances
 from fifthwheel.estimate.identify.online.steering import Excitation
 from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.observe.monitor import CHANCE, START
 from fifthwheel.results.export import c_text
 from fifthwheel.results.export import learner_functions as functions
@@ -201,7 +201,7 @@ def _unknown_tables(learner: Learner) -> list[str]:
 
 def _roll_channel(unknown: Unknown, channels: Sequence[str]) -> int:
     """The roll rate without which a parameter is not identifiable; NO_CHANNEL if it needs none."""
-    if unknown.is_sensor_error or unknown.kind is UnknownKind.UNCERTAIN or not lacks_roll_rate(unknown.name, ()):
+    if unknown.is_sensor_error or not lacks_roll_rate(unknown.name, ()):
         return NO_CHANNEL
     name = f"roll_rate.{unknown.path.unit}"
     return channels.index(name) if name in channels else ABSENT_CHANNEL

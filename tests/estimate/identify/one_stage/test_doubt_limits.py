@@ -15,16 +15,16 @@ from fifthwheel.estimate.identify.one_stage.evidence import quick_doubts
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}
-STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, kind=UnknownKind.PARAMETER, **BOUNDS)
-HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS)
-OFFSET = Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, per_log=True, **BOUNDS)
-MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.UNCERTAIN, **BOUNDS)
-DELAY = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, kind=UnknownKind.UNCERTAIN, **BOUNDS)
-COG = Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.UNCERTAIN, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
+STIFFNESS = Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, reported=True, **BOUNDS)
+HEIGHT = Unknown(name="height", centre=1.0, scale=0.6, reported=True, **BOUNDS)
+OFFSET = Unknown(name="yaw_rate.tractor.offset", centre=0.0, scale=0.004, per_log=True, **BOUNDS)
+MASS = Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, **BOUNDS)
+DELAY = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, **BOUNDS)
+COG = Unknown(name="cog", centre=0.0, scale=0.2, moves={"x": 2.0, "y": -1.0}, **BOUNDS)
 UNKNOWNS = (STIFFNESS, HEIGHT, OFFSET, MASS, DELAY, COG)
 NAMES = ("stiffness", "height", "offset@0", "mass", "delay", "cog", "offset@1")
 SIGMA = np.array([0.2, 0.5, 0.4, 1.0, 1.0, 1.0, 0.8])
@@ -120,7 +120,7 @@ def test_a_sensor_error_far_from_its_prior(name: str, sign: int) -> None:
     assert doubt.statistic == pytest.approx(3.5)
     (cause,) = doubt.causes
     assert (cause.name, cause.prior_sigmas) == (name, sign * 3.5 * ABOVE)
-    assert cause.changes == {"offset": pytest.approx(sign * 3.5 * 0.004)}
+    assert cause.changes == {"yaw_rate.tractor.offset": pytest.approx(sign * 3.5 * 0.004)}
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

@@ -15,7 +15,7 @@ from fifthwheel.estimate.identify.one_stage.identification import (
     _without_number,
 )
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict, is_stated
 
 FRONT, REAR, AXIS = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness", "tractor.roll_axis_height"
@@ -36,8 +36,8 @@ def test_the_number_of_a_log_is_shown_if_there_are_several(name: str, single: st
     assert _without_number(name, False) == several
 
 
-def unknown(name: str, kind: UnknownKind = UnknownKind.PARAMETER) -> Unknown:
-    return Unknown(name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, kind=kind)
+def unknown(name: str, reported: bool = True) -> Unknown:
+    return Unknown(name=name, centre=2.0, scale=0.1, lower=1.0, upper=4.0, logarithmic=True, reported=reported)
 
 
 def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
@@ -46,7 +46,7 @@ def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
     H = np.cov(rng.normal(size=(50, 4)).T) * 3
     names = (FRONT, REAR, AXIS, "mass_scale")
     posterior = ScaledPosterior.from_information(names, H)
-    uncertain = [unknown(name, UnknownKind.UNCERTAIN) for name in names[2:]]
+    uncertain = [unknown(name, reported=False) for name in names[2:]]
     problem = SimpleNamespace(unknowns=[unknown(FRONT), unknown(REAR), *uncertain])
     budget = _variance_budget(problem, posterior, names[:2])
     for i, name in enumerate(names[:2]):
@@ -62,15 +62,15 @@ def test_the_variance_budget_is_what_an_exact_number_would_save() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "deviation", "noted"),
+    ("reported", "deviation", "noted"),
     [
-        (UnknownKind.UNCERTAIN, 11.9, False),  # a factor of 3.29
-        (UnknownKind.UNCERTAIN, -12.1, True),
-        (UnknownKind.PARAMETER, -12.1, False),  # has a verdict
+        (False, 11.9, False),  # a factor of 3.29
+        (False, -12.1, True),
+        (True, -12.1, False),  # has a verdict
     ],
 )
-def test_an_impossible_uncertain_number_is_noted(kind: UnknownKind, deviation: float, noted: bool) -> None:
-    problem = SimpleNamespace(names=(AXIS,), unknowns_by_name={AXIS: unknown(AXIS, kind)})
+def test_an_impossible_uncertain_number_is_noted(reported: bool, deviation: float, noted: bool) -> None:
+    problem = SimpleNamespace(names=(AXIS,), unknowns_by_name={AXIS: unknown(AXIS, reported)})
     solution = SimpleNamespace(problem=problem, minimum=SimpleNamespace(z=np.array([deviation])))
     assert [note.partition(":")[0] for note in _implausible(solution)] == [AXIS] * noted
 

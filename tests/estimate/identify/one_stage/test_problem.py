@@ -20,7 +20,7 @@ from fifthwheel.estimate.identify.one_stage.likelihood import gradient_and_infor
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, time_base_delays
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 
@@ -274,14 +274,14 @@ def test_bounds_and_nuisances(truck: Vehicle, records: list[Record]) -> None:
     """Initial states are within 8 prior standard deviations; an unknown that is not estimated keeps its prior mean."""
     p = problem(truck, records, OneStage())
     kept = p.setup.unknowns[0]
-    p = Problem(p.setup.with_unknown(replace(kept, kind=UnknownKind.CONSIDERED)), p.logs)
+    p = Problem(p.setup.with_unknown(replace(kept, estimated=False)), p.logs)
     lower, upper = (dict(zip(p.names, bound.tolist(), strict=True)) for bound in p.bounds)
     assert (lower[kept.name], upper[kept.name]) == (0.0, 0.0)
     states = [name for name in p.names if name not in p.unknowns_by_name]
     assert len(states) == 3 * len(p.model.states)
     assert {(lower[name], upper[name]) for name in states} == {(-8.0, 8.0)}
     for name, u in p.unknowns_by_name.items():
-        if u.is_estimated and not u.logarithmic:
+        if u.estimated and not u.logarithmic:
             assert (lower[name], upper[name]) == pytest.approx(
                 ((u.lower - u.centre) / u.scale, (u.upper - u.centre) / u.scale)
             )

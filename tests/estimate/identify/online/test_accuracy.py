@@ -17,7 +17,7 @@ from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns, stage_1_names
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind, scaling
+from fifthwheel.estimate.identify.unknowns.unknown import scaling
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.identify.online.conftest import FIVE, HEIGHT, assert_identified, learn, samples
@@ -82,9 +82,7 @@ def test_estimates_agree_with_the_fit_of_the_log(truck: Vehicle, guess: Vehicle)
 def test_sigma_includes_considered_parameters(truck: Vehicle) -> None:
     """Trucks that differ from the vehicle file within its uncertainty: the errors agree with sigma."""
     steered = truck.with_logged_steering(simulate(truck, count=1).signals, "record")
-    uncertain = [
-        u for u in one_stage_unknowns(steered, GYROS, LINEAR) if u.logarithmic and u.kind is UnknownKind.UNCERTAIN
-    ]
+    uncertain = [u for u in one_stage_unknowns(steered, GYROS, LINEAR) if u.logarithmic and u.is_uncertain]
     normalised = []
     for seed in range(8):
         draws = np.random.default_rng(seed).normal(size=len(uncertain))

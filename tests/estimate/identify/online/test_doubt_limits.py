@@ -13,18 +13,18 @@ from fifthwheel.estimate.identify.online import LearnerSettings
 from fifthwheel.estimate.identify.online.learned import find_doubts, score_tests
 from fifthwheel.estimate.identify.online.start import Considered
 from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}
 ESTIMATED = (
-    Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, kind=UnknownKind.PARAMETER, **BOUNDS),
-    Unknown(name="offset", centre=0.0, scale=0.004, kind=UnknownKind.SENSOR, **BOUNDS),
-    Unknown(name="height", centre=1.0, scale=0.6, kind=UnknownKind.PARAMETER, **BOUNDS),
+    Unknown(name="stiffness", centre=2.0, scale=0.3, logarithmic=True, reported=True, **BOUNDS),
+    Unknown(name="yaw_rate.tractor.offset", centre=0.0, scale=0.004, **BOUNDS),
+    Unknown(name="height", centre=1.0, scale=0.6, reported=True, **BOUNDS),
 )
 CONSIDERED = (
-    Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, kind=UnknownKind.CONSIDERED, **BOUNDS),
-    Unknown(name="cog", centre=0.0, scale=0.2, kind=UnknownKind.CONSIDERED, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
+    Unknown(name="mass", centre=1e4, scale=0.1, logarithmic=True, estimated=False, **BOUNDS),
+    Unknown(name="cog", centre=0.0, scale=0.2, estimated=False, moves={"x": 2.0, "y": -1.0}, **BOUNDS),
 )
 PROBLEM = SimpleNamespace(
     unknowns=(*ESTIMATED, *CONSIDERED), estimated_unknowns=ESTIMATED, considered_unknowns=CONSIDERED
@@ -65,7 +65,7 @@ def test_score_tests() -> None:
 
 def test_a_number_of_the_vehicle_is_tested_from_a_change_on() -> None:
     """Of 3.5 prior sigmas, |g| / (1 + I); a sensor error from any."""
-    delay = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, kind=UnknownKind.CONSIDERED, **BOUNDS)
+    delay = Unknown(name="yaw_rate.tractor.delay", centre=0.0, scale=0.01, estimated=False, **BOUNDS)
     live = live_filter()
     live.setup = SimpleNamespace(considered_unknowns=(CONSIDERED[0], delay))
     for change, information, tested in (
@@ -140,7 +140,7 @@ def test_estimates_far_from_their_priors(sign: int) -> None:
     (sensor,) = doubts((sign * 2.5, sign * 3.5 * ABOVE, sign * 9.0), B=np.zeros((3, 2)))
     assert (sensor.kind, sensor.parameters) == (DoubtKind.SENSOR, ())
     assert sensor.statistic == pytest.approx(3.5)
-    assert sensor.causes[0].changes == {"offset": pytest.approx(sign * 3.5 * 0.004)}
+    assert sensor.causes[0].changes == {"yaw_rate.tractor.offset": pytest.approx(sign * 3.5 * 0.004)}
 
 
 @pytest.mark.parametrize("sign", [-1, 1])

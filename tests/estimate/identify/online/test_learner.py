@@ -53,7 +53,7 @@ def test_the_vehicle_has_the_estimates(guess: Vehicle, learned: Learner) -> None
 
 def test_considered_parameters_stay_and_increase_the_sigmas(guess: Vehicle, lanes: Record, learned: Learner) -> None:
     considering = learn(guess, lanes, CONSIDERING)
-    considered = [u.name for u in considering._live.setup.unknowns if not u.is_estimated]
+    considered = [u.name for u in considering._live.setup.unknowns if not u.estimated]
     assert considered == ["tractor.roll_axis_height", "semitrailer.roll_axis_height"]
     for name in considered:
         assert considering[name].value == guess.parameters()[name]
@@ -66,8 +66,8 @@ def test_changes_of_the_vehicle_file_are_considered_at_zero(guess: Vehicle, lane
     learner = Learner(guess, lanes.signals, OneStage(tyres="linear"))
     unknowns = {u.name: u for u in learner._live.setup.unknowns}
     assert {"tractor.mass", "semitrailer.payload.mass", "mass_scale", "time_base"} <= set(unknowns)
-    assert {u.centre for u in unknowns.values() if u.moves and not u.is_estimated} == {0.0}
-    assert unknowns["semitrailer.cornering_stiffness.variation"].is_estimated
+    assert {u.centre for u in unknowns.values() if u.moves and not u.estimated} == {0.0}
+    assert unknowns["semitrailer.cornering_stiffness.variation"].estimated
     assert "semitrailer.cornering_stiffness.variation" not in {value.name for value in learner.parameters}
 
 

@@ -24,7 +24,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
     stage_2_names,
     time_base_delays,
 )
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model.dynamics.sensors import sensor_parameters
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
@@ -90,13 +90,11 @@ def test_each_parameter_is_one_kind_of_unknown(truck: Vehicle) -> None:
     unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
     names = [u.name for u in unknowns]
     assert len(set(names)) == len(names)
-    estimated = [
-        u.name for u in unknowns if not (u.kind is UnknownKind.UNCERTAIN or not u.is_estimated or u.is_sensor_error)
-    ]
+    estimated = [u.name for u in unknowns if not (u.is_uncertain or not u.estimated or u.is_sensor_error)]
     assert estimated == estimated_parameters(truck, settings) == [*stage_1_names(truck), *stage_2_names(truck)]
-    uncertain = {u.name.rpartition(".")[2] for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
+    uncertain = {u.name.rpartition(".")[2] for u in unknowns if u.is_uncertain}
     assert uncertain == {"relaxation_length", "roll_damping"}
-    assert all(u.is_estimated for u in unknowns)
+    assert all(u.estimated for u in unknowns)
     assert "tractor.yaw_inertia" not in names
 
 
@@ -105,7 +103,7 @@ def test_body_below_an_estimated_payload(truck: Vehicle) -> None:
 
     def uncertain(settings: OneStage) -> set[str]:
         unknowns = one_stage_unknowns(*in_vehicle(truck, settings))
-        return {u.name for u in unknowns if u.kind is UnknownKind.UNCERTAIN}
+        return {u.name for u in unknowns if u.is_uncertain}
 
     assert "tractor.sprung.cog_height" in uncertain(OneStage())
     assert "semitrailer.sprung.cog_height" in uncertain(OneStage())
@@ -168,11 +166,11 @@ def test_softening_without_static_loads(truck: Vehicle) -> None:
 
 def test_all_but_the_reported_parameters_can_be_exact(truck: Vehicle) -> None:
     gyros = {f"{rate}.delay" for rate in RATES}
-    full = {name for name, u in by_name(truck, OneStage()).items() if u.kind is UnknownKind.UNCERTAIN}
+    full = {name for name, u in by_name(truck, OneStage()).items() if u.is_uncertain}
     variation = "semitrailer.cornering_stiffness.variation"
     assert gyros | {"mass_scale", "tractor.front.softening", "time_base", variation} <= full
     others = by_name(truck, OneStage(given={"others": "exact"})).values()
-    assert {u.name for u in others if u.kind is UnknownKind.UNCERTAIN} == {"time_base", *gyros}
+    assert {u.name for u in others if u.is_uncertain} == {"time_base", *gyros}
 
 
 def test_axle_loads_of_saturating_tyres_change_with_the_masses(truck: Vehicle) -> None:
@@ -207,7 +205,7 @@ def test_play_is_not_negative(truck: Vehicle) -> None:
     play = by_name(truck, OneStage())["steer.tractor.front.play"]
     assert (play.lower, play.centre) == (0.0, 0.0)
     assert play.upper > 0
-    assert play.is_estimated
+    assert play.estimated
 
 
 def test_delays_of_time_bases(truck: Vehicle) -> None:
@@ -261,7 +259,7 @@ def test_each_sensor_error_has_the_stated_prior(truck: Vehicle, name: str) -> No
     (mean, per_log, both), unit = SENSOR_ERRORS[name], sensor_error_unit(name).removesuffix("1")
     unknown = by_name(truck, OneStage(given={name: f"+- 0.0123 {unit}"}), OUTPUTS)[name]
     assert (unknown.scale, unknown.centre, unknown.per_log, unknown.logarithmic) == (0.0123, mean, per_log, False)
-    assert (unknown.kind, unknown.is_sensor_error) == (UnknownKind.SENSOR, True)
+    assert (unknown.is_uncertain, unknown.is_sensor_error) == (False, True)
     bounds = (0.0 if name.endswith("play") else mean - 8 * 0.0123, mean + 8 * 0.0123)
     assert (unknown.lower, unknown.upper) == pytest.approx(bounds)
     two_stage = {u.name: u for u in sensor_unknowns(truck, OUTPUTS[:3], TwoStage())}
@@ -272,7 +270,7 @@ def test_each_sensor_error_has_the_stated_prior(truck: Vehicle, name: str) -> No
 
 def test_all_sensor_errors_are_listed(truck: Vehicle) -> None:
     steered = truck.with_logged_steering({STEER}, "")
-    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if u.kind is UnknownKind.SENSOR}
+    names = {u.name for u in one_stage_unknowns(steered, OUTPUTS, OneStage()) if not (u.reported or u.is_uncertain)}
     roll = {f"roll_rate.tractor.{kind}" for kind in ("gain", "misalignment")}
     places = {f"{ACCELERATION}.{kind}" for kind in ("position", "height")}
     assert names == set(SENSOR_ERRORS) | roll | places
@@ -335,9 +333,9 @@ def test_parameters_of_both_methods_have_their_priors(truck: Vehicle) -> None:
     assert (separate[body].scale, separate["semitrailer.sprung.cog_height"].scale) == (0.55, 0.21)
     own = by_name(truck, OneStage(given={"semitrailer.yaw_inertia": "+- 5 %"}))
     assert own["semitrailer.yaw_inertia"].scale == 0.05
-    assert own["semitrailer.yaw_inertia"].kind is UnknownKind.PARAMETER
+    assert own["semitrailer.yaw_inertia"].reported
     damping = by_name(truck, OneStage(given={"roll_damping": "+- 5 %"}))["semitrailer.roll_damping"]
-    assert damping.kind is UnknownKind.UNCERTAIN
+    assert damping.is_uncertain
 
 
 def test_the_filter_of_two_stages_starts_with_its_own_sigma(truck: Vehicle) -> None:
@@ -391,7 +389,7 @@ def test_who_brakes_differs_from_log_to_log(truck: Vehicle) -> None:
     for tyres in ("linear", "saturating"):
         brakes = by_name(truck, OneStage(tyres=tyres))["brakes.drive_axle"]
         assert (brakes.centre, brakes.scale, brakes.lower, brakes.upper, brakes.per_log) == (0.5, 0.4, 0.0, 1.0, True)
-        assert brakes.kind is UnknownKind.UNCERTAIN
+        assert brakes.is_uncertain
     assert "brakes.drive_axle" not in by_name(truck, OneStage(given={"brakes.drive_axle": "exact"}))
 
 
@@ -407,10 +405,10 @@ def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
         (truck, "tractor.cog", truck.parameters()["tractor.cog"], 0.05),
     ):
         u = by_name(vehicle, OneStage(reported=(name,)))[name]
-        assert (u.kind, u.logarithmic, u.centre) == (UnknownKind.PARAMETER, False, centre)
+        assert (u.reported, u.logarithmic, u.centre) == (True, False, centre)
         assert u.scale == pytest.approx(scale)
     u = by_name(stated, OneStage())[PRODUCT]
-    assert (u.kind, u.logarithmic, u.centre, u.scale) == (UnknownKind.UNCERTAIN, False, 0.0, 500.0)
+    assert (u.is_uncertain, u.logarithmic, u.centre, u.scale) == (True, False, 0.0, 500.0)
     with pytest.raises(VehicleError, match="product: nothing is known of its uncertainty; state it"):
         by_name(zero, OneStage(reported=(PRODUCT,)))
     with pytest.raises(VehicleError, match="product: may be 0; give its standard deviation"):
@@ -422,7 +420,7 @@ def test_a_number_that_may_be_zero(truck: Vehicle) -> None:
 def test_what_is_reported_keeps_its_prior(truck: Vehicle) -> None:
     name = "tractor.yaw_inertia"
     uncertain, listed = by_name(truck, OneStage())[name], by_name(truck, OneStage(reported=("yaw_inertia",)))[name]
-    assert (uncertain.kind, listed.kind) == (UnknownKind.UNCERTAIN, UnknownKind.PARAMETER)
+    assert (uncertain.reported, listed.reported) == (False, True)
     assert (uncertain.centre, uncertain.scale) == (listed.centre, listed.scale)
     assert by_name(truck, OneStage(given={name: "free"}))[name].scale == 0.3
     assert name not in by_name(truck, OneStage(reported=(name,), given={name: "exact"}))

@@ -31,7 +31,6 @@ from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.settings import OneStage, Progress
 from fifthwheel.estimate.identify.setup import Setup, with_tyre_law
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
 from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION
@@ -252,4 +251,4 @@ def _first_range(problem: Problem, name: str) -> float:
         steer = is_of(name, STEER) and not is_sensor_error(name, "play")
         return np.inf if steer or is_sensor_error(name, "offset") else 0.0
     unknown = problem.unknowns_by_name.get(name)
-    return FIRST_RANGE if unknown and unknown.kind is UnknownKind.UNCERTAIN else np.inf
+    return FIRST_RANGE if unknown and unknown.is_uncertain else np.inf

@@ -12,7 +12,6 @@ from fifthwheel.estimate.identify.doubts import (
 )
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.unknowns.gross_errors import is_possible
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
 from fifthwheel.truck.quantities import FRICTION
 
 
@@ -42,7 +41,7 @@ def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | N
 def quick_doubts(solution: Solution) -> list[Doubt]:
     """The doubts without a fit for each cause: of the uncertain numbers, by the linear tests of their priors."""
     unknowns = solution.problem.unknowns_by_name
-    tests = [t for t in solution.linearisation.tests if unknowns[t.name].kind is UnknownKind.UNCERTAIN]
+    tests = [t for t in solution.linearisation.tests if unknowns[t.name].is_uncertain]
     possible = [test for test in tests if is_possible(unknowns[test.name], test.implied)]
     return find_doubts(solution, most_likely(possible, unknowns) or most_likely(tests, unknowns))
 

@@ -17,7 +17,6 @@ from fifthwheel.estimate.identify.one_stage.gauss_newton import TOLERANCE, minim
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.parts import Fit
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
 from fifthwheel.model.dynamics.tyre_law import Tyres
 from fifthwheel.truck import Vehicle
 
@@ -57,7 +56,7 @@ def _fits(
     vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
     own = vehicle.parameters()
     unknowns = [
-        u if u.per_log else replace(u, centre=values[u.name], kind=UnknownKind.CONSIDERED)
+        u if u.per_log else replace(u, centre=values[u.name], estimated=False)
         for u in problem.unknowns
         if u.per_log or not any(name in own for name in u.moves)
     ]

@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.stated_numbers import stated_estimates
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.unknowns.gross_errors import is_possible
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import (
     Verdict,
     estimate_verdict,
@@ -57,7 +57,7 @@ def build_identification(solution: Solution, causes: Causes | None = None, note:
     vehicle_values = {name: values[name] for name in own if name in changed}
     of_truck = dynamics.all_parameters(dataset.vehicle, (), tyres=problem.model.tyres)
     around = {n for n in of_truck if n in changed or values[n] != of_truck[n]} - {*own, FRICTION, DRIVE_AXLE_BRAKING}
-    sensor_errors = [u for u in problem.unknowns if u.kind is UnknownKind.SENSOR]
+    sensor_errors = [u for u in problem.unknowns if not (u.reported or u.is_uncertain)]
     evaluation = evaluate_fits(dataset, logs, fits_of(solution, dataset.vehicle.replace(vehicle_values)), settings)
     left = causes.left if evaluation.trusted or causes.likely else problem.relative_discrepancy
     doubts = find_doubts(solution, causes.likely, left)
@@ -201,7 +201,7 @@ def _implausible(solution: Solution) -> Iterator[str]:
     """A note on each uncertain number that the logs move beyond what a truck can have."""
     z = dict(zip(solution.problem.names, solution.minimum.z.tolist(), strict=True))
     for name, u in solution.problem.unknowns_by_name.items():
-        if u.kind is UnknownKind.UNCERTAIN and not is_possible(u, z[name]):
+        if u.is_uncertain and not is_possible(u, z[name]):
             yield (
                 f"{name}: the logs move it by {z[name]:+.1f} prior sigma, beyond what a truck can have. Something that "
                 "the model lacks acts like it, so sigmas of other estimates may be too small: identify parts of "
@@ -278,4 +278,4 @@ def _variance_budget(
 
 def _shared_uncertain(problem: Problem) -> list[str]:
     """Names of the uncertain numbers that all logs share."""
-    return [u.name for u in problem.unknowns if u.kind is UnknownKind.UNCERTAIN and not u.per_log]
+    return [u.name for u in problem.unknowns if u.is_uncertain and not u.per_log]

@@ -191,7 +191,7 @@ class Problem:
         for indices in self.layout.unknowns:
             lower[indices] = self.setup.scaling.to_z(self.setup.scaling.lower)
             upper[indices] = self.setup.scaling.to_z(self.setup.scaling.upper)
-            considered = indices[[not u.is_estimated for u in self.unknowns]]
+            considered = indices[[not u.estimated for u in self.unknowns]]
             lower[considered] = upper[considered] = 0.0
         return lower, upper
 
@@ -286,7 +286,7 @@ class Problem:
             p_directions, x0_directions = np.zeros((0, len(p))), np.zeros((0, len(x0)))
             indices = np.zeros(0, dtype=np.int64)
         else:
-            selected = [a for a, u in enumerate(self.unknowns) if u.is_estimated]
+            selected = [a for a, u in enumerate(self.unknowns) if u.estimated]
             unknowns = [self.unknowns[a] for a in selected]
             slope = self.setup.scaling.slope(np.array(list(self.values(z, i).values())))[selected]
             p_directions = np.zeros((len(unknowns) + len(initial), len(p)))
@@ -433,7 +433,7 @@ class Problem:
     @cached_property
     def _delays(self) -> tuple[str, ...]:
         """Names of the delays of speed and steer angles that are estimated; these shift the inputs."""
-        estimated = [name for u in self.unknowns if u.is_estimated for name in u.slopes]
+        estimated = [name for u in self.unknowns if u.estimated for name in u.slopes]
         late = [name for name in estimated if is_of(name, SPEED, STEER)]
         return tuple(dict.fromkeys(name for name in late if is_sensor_error(name, "delay")))
 

@@ -16,7 +16,7 @@ from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.result.parts import ParameterHistory
 from fifthwheel.estimate.identify.settings import OneStage
-from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind, scaling
+from fifthwheel.estimate.identify.unknowns.unknown import scaling
 from fifthwheel.estimate.identify.verdict import Verdict
 
 HISTORY_LENGTH = 200
@@ -131,14 +131,15 @@ def _linearise(solution: Solution) -> Linearisation:
         precision=prior.hessian,
         prior=problem.prior,
     )
-    kinds, P = (UnknownKind.UNCERTAIN, UnknownKind.SENSOR), posterior.model_covariance
-    tested = [name for name, u in problem.unknowns_by_name.items() if u.kind in kinds]
+    tested = [name for name, u in problem.unknowns_by_name.items() if u.estimated and not u.reported]
     mean, variance = problem.prior.mean, problem.prior.variance
     return Linearisation(
         posterior=posterior,
         gradient=gradient,
         history=history,
-        tests=tuple(prior_tests(problem.names, z - mean, P, posterior.predictive, tested, variance)),
+        tests=tuple(
+            prior_tests(problem.names, z - mean, posterior.model_covariance, posterior.predictive, tested, variance)
+        ),
         logs=tuple(logs),
     )
 

@@ -36,7 +36,7 @@ from fifthwheel.estimate.identify.settings import OneStage, require_own_function
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.stored import reason, restored, stored
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict, estimate_verdict
 from fifthwheel.estimate.stream import VALID
 from fifthwheel.truck import Vehicle
@@ -221,7 +221,7 @@ class Learner:
     def _parameters(self, *, finished: bool) -> tuple[LearnedValue, ...]:
         requested = self._live.setup.estimated
         of_truck = ((u, v) for u, v in self._estimates(finished=finished) if u.is_of_truck)
-        return tuple(v for u, v in of_truck if u.is_estimated or u.name in requested)
+        return tuple(v for u, v in of_truck if u.estimated or u.name in requested)
 
     @property
     def sensors(self) -> tuple[LearnedValue, ...]:
@@ -247,7 +247,7 @@ class Learner:
         measured = live.innovations.measured or setup.outputs  # a channel without samples counts as absent
         estimates = []
         for u, value, s in zip(setup.unknowns, p, sigma_z, strict=True):
-            if not u.is_sensor_error and u.kind is not UnknownKind.UNCERTAIN and lacks_roll_rate(u.name, measured):
+            if not u.is_sensor_error and lacks_roll_rate(u.name, measured):
                 verdict = Verdict.NOT_IDENTIFIABLE
             else:
                 verdict = estimate_verdict(u, value, s, excited=setup.settings.excited, doubtful=u.name in doubtful)
@@ -274,7 +274,7 @@ class Learner:
         values = {
             value.name: value.value
             for u, value in self._estimates()
-            if u.name in given and u.is_estimated and (u.kind is UnknownKind.UNCERTAIN or value.verdict not in unknown)
+            if u.name in given and u.estimated and value.verdict not in unknown
         }
         return self._live.setup.vehicle.replace(values)
 

@@ -15,7 +15,7 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup, simplified, with_tyre_law
 from fifthwheel.estimate.identify.statement import stated
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, fixed_last_axles, known_of
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
@@ -99,7 +99,7 @@ def _considered(setup: Setup) -> set[str]:
     """Unknowns that a learner considers, to save time: uncertain ones. What varies from log to log is estimated, so
     that no estimate becomes less certain than it was at the start."""
     varying = {u.name for u in setup.unknowns if u.path.quantity == VARIATION}
-    return {u.name for u in setup.unknowns if u.kind is UnknownKind.UNCERTAIN} - varying
+    return {u.name for u in setup.unknowns if u.is_uncertain} - varying
 
 
 def model_of(setup: Setup, outputs: Sequence[str], *, discrepancies: bool) -> OnlineModel:

@@ -12,7 +12,6 @@ from fifthwheel.estimate.identify.statement import Stated, prior_of, refused, st
 from fifthwheel.estimate.identify.unknowns.unknown import (
     GUESS_TAIL,
     Unknown,
-    UnknownKind,
     fraction_unknown,
     linear_unknown,
     logarithmic_unknown,
@@ -148,7 +147,7 @@ def time_base_delays(
         if base != main:
             moves.setdefault(f"{TIME_BASE}.{base or 'main'}.delay", {})[f"{name}.delay"] = 1.0
     return [
-        linear_unknown(name, *prior, UnknownKind.SENSOR, moves=of_channels)
+        linear_unknown(name, *prior, moves=of_channels)
         for name, of_channels in moves.items()
         if (prior := prior_of(settings.given, name))[1]
     ]
@@ -196,8 +195,7 @@ def sensor_error_unknowns(vehicle: Vehicle, outputs: Sequence[str], settings: Co
         for kind in channel.errors if channel else ():
             prior = prior_of_sensor_error(vehicle, f"{name}.{kind.kind}", settings)
             if prior and prior[1]:
-                of = UnknownKind.UNCERTAIN if kind.uncertain else UnknownKind.SENSOR
-                unknown = linear_unknown(f"{name}.{kind.kind}", *prior, of, per_log=kind.per_log)
+                unknown = linear_unknown(f"{name}.{kind.kind}", *prior, per_log=kind.per_log)
                 unknowns.append(replace(unknown, lower=max(unknown.lower, 0.0)) if kind.positive else unknown)
     return unknowns
 
@@ -210,12 +208,12 @@ def _changes_of_vehicle(vehicle: Vehicle, done: Container[str], settings: OneSta
         of_tyres = _changes_of_tyres(vehicle, moves, settings) if moves else {}
         if [*moves, *of_tyres] == [change.name]:
             sigma = abs(moves[change.name])
-            unknowns.append(linear_unknown(change.name, values[change.name], sigma, UnknownKind.UNCERTAIN))
+            unknowns.append(linear_unknown(change.name, values[change.name], sigma))
         elif moves:
             given = {p: values[p] for p in moves if values[p] > 0 and not quantity_of(p).signed}
             size = _size(moves, given)
             rates = {path: slope / size for path, slope in (moves | of_tyres).items()}
-            unknown = linear_unknown(change.name, 0.0, size, UnknownKind.UNCERTAIN, moves=rates)
+            unknown = linear_unknown(change.name, 0.0, size, moves=rates)
             unknowns.append(replace(unknown, given=given))
     return unknowns
 
@@ -274,19 +272,19 @@ def _model_errors(vehicle: Vehicle, settings: OneStage) -> list[Unknown]:
     for path, (mean, default) in (softening_priors(vehicle) if settings.tyre_law == "linear" else {}).items():
         found = known_of(f"{path}.softening", mean, settings)
         if sigma := found.or_sigma(default):
-            unknowns.append(linear_unknown(found.name, found.value, sigma, UnknownKind.UNCERTAIN))
+            unknowns.append(linear_unknown(found.name, found.value, sigma))
     for name in (f"{path}.cornering_stiffness" for path in vehicle.group_paths()):
         variation = f"{name}.{VARIATION}"
         _, sigma = prior_of(settings.given, variation)
         if sigma and not known_of(name, values[name], settings, reported=True).exact:
             moves = {name: values[name]}
-            unknowns.append(linear_unknown(variation, 0.0, sigma, UnknownKind.UNCERTAIN, moves=moves))
+            unknowns.append(linear_unknown(variation, 0.0, sigma, moves=moves))
     mean, sigma = prior_of(settings.given, DRIVE_AXLE_BRAKING)
     if sigma and settings.brakes:
         unknowns.append(fraction_unknown(DRIVE_AXLE_BRAKING, mean, sigma))
     if rate := prior_of(settings.given, TIME_BASE)[1]:
         moves = {dynamics.TIME_SCALE: 1.0}
-        unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, UnknownKind.UNCERTAIN, moves=moves))
+        unknowns.append(linear_unknown(TIME_BASE, 0.0, rate, moves=moves))
     return unknowns
 
 
@@ -322,13 +320,15 @@ def _parameters(vehicle: Vehicle, estimated: Sequence[str], settings: OneStage) 
             sigma = _default_sigma(vehicle, name, value)
         may_be_zero = name in of_steering and sigma and 2 * sigma > value
         if row.bounds:
-            unknowns.append(linear_unknown(name, *((value, sigma) if sigma else (row.mean or value, row.sigma))))
+            unknowns.append(
+                linear_unknown(name, *((value, sigma) if sigma else (row.mean or value, row.sigma)), reported=True)
+            )
         elif row.signed or may_be_zero:
-            unknowns.append(linear_unknown(name, value, sigma or row.guess_of(value)))
+            unknowns.append(linear_unknown(name, value, sigma or row.guess_of(value), reported=True))
         elif sigma or name == FRICTION:
-            unknowns.append(logarithmic_unknown(name, value, sigma / value if sigma else row.sigma))
+            unknowns.append(logarithmic_unknown(name, value, sigma / value if sigma else row.sigma, reported=True))
         else:
-            unknowns.append(logarithmic_unknown(name, value, row.guess, tail=GUESS_TAIL))
+            unknowns.append(logarithmic_unknown(name, value, row.guess, reported=True, tail=GUESS_TAIL))
     return unknowns
 
 
@@ -361,5 +361,5 @@ def _uncertain_numbers(vehicle: Vehicle, estimated: Sequence[str], settings: One
         usual = row.sigma_of(value) if row.signed else row.sigma
         if scale := usual if sigma is None else sigma / (1.0 if row.signed else value):
             make = linear_unknown if row.signed else logarithmic_unknown
-            unknowns.append(make(name, value, scale, UnknownKind.UNCERTAIN))
+            unknowns.append(make(name, value, scale))
     return unknowns

@@ -3,14 +3,13 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from enum import Enum
 
 import numpy as np
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.formatting import percent
 from fifthwheel.base.names import ParameterPath
-from fifthwheel.data.channels import is_sensor_error
+from fifthwheel.data.channels import SensorErrorName, is_sensor_error
 from fifthwheel.estimate.filters.scaling import Scaling
 from fifthwheel.truck.quantities import quantity_of
 
@@ -20,15 +19,6 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
 """Any other unknown stays within this number of prior standard deviations of its mean."""
-
-
-class UnknownKind(Enum):
-    """What an identification does with an unknown."""
-
-    PARAMETER = "parameter"  # of the vehicle, its tyres or the road: estimated, with a verdict
-    UNCERTAIN = "uncertain"  # what else is uncertain of the vehicle and its model: estimated too
-    SENSOR = "sensor"  # an error of a sensor: estimated
-    CONSIDERED = "considered"  # keeps its prior mean; a learner has its effect in every sigma
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,18 +34,14 @@ class Unknown:
     scale: float  # prior standard deviation: of ln p if logarithmic, else of p
     lower: float  # bounds of p
     upper: float
-    kind: UnknownKind
     possible: tuple[float, float] = (-math.inf, math.inf)  # range of p in any vehicle
     logarithmic: bool = False
     per_log: bool = False  # each log has its own
+    reported: bool = False  # listed first in the result, with a verdict
+    estimated: bool = True  # the logs change it; else it keeps its prior mean: a learner has its effect in every sigma
     tail: float = math.inf  # where the exponential tail of its prior begins, in z; infinite: normal
     moves: Mapping[str, float] = field(default_factory=dict)  # model parameters and their slopes, SI per unit of p
     given: Mapping[str, float] = field(default_factory=dict)  # values of those that are above 0, SI
-
-    @property
-    def is_estimated(self) -> bool:
-        """Whether the logs change it; otherwise it keeps its prior mean."""
-        return self.kind is not UnknownKind.CONSIDERED
 
     @property
     def path(self) -> ParameterPath:
@@ -66,6 +52,12 @@ class Unknown:
     def is_sensor_error(self) -> bool:
         """Whether it is an error of a sensor or of a time base."""
         return is_sensor_error(self.name)
+
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether it is an uncertain number that is not reported: of the truck, its model, or a sensor by its row."""
+        error = SensorErrorName.of(self.name)
+        return not self.reported and (error is None or (error.row is not None and error.row.uncertain))
 
     @property
     def is_of_truck(self) -> bool:
@@ -115,7 +107,7 @@ def scaling(unknowns: Sequence[Unknown]) -> Scaling:
 
 
 def logarithmic_unknown(
-    name: str, value: float, sigma: float, kind: UnknownKind = UnknownKind.PARAMETER, tail: float = math.inf
+    name: str, value: float, sigma: float, *, reported: bool = False, tail: float = math.inf
 ) -> Unknown:
     """A parameter above 0, with sigma as a fraction of its value; a VehicleError if the value is not above 0, or sigma
     not below it."""
@@ -129,7 +121,7 @@ def logarithmic_unknown(
         )
     lower, upper = value / BOUND_FACTOR, value * BOUND_FACTOR
     return Unknown(
-        name=name, centre=value, scale=sigma, lower=lower, upper=upper, logarithmic=True, kind=kind, tail=tail
+        name=name, centre=value, scale=sigma, lower=lower, upper=upper, logarithmic=True, reported=reported, tail=tail
     )
 
 
@@ -137,8 +129,8 @@ def linear_unknown(
     name: str,
     mean: float,
     sigma: float,
-    kind: UnknownKind = UnknownKind.PARAMETER,
     *,
+    reported: bool = False,
     moves: Mapping[str, float] | None = None,
     per_log: bool = False,
 ) -> Unknown:
@@ -148,15 +140,14 @@ def linear_unknown(
     its unit.
     """
     row = quantity_of(name)
-    reach = (2 if kind is UnknownKind.PARAMETER and row.is_position else BOUND_SIGMAS) * sigma
+    reach = (2 if reported and row.is_position else BOUND_SIGMAS) * sigma
     lower, upper = row.bounds or (mean - reach, mean + reach)
     own = per_log or row.scope == "log"
     return Unknown(
-        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, kind=kind, moves=moves or {}, per_log=own
+        name=name, centre=mean, scale=sigma, lower=lower, upper=upper, reported=reported, moves=moves or {}, per_log=own
     )
 
 
 def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     """An uncertain fraction, 0 to 1."""
-    unknown = linear_unknown(name, mean, sigma, UnknownKind.UNCERTAIN)
-    return replace(unknown, lower=0.0, upper=1.0).within(0.0, 1.0)
+    return replace(linear_unknown(name, mean, sigma), lower=0.0, upper=1.0).within(0.0, 1.0)
