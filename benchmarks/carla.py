@@ -31,12 +31,11 @@ from numpy.typing import NDArray
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify import Identification, identify
+from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.fit_evaluation import free_run_fits
-from fifthwheel.estimate.identify.unknowns.parameters import sensor_error_unknowns
+from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
+from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
-from fifthwheel.model import dynamics
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 from fifthwheel.truck.uncertainty import changes
 
@@ -50,6 +49,11 @@ SETTINGS = TwoStage(
         "yaw_rate.*.offset": "+- 0.0005 rad/s",
         "articulation.*.offset": "+- 0.001 rad",
     }
+)
+FREE_RUN = OneStage(
+    tyres="linear",
+    roll=False,
+    given={**SETTINGS.given, "softening": "exact", "variation": "exact", "brakes.drive_axle": "exact"},
 )
 TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
 STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car
@@ -277,11 +281,7 @@ class Transfer:
         """Explained variance of each channel in a free run, per cent, with the truck of the log."""
         vehicle = self.truck(run)
         log = LogData(name=run.record.name, segments=[run.record], noise=dict(self.noise))
-        model, errors = (
-            dynamics.model(vehicle, CHANNELS, roll=False),
-            sensor_error_unknowns(vehicle, CHANNELS, SETTINGS),
-        )
-        fits = free_run_fits(model, vehicle, log, errors, values=self.steering, identified_on=False)
+        fits = free_run_fits(Setup.of(vehicle, CHANNELS, FREE_RUN), log, self.steering)
         return {fit.signal: 100 * fit.explained for fit in fits}
 
     def sideslip(self, run: Run) -> dict[str, tuple[float, float, float]]:

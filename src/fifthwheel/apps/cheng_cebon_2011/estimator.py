@@ -32,17 +32,18 @@ from fifthwheel.data.channels import ROLL_RATE, is_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
-from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits, free_run_fits
+from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits
 from fifthwheel.estimate.identify.given import applied
+from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.result.parts import Estimate, Fit, ParameterHistory, is_settled, settled_since
-from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.estimate.identify.settings import OneStage, Progress
+from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.statement import Statement, applies
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.unknowns.parameters import known_of
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict, estimate_verdict, still_moving
-from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_no_steering
@@ -51,6 +52,9 @@ STEPS = 5
 """Steps of Gauss and Newton at most."""
 LARGEST_STEP = 2.0
 """Of an unknown, in standard deviations of its prior."""
+_NOT_IN_TWO_STAGES = ("softening", "variation", "brakes.drive_axle", "road.bank")
+FREE_RUN = OneStage(tyres="linear", given=dict.fromkeys(_NOT_IN_TWO_STAGES, "exact"))
+"""Settings of the free run of the identified vehicle, which has the model of the two stages."""
 SETTLED = 0.1
 """In standard deviations: the last step."""
 EXACT_FILE_NOTE = (
@@ -302,10 +306,11 @@ def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePos
     unknowns, outputs = problem.unknowns, problem.outputs
     vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimator.estimated})
     shared = {u.name: state.values.get(u.name, u.centre) for u in unknowns if u.is_sensor_error and not u.per_log}
-    free_running = dynamics.model(dataset.vehicle, outputs, roll=problem.roll)
+    settings = replace(FREE_RUN, roll=problem.roll, given={**estimator.settings.given, **FREE_RUN.given})
+    setup = Setup.of(vehicle, outputs, settings)
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
-        return free_run_fits(free_running, vehicle, log, unknowns, values=shared, identified_on=identified_on)
+        return free_run_fits(setup, log, shared, identified_on=identified_on)
 
     evaluation = evaluate_fits(dataset, state.logs, fits_of, estimator.settings)
     parameter_estimates = _estimates(estimator, state, posterior, sigma_z, trusted=evaluation.trusted)

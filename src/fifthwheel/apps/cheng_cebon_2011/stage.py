@@ -234,13 +234,13 @@ class _Stage:
         return replace(log, noise=noise, autocorrelation_factor=factors)
 
     def _rows(self, time: Array, z: Array, variance: Array) -> _Rows:
-        return _Rows(time=time, z=z[:, self.estimated], variance=variance[:, self.estimated])
+        return _Rows(time=time, z=z[:, self.is_estimated], variance=variance[:, self.is_estimated])
 
     def settled(self, state: _StageState) -> bool:
         """Whether the last pass changed no parameter."""
         if not self.settings.restart:
             return False
-        estimated, scale = self.estimated, self.problem.scaling
+        estimated, scale = self.is_estimated, self.problem.scaling
         if not estimated.any():
             return len(state.starts) > 1
         p, p_before = scale.to_p(state.before + state.step), scale.to_p(state.before)
@@ -248,7 +248,7 @@ class _Stage:
         return not has_changed((p - p_before)[estimated], p[estimated], sigma[estimated], self.settings)
 
     def history(self, state: _StageState) -> ParameterHistory:
-        estimated = [u for u, flag in zip(self.problem.unknowns, self.estimated, strict=True) if flag]
+        estimated = [u for u, flag in zip(self.problem.unknowns, self.is_estimated, strict=True) if flag]
         scale = scaling(estimated)
         p = scale.to_p(np.concatenate([rows.z for rows in state.rows]))
         variance = np.concatenate([rows.variance for rows in state.rows])

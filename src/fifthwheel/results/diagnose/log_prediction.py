@@ -1,18 +1,15 @@
 """Measured and predicted signals of a log for any numbers of the vehicle, at once."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from typing import Self
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, Identification, OneStage
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
-from fifthwheel.estimate.identify.fit_evaluation import free_run_fits
 from fifthwheel.estimate.identify.given import with_sensors
-from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
-from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
+from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import TIME_BASE
 
@@ -22,7 +19,7 @@ class LogPrediction:
     """The free-running model with linear tyres on one log.
 
     What does not depend on the numbers of the vehicle is prepared once: segments, model, compiled step. 120 s at 100 Hz
-    then take about 0.1 s, of which the simulation takes 3 ms; the rest is the fit of initial states and offsets.
+    then take about 0.3 s, most of it for the fit of initial states and offsets.
 
     Example:
         >>> import fifthwheel as fw
@@ -34,12 +31,9 @@ class LogPrediction:
         'yaw_rate.semitrailer'
     """
 
-    vehicle: Vehicle
+    setup: Setup
     """With the steer angles that the log has."""
-    model: ChainModel
     log: LogData
-    unknowns: Sequence[Unknown]
-    """The sensor offsets among them are fitted."""
     errors: Mapping[str, float] = field(default_factory=dict)
     """Gains and delays of the sensors, SI."""
 
@@ -55,16 +49,13 @@ class LogPrediction:
         Raises:
             SignalError: the log cannot be used.
         """
-        settings = OneStage(check=False)
+        settings = OneStage(check=False, tyres="linear", given={"softening": "exact", "variation": "exact"})
         dataset = prepare_dataset([record], vehicle, settings, findings=False)
         settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
-        outputs = dataset.outputs
         sensors = identification.sensors if identification else ()
         return cls(
-            vehicle=dataset.vehicle,
-            model=dynamics.model(dataset.vehicle, outputs, roll=True, bank=True),
-            log=dataset.logs[0].with_noise(dataset.vehicle, outputs, settings.noise),
-            unknowns=one_stage_unknowns(dataset.vehicle, outputs, settings),
+            setup=Setup.of(dataset.vehicle, dataset.outputs, settings),
+            log=dataset.logs[0],
             errors={
                 error.name: error.value
                 for error in sensors
@@ -83,5 +74,5 @@ class LogPrediction:
         Raises:
             VehicleError: a path that does not exist, or a number that is not possible.
         """
-        vehicle = self.vehicle.replace(values or {})
-        return free_run_fits(self.model, vehicle, self.log, self.unknowns, values=self.errors, identified_on=False)
+        vehicle = self.setup.vehicle.replace(values or {})
+        return free_run_fits(replace(self.setup, vehicle=vehicle), self.log, self.errors)

@@ -1,7 +1,8 @@
-"""How well a vehicle that was identified in one stage explains a log: the model runs free.
+"""How well a vehicle explains a log: the model runs free, and no measurement corrects it.
 
-Only what each log has of its own is fitted: initial states, the bank of the road, who brakes, sensor offsets. The
-Gauss-Newton steps begin at the values of the identification or, for another log, at the solution with linear tyres.
+Only what each log has of its own is fitted: initial states, the bank of the road, who brakes, sensor offsets. Logs that
+were only predicted are therefore comparable with logs that the vehicle was identified on. The Gauss-Newton steps begin
+at the values of the identification or, for another log, at the solution with linear tyres.
 """
 
 from collections.abc import Mapping
@@ -17,6 +18,7 @@ from fifthwheel.estimate.identify.one_stage.gauss_newton import TOLERANCE, minim
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.parts import Fit
+from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.model.dynamics.tyre_law import Tyres
 from fifthwheel.truck import Vehicle
 
@@ -26,9 +28,13 @@ def fits_of(solution: Solution, vehicle: Vehicle) -> FitsOf:
     problem = solution.problem
     z = problem.without_variation(solution.minimum.z)
     values = problem.values(z, 0) | problem.model_values(z, 0)
+    # with the optional numbers that are unknowns, the vehicle has the compiled model of the identification
+    vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
+    setup = replace(problem.setup, vehicle=vehicle)
 
     def fits_of_log(log: LogData, identified_on: bool) -> list[Fit]:
-        return _fits(problem, vehicle, values, log, _of_log(solution, log) if identified_on else {})
+        start = _of_log(solution, log) if identified_on else {}
+        return free_run_fits(setup, log, values, start=start, identified_on=identified_on)
 
     return fits_of_log
 
@@ -44,28 +50,30 @@ def _of_log(solution: Solution, log: LogData) -> dict[str, float]:
     return start
 
 
-def _fits(
-    problem: Problem, vehicle: Vehicle, values: Mapping[str, float], log: LogData, start: Mapping[str, float]
+def free_run_fits(
+    setup: Setup,
+    log: LogData,
+    shared: Mapping[str, float],
+    *,
+    start: Mapping[str, float] | None = None,
+    identified_on: bool = False,
 ) -> list[Fit]:
-    """Fit of every channel of a log.
+    """Fit of every channel of a log by the vehicle of a setup.
 
-    `start` has the estimated unknowns of a log of the identification; it is empty for another log. `values` are those
-    of all unknowns that logs share, and of all parameters, SI.
+    `shared` are values of what logs share beside this vehicle, such as gains and delays of sensors, SI. `start` are
+    estimates of the unknowns of this log, in units of their priors.
     """
-    # with the optional numbers that are unknowns, the vehicle has the compiled model of the identification
-    vehicle = vehicle.replace({n: values[n] for n in problem.vehicle.parameters().keys() - vehicle.parameters().keys()})
-    own = vehicle.parameters()
+    own = setup.vehicle.parameters()
     unknowns = [
-        u if u.per_log else replace(u, centre=values[u.name], estimated=False)
-        for u in problem.unknowns
+        u if u.per_log else replace(u, centre=shared.get(u.name, own.get(u.name, u.centre)), estimated=False)
+        for u in setup.unknowns
         if u.per_log or not any(name in own for name in u.moves)
     ]
-    outputs, white, identified_on = problem.model.outputs, replace(log, noise_models={}), bool(start)
-    law = problem.settings.tyre_law
+    start, white, law = start or {}, replace(log, noise_models={}), setup.settings.tyre_law
     laws: tuple[Tyres, ...] = (law,) if identified_on or law == "linear" else ("linear", law)
     for law in laws:
-        settings = replace(problem.settings, tyres=law)
-        alone = Problem(replace(problem.setup, vehicle=vehicle, unknowns=tuple(unknowns), settings=settings), [white])
+        settings = replace(setup.settings, tyres=law)
+        alone = Problem(replace(setup, unknowns=tuple(unknowns), settings=settings), [white])
         lower, upper = alone.bounds
         minimum = minimise(
             alone,
@@ -78,5 +86,5 @@ def _fits(
         )
         start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
     time, error, _ = alone.residuals(minimum.z, 0, whitened=False)
-    measured = np.concatenate([measured_columns(segment, outputs) for segment in log.segments])
-    return channel_fits(log.name, outputs, time, measured, measured - error, identified_on=identified_on)
+    measured = np.concatenate([measured_columns(segment, setup.outputs) for segment in log.segments])
+    return channel_fits(log.name, setup.outputs, time, measured, measured - error, identified_on=identified_on)

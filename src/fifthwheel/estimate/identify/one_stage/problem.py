@@ -421,7 +421,7 @@ class Problem:
 
     @cached_property
     def _input_errors(self) -> tuple[str, ...]:
-        """Names of the estimated delays of the inputs, and of plays and gains of the steering, which change them."""
+        """Names of the delays of the inputs, and of plays and gains of the steering, which change them."""
         steer = [u.name for u in self.unknowns if is_of(u.name, STEER)]
         return (*self._delays, *[name for name in steer if not is_sensor_error(name, "offset")])
 
@@ -432,9 +432,8 @@ class Problem:
 
     @cached_property
     def _delays(self) -> tuple[str, ...]:
-        """Names of the delays of speed and steer angles that are estimated; these shift the inputs."""
-        estimated = [name for u in self.unknowns if u.estimated for name in u.slopes]
-        late = [name for name in estimated if is_of(name, SPEED, STEER)]
+        """Names of the unknown delays of speed and steer angles; these shift the inputs."""
+        late = [name for u in self.unknowns for name in u.slopes if is_of(name, SPEED, STEER)]
         return tuple(dict.fromkeys(name for name in late if is_sensor_error(name, "delay")))
 
     @cached_property
