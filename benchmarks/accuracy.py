@@ -34,10 +34,10 @@ from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage.problem import Problem
-from fifthwheel.estimate.identify.online.learner import Learner
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
+from fifthwheel.estimate.online.learner import Learner
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, PlantRun, Properties, article_sensors
 from fifthwheel.model.simulate import simulate

@@ -33,7 +33,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
+from fifthwheel.estimate.identify.fits import free_run_fits
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle

@@ -22,9 +22,9 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
 from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.design.next_manoeuvre import InformativeManoeuvre
 from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.design.next_manoeuvre import InformativeManoeuvre
-from fifthwheel.estimate.identify.online import LearnedValue, Learner
+from fifthwheel.estimate.online import LearnedValue, Learner
 from fifthwheel.model.manoeuvres import Course
 from fifthwheel.model.manoeuvres.courses import OpenLoop
 from fifthwheel.model.manoeuvres.lane_change import LaneChange

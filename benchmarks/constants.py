@@ -21,12 +21,12 @@ from fifthwheel.apps.workflow.identification import run_identification
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.identify import OneStage, doubts
 from fifthwheel.estimate.identify.doubts import PriorTest
-from fifthwheel.estimate.identify.one_stage import causes, evidence, identify
-from fifthwheel.estimate.identify.unknowns import gross_errors
+from fifthwheel.estimate.identify.one_stage import causes, identify
+from fifthwheel.estimate.identify.unknowns import unknown
 from trust_runs import table
 
 CONSTANTS: tuple[tuple[ModuleType, str], ...] = (
-    (gross_errors, "RATE"),
+    (unknown, "RATE"),
     (causes, "RANGE"),
     (causes, "MOST_HYPOTHESES"),
     (causes, "LEAST_LINEAR_ODDS"),
@@ -37,7 +37,7 @@ CONSTANTS: tuple[tuple[ModuleType, str], ...] = (
     (doubts, "UNUSUAL_SENSOR_ERROR"),
     (doubts, "UNUSUAL_ESTIMATE"),
     (doubts, "HARMFUL_SHIFT"),
-    (evidence, "NONLINEAR_ACCELERATION"),
+    (causes, "NONLINEAR_ACCELERATION"),
 )
 FACTORS = (0.5, 2.0)
 Decision = tuple[str, tuple[str, ...]]
@@ -89,7 +89,7 @@ class Decisions:
 
     def _decide(self, label: str, solution: Any, tests: Sequence[PriorTest]) -> causes.Causes:
         found = causes.likely_causes(solution, tests)
-        doubtful = evidence.find_doubts(solution, found.likely, found.left)
+        doubtful = causes.find_doubts(solution, found.likely, found.left)
         estimates = tuple(sorted({name for doubt in doubtful for name in doubt.parameters}))
         self.by_label[label] = found.likely[0].name if found.likely else "", estimates
         return found

@@ -31,7 +31,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 
 from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Workspace
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fleet import make
 
 MAIN = [sys.executable, "-m", "fifthwheel"]

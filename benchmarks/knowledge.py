@@ -34,7 +34,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import MagicFormula, Plant, Properties
 from fifthwheel.truck import Vehicle

@@ -33,8 +33,8 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 
 from fifthwheel import truck as vehicle
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer, Status
+from fifthwheel.estimate.online import Learner
 from fifthwheel.estimate.stream import VALID
 from fifthwheel.model.simulate import simulate
 

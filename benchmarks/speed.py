@@ -44,9 +44,9 @@ from fifthwheel.estimate.filters import Noise, kalman, sample_rows
 from fifthwheel.estimate.filters.model import pack_array
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.one_stage.log_posterior import log_posterior
-from fifthwheel.estimate.identify.online.learner import Learner
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.online.learner import Learner
 from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 

@@ -23,9 +23,14 @@ from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters.kalman import ChannelUpdate, gate
 from fifthwheel.estimate.filters.model import pack, pack_array, packed_size, split, unpack, unpack_array
-from fifthwheel.estimate.observe.observed_chain import ObservedChain
 from fifthwheel.estimate.observe.observer_model import ObserverModel
-from fifthwheel.estimate.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
+from fifthwheel.estimate.observe.observer_step import (
+    FilterFunction,
+    FilterStep,
+    ObservedChain,
+    ObserverLayout,
+    monitored_step,
+)
 from fifthwheel.model.dynamics.kinematics import BANK
 
 

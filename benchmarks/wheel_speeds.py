@@ -23,7 +23,7 @@ import numpy as np
 from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.manoeuvres import lane_changes
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.plant.sensors import Sensor, measure

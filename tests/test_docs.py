@@ -24,10 +24,10 @@ from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
 from fifthwheel.estimate.identify import OneStage, statement
-from fifthwheel.estimate.identify.online import LearnerSettings
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import ObserverSettings, Status
+from fifthwheel.estimate.online import LearnerSettings
 from fifthwheel.model import dynamics, plant
 from fifthwheel.model.dynamics import sensors
 from fifthwheel.model.dynamics.model import steer_parameters

@@ -10,8 +10,8 @@ from sphinx.application import Sphinx
 import fifthwheel as fw
 from fifthwheel.base.settings import Settings, meanings, shown
 from fifthwheel.data.channels import PLACE_KINDS, SensorErrorName, channels_with_errors
+from fifthwheel.estimate.design import DesignSettings
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
-from fifthwheel.estimate.identify.design import DesignSettings
 from fifthwheel.estimate.identify.unknowns.parameters import reported_parameters
 from fifthwheel.truck.quantities import QUANTITIES, quantity_of
 

@@ -9,7 +9,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import fifthwheel as fw
-from fifthwheel.estimate.identify.design import DesignSettings
+from fifthwheel.estimate.design import DesignSettings
 
 truck = fw.vehicle("cheng_cebon_2011")
 design = fw.design_experiment(

@@ -44,6 +44,8 @@ if TYPE_CHECKING:
     from fifthwheel.data.logs import write_record as write_record
     from fifthwheel.data.record import Record as Record
     from fifthwheel.data.record import SensorPrior as SensorPrior
+    from fifthwheel.estimate.design import design_experiment as design_experiment
+    from fifthwheel.estimate.design import predict_sigmas as predict_sigmas
     from fifthwheel.estimate.identify import Identification as Identification
     from fifthwheel.estimate.identify import LogPosterior as LogPosterior
     from fifthwheel.estimate.identify import OneStage as OneStage
@@ -51,21 +53,19 @@ if TYPE_CHECKING:
     from fifthwheel.estimate.identify import Profile as Profile
     from fifthwheel.estimate.identify import Verdict as Verdict
     from fifthwheel.estimate.identify import log_posterior as log_posterior
-    from fifthwheel.estimate.identify.design import design_experiment as design_experiment
-    from fifthwheel.estimate.identify.design import predict_sigmas as predict_sigmas
     from fifthwheel.estimate.identify.knowledge.information import Occasion as Occasion
     from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge as Knowledge
     from fifthwheel.estimate.identify.knowledge.load import with_payload as with_payload
     from fifthwheel.estimate.identify.mass import GrossMass as GrossMass
     from fifthwheel.estimate.identify.mass import gross_mass as gross_mass
-    from fifthwheel.estimate.identify.online import Learner as Learner
-    from fifthwheel.estimate.identify.online import LearnerSettings as LearnerSettings
     from fifthwheel.estimate.observe import Observer as Observer
     from fifthwheel.estimate.observe import ObserverSettings as ObserverSettings
     from fifthwheel.estimate.observe import States as States
     from fifthwheel.estimate.observe import Status as Status
     from fifthwheel.estimate.observe import Uncertainty as Uncertainty
     from fifthwheel.estimate.observe import time_to_lift as time_to_lift
+    from fifthwheel.estimate.online import Learner as Learner
+    from fifthwheel.estimate.online import LearnerSettings as LearnerSettings
     from fifthwheel.estimate.time_bases import check_signals as check_signals
     from fifthwheel.model.dynamics import LinearSystem as LinearSystem
     from fifthwheel.model.dynamics import linear_system as linear_system

@@ -10,7 +10,7 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.input_files import MAX_DEPTH, MAX_JSON_SIZE, MAX_TOML_SIZE, parse_toml, read_json, read_toml
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.estimate.identify import Identification
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.plant import read_sensors
 from fifthwheel.truck import Vehicle
 

@@ -22,9 +22,9 @@ from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome
 from fifthwheel.base.names import ParameterPath
 from fifthwheel.model.plant import PlantRun, Properties, Sensor
 from fifthwheel.truck import get
+from tests.estimate.conftest import guess as guess
+from tests.estimate.conftest import truck as truck
 from tests.estimate.filters.conftest import article as article
-from tests.estimate.identify.conftest import guess as guess
-from tests.estimate.identify.conftest import truck as truck
 
 TIME = np.arange(0, 30, 0.05)
 STATES = ("sideslip.semitrailer", "roll.semitrailer", "roll_rate.semitrailer", "yaw_rate.semitrailer", LANDING_LEG)

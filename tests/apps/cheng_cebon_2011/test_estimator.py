@@ -17,7 +17,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names, stag
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.identify.conftest import without
+from tests.estimate.conftest import without
 
 HEIGHT = "semitrailer.payload.height"
 

@@ -733,7 +733,7 @@ def test_reproduces_the_article_in_short(run, tmp_path):
     outcome = run("reproduce", "--quick", "--seeds", "1", "--out", "r", "--json")
     assert outcome.code == 0
     names = {path.name for path in (tmp_path / "r").iterdir()}
-    assert {"reproduction.md", "reproduction.csv"} | {f"figure_{n}.png" for n in range(4, 10)} <= names
+    assert {"reproduction.html"} | {f"figure_{n}.svg" for n in range(4, 10)} <= names
     assert len(outcome.json()["rows"]) > 20
 
 

@@ -13,7 +13,7 @@ from fifthwheel.apps.cheng_cebon_2011.outcomes import outcome
 from fifthwheel.apps.studies.scenarios import article_sensors, initial_guess
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.manoeuvres import OpenLoop, lane_changes
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.simulate import simulate

@@ -9,8 +9,8 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.outputs.frames_out import FrameEncoder
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.online import LearnedValue
 
 STATES = ("sideslip.tractor", "sideslip.semitrailer", "yaw_rate.semitrailer")
 PARAMETERS = (

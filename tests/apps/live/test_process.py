@@ -19,7 +19,7 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.outputs.journal import Journal
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from tests.apps.live.truck_bus import driven, frames, write_candump, write_files
 
 

@@ -30,8 +30,8 @@ from fifthwheel.apps.studies.scenarios import simulated
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.plant import Sensor, article_sensors
 from fifthwheel.truck import Vehicle, get
 from tests.test_architecture import SOURCE

@@ -251,7 +251,7 @@ def test_states_without_an_identification_note_that_they_do_not_use_them(record:
 
 def test_a_design_has_them(truck: fw.Vehicle, monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[fw.OneStage] = []
-    monkeypatch.setattr("fifthwheel.estimate.identify.design.design_experiment", lambda *a, **_: seen.append(a[2]))
+    monkeypatch.setattr("fifthwheel.estimate.design.design_experiment", lambda *a, **_: seen.append(a[2]))
     design_run(truck, sensors={YAW: GYRO})
     assert seen[0].given[f"{YAW}.gain"] == "1.0 +- 0.002"
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from fifthwheel import truck as vehicle
 from fifthwheel.base.types import Array
-from fifthwheel.estimate.filters import Model, Noise, kalman, smoother
+from fifthwheel.estimate.filters import Model, Noise, kalman
 from fifthwheel.estimate.filters.model import pack_array, packed_size, sizes, unpack_array
 from fifthwheel.estimate.filters.step_rows import step_rows
 from fifthwheel.model import dynamics
@@ -78,7 +78,7 @@ class Smoothed:
 def run_smoother(model: Model, rows: Array, *, p: Array, c: Array, noise: Noise, x0: Array, P0: Array) -> Smoothed:
     """Filter a record forwards, then smooth it backwards; arguments as in `run_kalman`."""
     constant, n_x = np.concatenate([p, c, noise.vector()]), len(x0)
-    chunks = smoother.smoothed_chunks(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
+    chunks = kalman.smoothed_chunks(model, None, rows, np.concatenate([x0, pack_array(P0)])[None], constant[None])
     smoothed = np.concatenate([chunk for _, (chunk,) in reversed(list(chunks))])
     return Smoothed(state=smoothed[:, :n_x], covariance=unpack_array(smoothed[:, n_x:], n_x))
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.filters.curves import CUT, STEP, WIDTH, SpeedCurve
+from fifthwheel.estimate.filters.step_rows import CUT, STEP, WIDTH, SpeedCurve
 
 
 def test_it_equals_weighted_least_squares() -> None:

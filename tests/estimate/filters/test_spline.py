@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 
-from fifthwheel.estimate.filters.curves import Spline
+from fifthwheel.estimate.filters.step_rows import Spline
 
 
 @pytest.mark.parametrize("count", [4, 5, 1000])

@@ -10,8 +10,14 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.filters.curves import WIDTH
-from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY, StepRows, corrected_inputs, play_contact, step_rows
+from fifthwheel.estimate.filters.step_rows import (
+    SMALLEST_PLAY,
+    WIDTH,
+    StepRows,
+    corrected_inputs,
+    play_contact,
+    step_rows,
+)
 from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
 from tests.estimate.observe.conftest import STEER, YAWS, put, rows

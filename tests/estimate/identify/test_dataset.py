@@ -16,7 +16,7 @@ from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
-from tests.estimate.identify.conftest import without
+from tests.estimate.conftest import without
 
 LINEAR = OneStage(tyres="linear")
 FRONT, REAR = "steer.tractor.front", "steer.semitrailer.rear"

@@ -20,8 +20,7 @@ from fifthwheel.estimate.identify.doubts import (
     prior_tests,
 )
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
-from fifthwheel.estimate.identify.unknowns.gross_errors import RATE, GrossError
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import RATE, GrossError, Unknown
 
 Array = np.ndarray
 

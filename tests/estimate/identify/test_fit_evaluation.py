@@ -10,13 +10,13 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.variances import sensor_variance
 from fifthwheel.estimate.identify import Fit, OneStage
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
-from fifthwheel.estimate.identify.fit_evaluation import (
+from fifthwheel.estimate.identify.fits import (
     FitEvaluation,
     _is_unexplained,
     _speed_notes,
     evaluate_fits,
+    free_run_fits,
 )
-from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response

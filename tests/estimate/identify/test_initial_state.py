@@ -7,7 +7,7 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, parameter_unknowns, sensor_unknowns
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
 from fifthwheel.estimate.identify import OneStage
-from fifthwheel.estimate.identify.initial_state import (
+from fifthwheel.estimate.identify.one_stage.segment_run import (
     steady_state,
     steady_state_bank_slope,
     steady_state_slopes,

@@ -10,9 +10,9 @@ from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.design.assess import predict_sigmas
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import prepare_dataset
-from fifthwheel.estimate.identify.design.assess import predict_sigmas
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.model.simulate import simulate

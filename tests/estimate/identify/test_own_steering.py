@@ -15,10 +15,10 @@ from fifthwheel.data import channels
 from fifthwheel.data.channels.channel import Channel, SensorModel, SignalLimits
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response

@@ -12,9 +12,9 @@ import pytest
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.quantities import FRICTION, SHAPE, TYRES

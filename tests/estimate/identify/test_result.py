@@ -14,9 +14,9 @@ from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.formatting import shown
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.statement import with_values
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 
@@ -120,7 +120,7 @@ def test_an_observer_of_the_result(result):
 
 @pytest.mark.slow
 def test_a_learner_of_the_result(result):
-    learner = result.learner()
+    learner = Learner.of(result)
     given = with_values(result.settings.given, result.surroundings)
     direct = Learner(result.vehicle, RUN.signals, replace(result.settings, given=given))
     learner.learn(RUN)
@@ -129,7 +129,7 @@ def test_a_learner_of_the_result(result):
 
 
 def test_a_learner_has_settings_of_one_stage(published):
-    assert published.learner(["speed", "steer.tractor.front", "yaw_rate.tractor"]).parameters
+    assert Learner.of(published, ["speed", "steer.tractor.front", "yaw_rate.tractor"]).parameters
 
 
 def test_the_text_is_short_and_the_summary_complete(result):

@@ -13,13 +13,13 @@ from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify.fits import _of_log
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
-from fifthwheel.estimate.identify.one_stage.free_run import _of_log
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres import braked

@@ -9,9 +9,9 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.estimate.identify import CommonSettings, OneStage, identify
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

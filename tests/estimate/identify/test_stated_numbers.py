@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.pages import html
+from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
-from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.result.parts import Estimate
 from fifthwheel.model.simulate import simulate

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel.estimate.observe.observed_chain import _observed_chain
+from fifthwheel.estimate.observe.observer_step import _observed_chain
 from fifthwheel.model import dynamics
 from tests.estimate.observe.conftest import YAWS
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2
 
-from fifthwheel.estimate.filters import smoother
+from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from tests.estimate.observe.conftest import EXACT, STEER, assert_same, but_settling
 from tests.estimate.observe.exact import OUTPUTS, TRUCK, exact_system, lane_change_steer, simulate_exact
@@ -134,7 +134,7 @@ def test_stretches_know_nothing_of_each_other():
 def test_result_does_not_depend_on_the_chunks(monkeypatch):
     batch_result = columns(observer().smooth(LANE_CHANGES))
     for chunk in (37, 100_000):
-        monkeypatch.setattr(smoother, "CHUNK", chunk)
+        monkeypatch.setattr(kalman, "CHUNK", chunk)
         assert_same(columns(observer().smooth(LANE_CHANGES)), batch_result)
 
 

@@ -7,8 +7,7 @@ import pytest
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings
-from fifthwheel.estimate.stream import Status, Stream, StreamSettings, stream_segments, without_measurement
-from fifthwheel.estimate.stream.segments import held_inputs
+from fifthwheel.estimate.stream import Status, Stream, StreamSettings, held_inputs, stream_segments, without_measurement
 from fifthwheel.model.dynamics import SPEED_RATE, steps
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.estimate.identify.online import LearnerSettings
-from fifthwheel.estimate.identify.online.live_filter import stream_settings
-from fifthwheel.estimate.identify.online.online_model import online_setup
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import LearnerSettings
+from fifthwheel.estimate.online.live_filter import stream_settings
+from fifthwheel.estimate.online.online_model import online_setup
 from fifthwheel.estimate.stream import Status, Stream, StreamSettings
 from fifthwheel.model.dynamics import steps
 from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT

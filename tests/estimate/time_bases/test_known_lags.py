@@ -7,9 +7,8 @@ import pytest
 
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases.findings import exchanged_pairs
-from fifthwheel.estimate.time_bases.lags import RATE, lag_curve
 from fifthwheel.estimate.time_bases.offsets import TimeOffset, common_offsets, offsets_of
-from fifthwheel.estimate.time_bases.predictions import Prediction
+from fifthwheel.estimate.time_bases.predictions import RATE, Prediction, lag_curve
 from tests.estimate.time_bases.test_lags import TIME, excitation
 
 STEER, YAW, YAW2, ROLL2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.semitrailer"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.time_bases.lags import RATE, LagCurve, lag_curve
+from fifthwheel.estimate.time_bases.predictions import RATE, LagCurve, lag_curve
 
 TIME = np.arange(0, 60, 1 / RATE)
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.time_bases.lags import RATE
-from fifthwheel.estimate.time_bases.predictions import Prediction
-from fifthwheel.estimate.time_bases.rates import channel_rates, common_rates
+from fifthwheel.estimate.time_bases.findings import channel_rates, common_rates
+from fifthwheel.estimate.time_bases.predictions import RATE, Prediction
 from tests.estimate.time_bases.test_known_lags import (
     ACCELERATION,
     ANGLE,

@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
+from fifthwheel.estimate.design.assess import InformationAssessment, ParameterAssessment
 from fifthwheel.estimate.identify import Estimate
-from fifthwheel.estimate.identify.design.assess import InformationAssessment, ParameterAssessment
 from fifthwheel.estimate.identify.verdict import Verdict
 
 FRONT, REAR = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness"

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fifthwheel.estimate.design import Remedy
 from fifthwheel.estimate.identify import Verdict
-from fifthwheel.estimate.identify.design import Remedy
 from fifthwheel.estimate.identify.doubts import Cause
 from fifthwheel.results.diagnose import advice
 from fifthwheel.results.diagnose.advice import LANE_CHANGE, next_steps

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fifthwheel import truck as vehicle
+from fifthwheel.estimate.design import Remedy
+from fifthwheel.estimate.design.assess import predict_sigmas
 from fifthwheel.estimate.identify import SensorError, Verdict, identify
-from fifthwheel.estimate.identify.design import Remedy
-from fifthwheel.estimate.identify.design.assess import predict_sigmas
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose.advice import next_steps
 from fifthwheel.results.diagnose.information_summary import ParameterInformation, VarianceTerm, information_summary

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel.estimate.identify.design import Remedy
+from fifthwheel.estimate.design import Remedy
 from fifthwheel.results.diagnose.information_summary import describe_remedy
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify.online import Learner
+from fifthwheel.estimate.online import Learner
 from fifthwheel.results.export import export_c, learner_model
 from fifthwheel.results.export.project import LEARNER_SOURCES
 

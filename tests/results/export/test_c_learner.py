@@ -14,9 +14,9 @@ from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify.doubts import DoubtKind
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.observe import Status
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.dynamics import critical_speed
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import LEARNER_FILES, export_c

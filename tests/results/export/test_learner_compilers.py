@@ -10,8 +10,8 @@ import pytest
 from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import export_c
 from fifthwheel.results.export.project import LEARNER_SOURCES

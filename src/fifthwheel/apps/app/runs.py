@@ -27,8 +27,8 @@ from fifthwheel.base.pages import Document
 from fifthwheel.base.plots import Line, Plot
 from fifthwheel.base.plots.palette import CYCLE
 from fifthwheel.base.settings import arguments, options_of
+from fifthwheel.estimate.design.assess import InformationAssessment, predict_sigmas
 from fifthwheel.estimate.identify import Fit, Identification
-from fifthwheel.estimate.identify.design.assess import InformationAssessment, predict_sigmas
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.settings import Progress

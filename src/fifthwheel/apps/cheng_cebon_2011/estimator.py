@@ -32,9 +32,8 @@ from fifthwheel.data.channels import ROLL_RATE, is_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
-from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits
+from fifthwheel.estimate.identify.fits import evaluate_fits, free_run_fits
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.result.parts import Estimate, Fit, ParameterHistory, is_settled, settled_since
 from fifthwheel.estimate.identify.settings import OneStage, Progress

@@ -18,14 +18,14 @@ from fifthwheel.apps.cheng_cebon_2011.experiments import (
 from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome, history_table, outcome, parameter_table
 from fifthwheel.apps.cluster import run_all
 from fifthwheel.apps.studies.result_table import write_table
-from fifthwheel.base.atomic import write_text
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.extras import require
+from fifthwheel.base.pages import page
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.truck import Vehicle, get
 
-_FIGURES = [f"figure_{number}.{kind}" for number in range(4, 10) for kind in ("png", "svg")]
-FILES = ("reproduction.md", "reproduction.csv", "parameters.parquet", "histories.parquet", *_FIGURES)
+PAGE = "reproduction.html"
+FILES = (PAGE, "parameters.parquet", "histories.parquet", *[f"figure_{number}.svg" for number in range(4, 10)])
 """Files of a reproduction."""
 ARMS = ("article", "default", "one stage", "default, front fixed")
 """Names of the arms; section 4 without errors has all of them."""
@@ -92,17 +92,15 @@ def reproduce(
             " results have a larger random error than those of a full run.",
         )
     out.mkdir(parents=True, exist_ok=True)
-    texts = {
-        "reproduction.md": table.markdown(rows, compare_variants(changed, outcomes), remarks),
-        "reproduction.csv": table.as_csv(rows),
-    }
-    for name, text in texts.items():
-        write_text(out / name, text)
     tables = {"parameters.parquet": parameter_table, "histories.parquet": history_table}
     for name, made in tables.items():
         write_table(made(experiments | changed, outcomes), out / name)
-    drawn = figures.draw(experiments, outcomes, out)
-    return Reproduction(rows=tuple(rows), files=(*(out / name for name in (*texts, *tables)), *drawn))
+    drawn = figures.captioned(experiments, outcomes)
+    page.write(out / PAGE, table.document(rows, compare_variants(changed, outcomes), remarks, drawn))
+    images = [out / f"{figure.path[-1].replace(' ', '_')}.svg" for figure in drawn]
+    for figure, image in zip(drawn, images, strict=True):
+        figure.plot.save(image, size=(7.2, 1.5 + 0.7 * len(figure.plot.panels)))
+    return Reproduction(rows=tuple(rows), files=(out / PAGE, *(out / name for name in tables), *images))
 
 
 def _require_article_parameters(vehicle: Vehicle) -> None:

@@ -66,8 +66,8 @@ def c(
     from fifthwheel.apps.workflow import exported_learner, read_vehicle, vehicle_and_identification
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.estimate.identify import Identification
-    from fifthwheel.estimate.identify.online import Learner
     from fifthwheel.estimate.observe import Observer
+    from fifthwheel.estimate.online import Learner
     from fifthwheel.results.export import FILES, LEARNER_FILES, export_c
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)

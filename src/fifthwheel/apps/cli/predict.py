@@ -52,7 +52,7 @@ def check(
     ones.
     """
     from fifthwheel.apps.workflow import read_truck, require_signals, starts_of
-    from fifthwheel.estimate.identify.design.assess import predict_sigmas
+    from fifthwheel.estimate.design.assess import predict_sigmas
 
     start = starts_of(read_truck(vehicle), chosen, logs)[-1]
     truck, settings = start.vehicle, start.one_stage

@@ -15,8 +15,8 @@ from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.estimate.identify.online.persistence import LEARNER_FILE
+from fifthwheel.estimate.online import Learner
+from fifthwheel.estimate.online.start import LEARNER_FILE
 from fifthwheel.model.dynamics.tyres import TyreLaw
 from fifthwheel.truck import Vehicle
 

@@ -14,16 +14,16 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.status import NodeStatus, in_words
 from fifthwheel.base.errors import FifthwheelError, suggestion
 from fifthwheel.base.formatting import percent
-from fifthwheel.estimate.identify.design.experiment import default_targets
-from fifthwheel.estimate.identify.design.next_manoeuvre import (
+from fifthwheel.estimate.design.experiment import default_targets
+from fifthwheel.estimate.design.next_manoeuvre import (
     DRIVEN,
     WORTHWHILE,
     InformativeManoeuvre,
     manoeuvre_information,
     plan_manoeuvres,
 )
-from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.online import LearnedValue
 from fifthwheel.estimate.stream import VALID
 from fifthwheel.results.report.words import STATUSES, counted, spoken_verdict
 from fifthwheel.truck.spoken_names import named

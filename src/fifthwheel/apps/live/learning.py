@@ -12,8 +12,8 @@ from collections.abc import Mapping
 
 from fifthwheel.apps.live.status import LiveFault
 from fifthwheel.estimate.identify.doubts import DoubtKind
-from fifthwheel.estimate.identify.online import LearnedValue, Learner
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.online import LearnedValue, Learner
 from fifthwheel.estimate.stream import VALID, Status
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.spoken_names import named

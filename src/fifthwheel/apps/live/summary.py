@@ -9,9 +9,9 @@ from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.status import NodeStatus, in_words
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import percent
-from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.estimate.identify.result.display import estimates_table
 from fifthwheel.estimate.identify.result.parts import Estimate
+from fifthwheel.estimate.online import LearnedValue
 from fifthwheel.truck import unit_of
 from fifthwheel.truck.spoken_names import spoken
 

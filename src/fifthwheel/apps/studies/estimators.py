@@ -15,8 +15,8 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import CommonSettings, OneStage, identify
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.truck import Vehicle
 
 

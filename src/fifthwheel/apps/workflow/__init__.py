@@ -40,6 +40,6 @@ from fifthwheel.base.options import IdentifyOptions as IdentifyOptions
 from fifthwheel.estimate.identify.given import require_signals as require_signals
 from fifthwheel.estimate.identify.knowledge.storage import knowledge_file as knowledge_file
 from fifthwheel.estimate.time_bases import check_signals as check_signals
-from fifthwheel.estimate.time_bases.evidence import ChannelEvidence as ChannelEvidence
-from fifthwheel.estimate.time_bases.evidence import SignalEvidence as SignalEvidence
-from fifthwheel.estimate.time_bases.evidence import signal_evidence as signal_evidence
+from fifthwheel.estimate.time_bases.findings import ChannelEvidence as ChannelEvidence
+from fifthwheel.estimate.time_bases.findings import SignalEvidence as SignalEvidence
+from fifthwheel.estimate.time_bases.findings import signal_evidence as signal_evidence

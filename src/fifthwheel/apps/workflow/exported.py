@@ -7,9 +7,9 @@ from typing import Any
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify import Identification
-from fifthwheel.estimate.identify.online import Learner, LearnerSettings
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.truck import Vehicle
 
 

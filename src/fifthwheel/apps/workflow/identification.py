@@ -27,8 +27,8 @@ from fifthwheel.results.report import Conclusion, conclude_identification
 from fifthwheel.truck import Vehicle
 
 if TYPE_CHECKING:
-    from fifthwheel.estimate.identify.design import ExperimentDesign
-    from fifthwheel.estimate.identify.design.assess import InformationAssessment
+    from fifthwheel.estimate.design import ExperimentDesign
+    from fifthwheel.estimate.design.assess import InformationAssessment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,7 +163,7 @@ def _assess_remedies(
     identification: Identification, records: Sequence[Record], occasion: Occasion
 ) -> "InformationAssessment | None":
     """What would improve the estimates, predicted at the identified vehicle; None where they are good enough."""
-    from fifthwheel.estimate.identify.design.assess import AssessmentSettings, predict_sigmas  # slow to import
+    from fifthwheel.estimate.design.assess import AssessmentSettings, predict_sigmas  # slow to import
 
     settings, assessment = identification.settings.one_stage, AssessmentSettings()
     estimated = [e for e in identification.parameters if e.verdict is not Verdict.FIXED]
@@ -200,7 +200,7 @@ def design_run(
     earlier: Earlier = nothing,
     progress: Progress = lambda *_: None,
 ) -> "ExperimentDesign":
-    """The shortest test run that reaches all targets; see `estimate.identify.design.design_experiment`.
+    """The shortest test run that reaches all targets; see `estimate.design.design_experiment`.
 
     Args:
         sensors: what is stated of them by signal, such as `SignalMap.sensors`.
@@ -210,7 +210,7 @@ def design_run(
         max_acceleration: largest lateral acceleration of any unit, m/s^2.
         earlier: as of `predict_sigmas`.
     """
-    from fifthwheel.estimate.identify.design import DesignSettings, design_experiment  # slow to import
+    from fifthwheel.estimate.design import DesignSettings, design_experiment  # slow to import
 
     settings, planning = with_sensors(vehicle, settings or OneStage(), sensors), DesignSettings().up_to(max_speed)
     planning = replace(planning, speeds=(speed,) if speed else planning.speeds, max_acceleration=max_acceleration)

@@ -10,9 +10,9 @@ from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.estimate.identify.online.persistence import LEARNER_FILE
 from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.estimate.online import Learner
+from fifthwheel.estimate.online.start import LEARNER_FILE
 from fifthwheel.truck import Vehicle, catalogue, toml_format
 
 

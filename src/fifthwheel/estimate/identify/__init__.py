@@ -11,8 +11,8 @@ from fifthwheel.estimate.identify.identify import identify as identify
 
 if TYPE_CHECKING:
     from fifthwheel.estimate.identify.one_stage.log_posterior import LogPosterior as LogPosterior
+    from fifthwheel.estimate.identify.one_stage.log_posterior import Profile as Profile
     from fifthwheel.estimate.identify.one_stage.log_posterior import log_posterior as log_posterior
-    from fifthwheel.estimate.identify.one_stage.profile import Profile as Profile
     from fifthwheel.estimate.identify.result.identification import Identification as Identification
     from fifthwheel.estimate.identify.result.parts import Estimate as Estimate
     from fifthwheel.estimate.identify.result.parts import Fit as Fit

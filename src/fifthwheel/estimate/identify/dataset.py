@@ -30,7 +30,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
 from fifthwheel.data.record.record import parts_where, segments_above
 from fifthwheel.estimate.filters import variances
-from fifthwheel.estimate.filters.curves import SpeedCurve
+from fifthwheel.estimate.filters.step_rows import SpeedCurve
 from fifthwheel.estimate.identify.doubts import NONLINEAR_SPEED_RATE
 from fifthwheel.estimate.identify.given import common_sensors
 from fifthwheel.estimate.identify.grade import grade_notes, with_grade

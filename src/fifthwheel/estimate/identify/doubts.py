@@ -25,8 +25,7 @@ import numpy as np
 
 from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array
-from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import GrossError, Unknown, gross_error
 
 STRONG_SCORE = 9.0
 """Statistic from which the model does not describe the logs: then every estimate is doubtful."""

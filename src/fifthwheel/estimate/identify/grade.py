@@ -17,8 +17,15 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify.grade_filter import NOISE_PRIOR, STEP
-from fifthwheel.estimate.identify.longitudinal import MEAN_GRADE, SHORTEST, force_balance, step_means, unbraked
+from fifthwheel.estimate.identify.longitudinal import (
+    MEAN_GRADE,
+    NOISE_PRIOR,
+    SHORTEST,
+    STEP,
+    force_balance,
+    step_means,
+    unbraked,
+)
 from fifthwheel.truck import Vehicle
 
 SHORTEST_MOVE = 1e-3

@@ -26,7 +26,7 @@ from fifthwheel.data.channels import SPEED, STEER, SignalName
 from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.filters.model import partitioned
 from fifthwheel.estimate.observe.settings import ObserverSettings
-from fifthwheel.estimate.stream.settings import Status
+from fifthwheel.estimate.stream import Status
 
 START: Array = np.array([1.0, 0.0, -1.0, 0.0])
 """Carry of the monitor before the first sample: [NIS, time since the last measurement, s, duration of the present

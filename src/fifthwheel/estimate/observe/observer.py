@@ -21,14 +21,12 @@ from fifthwheel.data.record import Record
 from fifthwheel.data.record.wheel_speeds import sample_with_differences, sides_of
 from fifthwheel.estimate.filters.variances import require_units
 from fifthwheel.estimate.observe import monitor, offline
-from fifthwheel.estimate.observe.observed_chain import ObservedChain
 from fifthwheel.estimate.observe.observer_model import ObserverModel, signals_with_position
-from fifthwheel.estimate.observe.observer_step import reported_signals
+from fifthwheel.estimate.observe.observer_step import ObservedChain, reported_signals
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.estimate.stream.settings import VALID
-from fifthwheel.estimate.stream.stream import Stream
+from fifthwheel.estimate.stream import VALID, Stream
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences

@@ -29,8 +29,7 @@ from fifthwheel.estimate.filters.initial_state import (
     steer_effects,
 )
 from fifthwheel.estimate.filters.model import pack_array
-from fifthwheel.estimate.observe.observed_chain import ObservedChain, observed_chain
-from fifthwheel.estimate.observe.observer_step import observer_step
+from fifthwheel.estimate.observe.observer_step import ObservedChain, observed_chain, observer_step
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import InputRule, StreamSettings, magnitude

@@ -11,7 +11,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.filters import smoother
+from fifthwheel.estimate.filters import kalman
 from fifthwheel.estimate.filters.model import packed_size
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.estimate.observe.observer_model import ObserverModel
@@ -107,7 +107,7 @@ def smoothed_states(
     model = observer.model
     excess = monitor.excess(output.nis[:, None])
     start = start[: len(model.states) + packed_size(len(model.states))]
-    run = partial(smoother.smoothed_chunks, model, observer.report, part.rows)
+    run = partial(kalman.smoothed_chunks, model, observer.report, part.rows)
     result = np.empty(output.reported.shape)
     for rows, smoothed in run(start[None], observer.constant(gate=np.inf)[None]):
         samples, indices = part.samples_of(rows)
@@ -116,7 +116,7 @@ def smoothed_states(
     if points.steps.size:
         effects = observer.effects(part.first)
         shape = len(part.rows), len(observer.report.outputs)
-        lanes = smoother.smoother_step(model, observer.report).lanes
+        lanes = kalman.smoother_step(model, observer.report).lanes
         variance = sigma_point_variance(points, effects, start, run, lanes, shape)
         own[:] = _total_variance(own, own * excess, excess, variance[part.sample_indices])
     else:
@@ -170,7 +170,7 @@ def filtered_parts(
     constant, start = observer.constant(), observer.start(segment.first)
     carry, first, row = np.append(start, monitor.START), 0, 0
     while row < len(segment.rows):
-        chunk = slice(row, row + smoother.CHUNK)
+        chunk = slice(row, row + kalman.CHUNK)
         rows = segment.rows[chunk] if row > first else segment.part(first, chunk.stop).rows[:]
         carry, filtered = observer.scan(carry, rows, constant)
         samples, indices = segment.samples_of(chunk)

@@ -7,8 +7,7 @@ import numpy as np
 
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.time_bases.lags import LagCurve
-from fifthwheel.estimate.time_bases.predictions import Prediction
+from fifthwheel.estimate.time_bases.predictions import LagCurve, Prediction
 
 MIN_EXPLAINED = 0.3
 """Channels of which the prediction explains less are not measured."""

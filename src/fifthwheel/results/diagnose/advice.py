@@ -8,8 +8,8 @@ import numpy as np
 from fifthwheel.base.formatting import enumerated, percent, relative
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
 from fifthwheel.data.channels import ROLL_RATE, SignalName, names_of
+from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.results.diagnose.cautions import has_wide_sigma
 from fifthwheel.results.diagnose.fit_quality import predicted_logs
 from fifthwheel.results.diagnose.information_summary import describe_remedy, dominant_terms

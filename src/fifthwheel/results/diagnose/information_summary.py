@@ -10,9 +10,9 @@ import numpy as np
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative
 from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.data.channels import SensorErrorName
+from fifthwheel.estimate.design.assess import InformationAssessment
+from fifthwheel.estimate.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
-from fifthwheel.estimate.identify.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
 from fifthwheel.results.diagnose import thresholds
 from fifthwheel.truck.quantities import MASS_SCALE, TIME_BASE, quantity_of
 from fifthwheel.truck.spoken_names import named

@@ -7,8 +7,8 @@ from typing import Self
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, Identification, OneStage
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
+from fifthwheel.estimate.identify.fits import free_run_fits
 from fifthwheel.estimate.identify.given import with_sensors
-from fifthwheel.estimate.identify.one_stage.free_run import free_run_fits
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import TIME_BASE

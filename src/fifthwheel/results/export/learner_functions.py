@@ -19,9 +19,9 @@ from fifthwheel.estimate.filters.joint import (
 )
 from fifthwheel.estimate.filters.kalman import transition_matrix
 from fifthwheel.estimate.filters.model import sizes, split
-from fifthwheel.estimate.identify.online.live_filter import LiveFilter
-from fifthwheel.estimate.identify.online.start import SteadyEquations, steady_equations
 from fifthwheel.estimate.observe.monitor import START, normalised_monitor
+from fifthwheel.estimate.online.live_filter import LiveFilter
+from fifthwheel.estimate.online.start import SteadyEquations, steady_equations
 from fifthwheel.model.dynamics.chain import state_names
 
 LARGEST_GATE = 1e15

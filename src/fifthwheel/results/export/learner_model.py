@@ -11,15 +11,14 @@ from fifthwheel.estimate.filters.model import pack_array
 from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.estimate.identify import doubts
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
-from fifthwheel.estimate.identify.online import Learner
-from fifthwheel.estimate.identify.online.learned import least_change
-from fifthwheel.estimate.identify.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
-from fifthwheel.estimate.identify.online.start import discrepancy_variances
-from fifthwheel.estimate.identify.online.steering import Excitation
-from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError, gross_error, largest_possible
 from fifthwheel.estimate.identify.unknowns.parameters import lacks_roll_rate
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import GrossError, Unknown, gross_error, largest_possible
 from fifthwheel.estimate.observe.monitor import CHANCE, START
+from fifthwheel.estimate.online import Learner
+from fifthwheel.estimate.online.learned import least_change
+from fifthwheel.estimate.online.live_filter import AVERAGING_TIME, WINDOWS, LiveFilter
+from fifthwheel.estimate.online.online_model import Excitation
+from fifthwheel.estimate.online.start import discrepancy_variances
 from fifthwheel.results.export import c_text
 from fifthwheel.results.export import learner_functions as functions
 from fifthwheel.results.export.c_text import definitions, integers, stream_definitions, stream_tables, table, texts

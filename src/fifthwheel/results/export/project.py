@@ -7,8 +7,8 @@ from pathlib import Path
 from fifthwheel import __version__
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.atomic import write_text
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.online import Learner
 from fifthwheel.estimate.stream import StreamSettings
 from fifthwheel.results.export import learner_model, observer_model
 

@@ -10,8 +10,8 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative, value_and_sigma, with_sigma
 from fifthwheel.data.channels import WEIGHTS, is_of, missing_for_mass, si_unit
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.observe import States, Status
 from fifthwheel.results.diagnose.advice import Advice, has_roll_rate, is_unused_friction, next_steps

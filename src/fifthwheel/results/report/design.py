@@ -6,8 +6,8 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, fixed, percent
+from fifthwheel.estimate.design import ExperimentDesign, ProposedRun, UnmetTarget
 from fifthwheel.estimate.identify import Verdict
-from fifthwheel.estimate.identify.design import ExperimentDesign, ProposedRun, UnmetTarget
 from fifthwheel.model.manoeuvres.candidates import KINDS
 from fifthwheel.results.diagnose.information_summary import describe_remedy
 from fifthwheel.results.report.information import PREDICTION_NOTE, explain_known

@@ -16,8 +16,8 @@ from fifthwheel.base.pages.html import cell, prose, text
 from fifthwheel.base.plots import Axis, Panel, Plot
 from fifthwheel.data.channels import SensorErrorName, si_unit
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Fit, Identification, Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.statement import prior_of, stated

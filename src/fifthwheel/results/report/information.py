@@ -7,9 +7,9 @@ import numpy as np
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, enumerated, percent, relative, with_sigma
 from fifthwheel.data.channels import SignalName, si_unit
+from fifthwheel.estimate.design.assess import InformationAssessment, ParameterAssessment
+from fifthwheel.estimate.design.remedies import Remedy
 from fifthwheel.estimate.identify import Verdict
-from fifthwheel.estimate.identify.design.assess import InformationAssessment, ParameterAssessment
-from fifthwheel.estimate.identify.design.remedies import Remedy
 from fifthwheel.results.diagnose.information_summary import describe_remedy
 from fifthwheel.results.diagnose.thresholds import WIDE_SIGMA
 from fifthwheel.results.report.words import spoken_verdict

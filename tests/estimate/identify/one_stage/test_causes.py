@@ -17,7 +17,7 @@ from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Cau
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.estimate.identify.sensor_errors import estimate_sensor_errors
-from fifthwheel.estimate.identify.unknowns.gross_errors import GrossError
+from fifthwheel.estimate.identify.unknowns.unknown import GrossError
 
 YAW2, ROLL2, WIDE = "yaw_rate.semitrailer", "roll_rate.semitrailer", "semitrailer.cornering_stiffness"
 SETTINGS = fw.OneStage(tyres="linear")

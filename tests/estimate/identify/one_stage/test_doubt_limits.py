@@ -11,11 +11,10 @@ from scipy.optimize import brentq
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import Dataset
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind, PriorTest, linear_odds
-from fifthwheel.estimate.identify.one_stage.evidence import quick_doubts
+from fifthwheel.estimate.identify.one_stage.causes import quick_doubts
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.solution import Solution
-from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, gross_error
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
 BOUNDS = {"lower": -9.0, "upper": 9.0}

@@ -14,10 +14,10 @@ from fifthwheel.data.channels import STEER as STEER_ANGLE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.initial_state import steady_state
 from fifthwheel.estimate.identify.one_stage import estimator
 from fifthwheel.estimate.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
 from fifthwheel.estimate.identify.one_stage.problem import Problem
+from fifthwheel.estimate.identify.one_stage.segment_run import steady_state
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.estimate.identify.verdict import Verdict
@@ -27,7 +27,7 @@ from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, quantity_of
-from tests.estimate.identify.conftest import without
+from tests.estimate.conftest import without
 
 EVERY_PARAMETER = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
 KNOWN = OneStage(tyres="linear", given={"others": "exact", "sensors": "exact"})

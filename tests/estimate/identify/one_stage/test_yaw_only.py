@@ -8,11 +8,11 @@ import pytest
 
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, identify
-from fifthwheel.estimate.identify.design import predict_sigmas
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer, ObserverSettings
+from fifthwheel.estimate.online import Learner
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

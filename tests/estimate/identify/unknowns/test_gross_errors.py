@@ -6,9 +6,8 @@ import pytest
 
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.unknowns.gross_errors import gross_error, is_possible
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, gross_error, is_possible
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import QUANTITIES, quantity_of
 

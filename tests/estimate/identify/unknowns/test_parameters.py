@@ -8,8 +8,8 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns, sensor_unknowns
 from fifthwheel.apps.cheng_cebon_2011.stage import filter_sigmas
 from fifthwheel.base.errors import VehicleError
+from fifthwheel.estimate.design import design_experiment, predict_sigmas
 from fifthwheel.estimate.identify import OneStage, identify
-from fifthwheel.estimate.identify.design import design_experiment, predict_sigmas
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.unknowns.parameters import (

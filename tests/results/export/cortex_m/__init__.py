@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify.online import Learner
 from fifthwheel.estimate.observe import Observer
+from fifthwheel.estimate.online import Learner
 from fifthwheel.results.export import export_c
 from fifthwheel.results.export.project import LEARNER_SOURCES, OBSERVER_SOURCES
 

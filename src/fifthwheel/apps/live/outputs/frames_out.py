@@ -16,8 +16,8 @@ from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.logs.can.decoder import Frame
-from fifthwheel.estimate.identify.online import LearnedValue
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.online import LearnedValue
 
 SCALE = 1e-4
 """Resolution of states and sigmas, SI."""

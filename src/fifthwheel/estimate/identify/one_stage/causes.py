@@ -1,8 +1,8 @@
-"""The likely causes of a contradiction, by comparison of hypotheses.
+"""The doubts of one stage, and the likely causes of a contradiction by comparison of hypotheses.
 
-H_0: the priors of all numbers hold. H_k: number k has a gross error (`quantities`), in one log if each log has its
-own, so that its prior has w_k times the standard deviation. With the cost J of the problem, the posterior variance P_kk
-of z_k under H_0 and the rate pi_k of such errors, the odds are (Laplace's approximation; R. E. Kass and A. E. Raftery,
+H_0: the priors of all numbers hold. H_k: number k has a gross error (`quantities`), in one log if each log has its own,
+so that its prior has w_k times the standard deviation. With the cost J of the problem, the posterior variance P_kk of
+z_k under H_0 and the rate pi_k of such errors, the odds are (Laplace's approximation; R. E. Kass and A. E. Raftery,
 Bayes factors, JASA 1995)
 
     ln p(H_k | y) / p(H_0 | y) = ln pi_k + J_0 - J_k - ln w_k - ln(1 - (1 - 1 / w_k^2) P_kk) / 2.
@@ -19,19 +19,72 @@ the change of any one number would mislead. `benchmarks/constants.md` shows what
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fifthwheel.base.types import Array
 from fifthwheel.data.checks import Fault
-from fifthwheel.estimate.identify.doubts import ABOUT_AS_LIKELY, PriorTest, linear_odds
+from fifthwheel.estimate.identify.doubts import (
+    ABOUT_AS_LIKELY,
+    NONLINEAR_ACCELERATION,
+    Doubt,
+    DoubtKind,
+    Evidence,
+    PriorTest,
+    linear_odds,
+    most_likely,
+)
 from fifthwheel.estimate.identify.one_stage.gauss_newton import INITIAL_RADIUS, Minimum, minimise
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.estimate.identify.unknowns.gross_errors import RANGE, GrossError, gross_error
+from fifthwheel.estimate.identify.unknowns.unknown import RANGE, GrossError, gross_error, is_possible
+from fifthwheel.truck.quantities import FRICTION
+
+
+def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:
+    """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
+
+    `likely` are the causes of a contradiction, see `causes`. What the first of them explains is no further doubt.
+    `left` is the discrepancy, as a fraction of the signals, of logs that nothing explains.
+    """
+    problem, posterior = solution.problem, solution.linearisation.posterior
+    evidence = Evidence(
+        names=problem.names,
+        z=solution.minimum.z + likely[0].shifts if likely else solution.minimum.z,
+        covariance=posterior.covariance,
+        unknowns=problem.unknowns_by_name,
+        parameters=solution.estimated,
+    )
+    unexplained = [] if left is None else [evidence.unexplained(left)]
+    return [
+        *unexplained,
+        *evidence.contradicted_assumptions(likely),
+        *evidence.unusual_estimates(exempt=(FRICTION, *[test.name for test in likely])),
+        *_nonlinear_range(solution),
+    ]
+
+
+def quick_doubts(solution: Solution) -> list[Doubt]:
+    """The doubts without a fit for each cause: of the uncertain numbers, by the linear tests of their priors."""
+    unknowns = solution.problem.unknowns_by_name
+    tests = [t for t in solution.linearisation.tests if unknowns[t.name].is_uncertain]
+    possible = [test for test in tests if is_possible(unknowns[test.name], test.implied)]
+    return find_doubts(solution, most_likely(possible, unknowns) or most_likely(tests, unknowns))
+
+
+def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
+    """Logs beyond the range of the linear model."""
+    if solution.settings.tyre_law != "linear":
+        return
+    for record, largest in zip(solution.dataset.records, solution.lateral_accelerations, strict=True):
+        if largest > NONLINEAR_ACCELERATION:
+            yield Doubt(
+                kind=DoubtKind.RANGE, causes=(), parameters=solution.estimated, statistic=largest, log=record.name
+            )
+
 
 TITLE = "test of assumptions"
 """Of the progress."""

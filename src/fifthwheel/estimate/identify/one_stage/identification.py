@@ -11,21 +11,18 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.doubts import PriorTest
-from fifthwheel.estimate.identify.fit_evaluation import evaluate_fits
-from fifthwheel.estimate.identify.one_stage.causes import Causes
-from fifthwheel.estimate.identify.one_stage.evidence import find_doubts
-from fifthwheel.estimate.identify.one_stage.free_run import fits_of
+from fifthwheel.estimate.identify.estimates import stated_estimates
+from fifthwheel.estimate.identify.fits import evaluate_fits, fits_of
+from fifthwheel.estimate.identify.one_stage.causes import Causes, find_doubts
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Minimum, remaining_step
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.result.parts import Estimate, Fit, LogSummary
-from fifthwheel.estimate.identify.stated_numbers import stated_estimates
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns import parameters
-from fifthwheel.estimate.identify.unknowns.gross_errors import is_possible
-from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.estimate.identify.unknowns.unknown import Unknown, is_possible
 from fifthwheel.estimate.identify.verdict import (
     Verdict,
     estimate_verdict,

@@ -42,13 +42,17 @@ from fifthwheel.estimate.filters import Noise, tangent, variances
 from fifthwheel.estimate.filters.initial_state import initial_factor, initial_state
 from fifthwheel.estimate.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.estimate.identify.dataset import LogData, speed_range
-from fifthwheel.estimate.identify.initial_state import steady_state, steady_state_bank_slope, steady_state_slopes
 from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, autocorrelation_factor, fit_noise_model
 from fifthwheel.estimate.identify.one_stage import likelihood
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior, Prior
-from fifthwheel.estimate.identify.one_stage.segment_run import segment_blocks
+from fifthwheel.estimate.identify.one_stage.segment_run import (
+    segment_blocks,
+    steady_state,
+    steady_state_bank_slope,
+    steady_state_slopes,
+)
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown

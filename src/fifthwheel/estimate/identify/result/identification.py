@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self
 
@@ -21,7 +21,7 @@ from fifthwheel.data.channels import (
     is_sensor_error,
 )
 from fifthwheel.estimate.identify.result.parts import Estimate, IdentificationData
-from fifthwheel.estimate.identify.statement import prior_of, with_values
+from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
@@ -42,7 +42,6 @@ if TYPE_CHECKING:
 
     from fifthwheel.base import pages
     from fifthwheel.base.plots import Plot
-    from fifthwheel.estimate.identify.online import Learner, LearnerSettings
     from fifthwheel.estimate.identify.result.posterior import Posterior
     from fifthwheel.estimate.observe import Observer, ObserverSettings
 
@@ -217,21 +216,6 @@ class Identification(IdentificationData):
         return Observer(
             self.vehicle, self.signals if signals is None else signals, self.observer_settings(log, **changes)
         )
-
-    def learner(self, signals: Iterable[str] | None = None, *, learner: "LearnerSettings | None" = None) -> "Learner":
-        """A learner that begins at the identified vehicle, with the priors of the settings.
-
-        Its prior is not the covariance of this result, so that it can follow a change of the vehicle.
-
-        Args:
-            signals: available signals; those of the identification by default.
-            learner: when it learns, and how it treats faults of the signals.
-        """
-        from fifthwheel.estimate.identify.online import Learner
-
-        settings = self.settings.one_stage
-        settings = settings and replace(settings, given=with_values(settings.given, self.surroundings))
-        return Learner(self.vehicle, self.signals if signals is None else signals, settings, learner=learner)
 
     def summary(self) -> str:
         """A table of parameters with sigma and verdict, derived quantities and fits, the doubts, and the notes."""

@@ -1,8 +1,9 @@
-"""One unknown of an identification, with its prior and bounds, and how each kind of it is made."""
+"""One unknown of an identification, with its prior and bounds, and gross errors of it: those beyond the prior."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -151,3 +152,43 @@ def linear_unknown(
 def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     """An uncertain fraction, 0 to 1."""
     return replace(linear_unknown(name, mean, sigma), lower=0.0, upper=1.0).within(0.0, 1.0)
+
+
+RATE = 0.003
+"""Of gross errors of a number of weight 1: a log has 80 numbers, and one in four logs an error."""
+RANGE = 3.0
+"""A gross error is at most so many of its standard deviations."""
+
+
+class GrossError(NamedTuple):
+    """A gross error of an unknown."""
+
+    size: float  # its standard deviation, in units of the prior
+    weight: float  # how common it is, relative to others
+
+    @property
+    def prior_odds(self) -> float:
+        """Logarithm of the odds before any log."""
+        return math.log(RATE * self.weight)
+
+
+def gross_error(unknown: Unknown) -> GrossError | None:
+    """The gross error of an unknown; None if it is not larger than the prior."""
+    error = SensorErrorName.of(unknown.name)
+    row = (error.row if error else None) or quantity_of(unknown.name)
+    size = row.gross / unknown.scale
+    return GrossError(size, row.weight) if size > 1 else None
+
+
+def is_possible(unknown: Unknown, deviation: float) -> bool:
+    """Whether a truck can have an unknown so many prior standard deviations from its prior mean."""
+    return abs(deviation) <= largest_possible(unknown)
+
+
+def largest_possible(unknown: Unknown) -> float:
+    """Prior standard deviations from its prior mean that a truck can have an unknown."""
+    error = gross_error(unknown)
+    reach = RANGE * (error.size if error else max(1.0, unknown.tail))
+    if unknown.logarithmic:
+        return reach
+    return min(reach, max(abs(end - unknown.centre) for end in unknown.possible) / unknown.scale)

@@ -1,0 +1,100 @@
+"""The next manoeuvre of a learner: the prediction against what the learner then gives."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from fifthwheel.base.errors import VehicleError
+from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.estimate.design.next_manoeuvre import (
+    DRIVEN,
+    _measured,
+    manoeuvre_information,
+    plan_manoeuvres,
+)
+from fifthwheel.estimate.design.search import sizes_within_limits
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.online import Learner
+from fifthwheel.truck import get
+
+TRUCK = get("cheng_cebon_2011")
+GYROS = article_gyro_variance(["tractor", "semitrailer"])
+SIGNALS = ("speed", "steer.tractor.front", *GYROS)
+FRONT, TRAILER = "tractor.front.cornering_stiffness", "semitrailer.cornering_stiffness"
+FEW = replace(DRIVEN, speeds=(50 / 3.6, 88 / 3.6), frequencies=(0.4,), accelerations=(1.0,))
+
+
+@pytest.fixture(scope="module")
+def learner():
+    return Learner(TRUCK, SIGNALS)
+
+
+@pytest.fixture(scope="module")
+def candidates(learner):
+    return manoeuvre_information(learner, FEW)
+
+
+def driven(learner, steps, noise):
+    """A copy of a learner after manoeuvres of the truck of the vehicle file, 10 s apart; `noise`: factor."""
+    truth, learner, start, rng = learner, copy.copy(learner), 0.0, np.random.default_rng(0)
+    for k, step in enumerate(steps):
+        steer, _, _ = sizes_within_limits(TRUCK, step.manoeuvre, FEW)
+        record = _measured(truth, step.manoeuvre, (-1) ** k * step.size * steer, FEW.rate)
+        noisy = {n: record.signals[n] + noise * rng.normal(0.0, np.sqrt(v), len(record)) for n, v in GYROS.items()}
+        record = replace(record.with_signals(noisy), time=record.time + start)
+        learner.learn(record)
+        start = record.time[-1] + 10.0
+    return learner
+
+
+def sigma(learner, name):
+    estimate = learner[name]
+    return estimate.sigma / abs(estimate.value)
+
+
+@pytest.mark.parametrize(("noise", "tolerance"), [(0.0, 0.02), (1.0, 0.1)])  # noise moves the estimates by a sigma
+def test_the_learner_reaches_the_predicted_sigma(learner, candidates, noise, tolerance):
+    targets = {FRONT: 0.05, TRAILER: 0.05, "semitrailer.yaw_inertia": 0.05}
+    plan = plan_manoeuvres(learner, candidates, targets)
+    assert len(plan.steps) >= 2
+    assert plan.duration == pytest.approx(sum(step.manoeuvre.period for step in plan.steps))
+    after = driven(learner, plan.steps, noise)
+    for name in targets:
+        assert plan.sigma[name] < 0.5 * sigma(learner, name)
+        assert sigma(after, name) == pytest.approx(plan.sigma[name], rel=tolerance)
+    assert len(plan_manoeuvres(after, candidates, targets).steps) <= 1
+
+
+def test_a_reached_target_asks_for_no_manoeuvre(learner, candidates):
+    wide = 1.1 * sigma(learner, FRONT)
+    assert plan_manoeuvres(learner, candidates, {FRONT: wide}).steps == ()
+    both = plan_manoeuvres(learner, candidates, {FRONT: wide, TRAILER: 0.1})
+    alone = plan_manoeuvres(learner, candidates, {TRAILER: 0.1})
+    assert both.steps == alone.steps != ()
+
+
+def test_a_target_that_driving_does_not_reach_is_limited_by_what_varies(learner, candidates):
+    plan = plan_manoeuvres(learner, candidates, {TRAILER: 0.02})
+    assert plan.sigma[TRAILER] > 0.02
+    assert plan.limits == {TRAILER: "semitrailer.cornering_stiffness.variation"}
+    exact = Learner(TRUCK, SIGNALS, OneStage(tyres="linear", given={"others": "exact"}))
+    plan = plan_manoeuvres(exact, manoeuvre_information(exact, FEW), {TRAILER: 0.02})
+    assert plan.sigma[TRAILER] <= 0.02
+    assert plan.limits == {}
+
+
+def test_without_a_roll_rate_no_manoeuvre_informs_the_payload_height():
+    learner = Learner(TRUCK, ("speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"))
+    candidates = manoeuvre_information(learner, replace(FEW, speeds=(80 / 3.6,)))
+    plan = plan_manoeuvres(learner, candidates, {"semitrailer.payload.height": 0.15, TRAILER: 0.15})
+    assert plan.uninformed == ("semitrailer.payload.height",)
+    assert plan.sigma[TRAILER] <= 0.15
+
+
+def test_an_unstable_truck_has_no_manoeuvre(learner):
+    stiffness = "tractor.drive.cornering_stiffness"
+    unstable = TRUCK.replace({stiffness: 0.3 * TRUCK.parameters()[stiffness]})
+    with pytest.raises(VehicleError, match=r"unstable at 88 km/h.*check the file"):
+        manoeuvre_information(Learner(unstable, SIGNALS), replace(FEW, speeds=(88 / 3.6,)))

@@ -1,0 +1,58 @@
+"""The derivative of the state at the start against differences of the steady state."""
+
+import numpy as np
+
+from fifthwheel.base.types import Array
+from fifthwheel.estimate.identify.one_stage.segment_run import steady_state_slopes
+from fifthwheel.estimate.identify.settings import OneStage
+from fifthwheel.estimate.identify.setup import Setup
+from fifthwheel.estimate.online import LearnerSettings
+from fifthwheel.estimate.online.online_model import OnlineModel, model_of, online_setup
+from fifthwheel.estimate.online.start import start_state
+from fifthwheel.model import dynamics
+from fifthwheel.truck import Vehicle
+
+FIRST = {"speed": 21.0, "steer.tractor.front": 0.03}
+SIGNALS = (*FIRST, "yaw_rate.tractor")
+LINEAR = OneStage(tyres="linear")
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
+
+
+def model(setup: Setup) -> OnlineModel:
+    return model_of(setup, setup.outputs, discrepancies=setup.has_discrepancies)
+
+
+def derivative(setup: Setup, z: Array) -> Array:
+    """dx/dz (n_x, n_p) at the start."""
+    return start_state(setup, model(setup), LearnerSettings(), setup.scaling, z, FIRST)[2]
+
+
+def test_every_unknown_moves_the_start_as_it_moves_the_steady_state(guess: Vehicle) -> None:
+    """The rounding of differences of a steady state of 0.1 is 1e-11."""
+    setup = online_setup(guess, SIGNALS, LINEAR)
+    values = dynamics.all_parameters(setup.vehicle, setup.outputs, extended=True)
+    values |= {u.name: u.centre for u in setup.unknowns if not u.moves}
+    slopes = steady_state_slopes(model(setup).chain, setup.vehicle, FIRST, values, setup.unknowns)
+    expected = slopes.T * setup.scaling.slope(setup.scaling.centre)
+    V = derivative(setup, np.zeros(len(setup.estimated_unknowns)))
+    assert np.count_nonzero(np.abs(V).max(axis=0)) > 5
+    np.testing.assert_allclose(V[: len(expected)], expected, rtol=1e-6, atol=1e-10)
+    assert not V[len(expected) :].any()
+
+
+def test_the_derivative_is_that_at_the_estimates(guess: Vehicle) -> None:
+    name = "tractor.front.cornering_stiffness"
+    stiffer = guess.replace({name: 2 * guess.parameters()[name]})
+    setup, other = (online_setup(vehicle, SIGNALS, FIVE) for vehicle in (guess, stiffer))
+    z = np.array([np.log(2) / u.scale if u.name == name else 0.0 for u in setup.estimated_unknowns])
+    np.testing.assert_allclose(derivative(setup, z), derivative(other, np.zeros_like(z)), rtol=1e-9, atol=1e-12)
+
+
+def test_an_unstable_vehicle_starts_without_a_derivative(guess: Vehicle) -> None:
+    name = "tractor.drive.cornering_stiffness"
+    unstable = guess.replace({name: 0.4 * guess.parameters()[name]})
+    critical = dynamics.critical_speed(unstable)
+    assert critical is not None
+    assert critical < FIRST["speed"]
+    setup = online_setup(unstable, SIGNALS, FIVE)
+    assert not derivative(setup, np.zeros(len(setup.estimated_unknowns))).any()
