@@ -51,7 +51,7 @@ def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None
 
 def test_the_posterior_in_jax() -> None:
     pytest.importorskip("jax")
-    page = (EXAMPLES.parent / "docs" / "own-estimators.md").read_text(encoding="utf-8")
+    page = (EXAMPLES.parent / "docs" / "studies.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"```python\n(import jax.*?)```", page, re.DOTALL)
     names: dict[str, Any] = {}
     exec(code, names)

@@ -63,8 +63,11 @@ def transition_matrix(model: Model, parts: Sequence[Matrix]) -> Matrix:
 def predict(
     model: Model, x: Matrix, covariance: Matrix, dt: Matrix, d: Matrix, p: Matrix, c: Matrix, q: Matrix
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Time update: the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and the
-    `transition_matrix`."""
+    """Time update, with the process noise of equation (5) of Cheng and Cebon (2011).
+
+    It gives the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and the
+    `transition_matrix`.
+    """
     results: list[Matrix] = transition(model).call([x, dt, d, p, c])
     later, slopes = results[0], transition_matrix(model, results[1:])
     F = slopes[:, : x.shape[0]]
@@ -105,7 +108,7 @@ def variances_by(effects: Matrix, slopes: Matrix) -> Matrix:
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
 ) -> tuple[ca.SX, ca.SX, list[ChannelUpdate[ca.SX]], list[tuple[ca.SX, ca.SX]]]:
-    """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`.
+    """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`; r is of equation (6).
 
     It gives state, covariance, the update of each channel, and (gain, row of H) of each channel.
     """
