@@ -119,7 +119,9 @@ PARAMETERS = [f"{prefix}.{w}" for kind, prefix in PREFIXES.items() for w in kind
 @pytest.mark.parametrize("pattern", PARAMETERS)
 def test_every_parameter_of_a_vehicle_is_in_the_glossary(pattern: str) -> None:
     table = {
-        cells[0]: cells for cells in rows(section(site_page("glossary.md"), "Parameters of the vehicle")) if len(cells) > 3
+        cells[0]: cells
+        for cells in rows(section(site_page("glossary.md"), "Parameters of the vehicle"))
+        if len(cells) > 3
     }
     assert table[f"`{pattern}`"][1] == SI_UNITS[pattern.rpartition(".")[2]]
 
@@ -352,7 +354,7 @@ def test_the_contents_call_a_page_by_its_title() -> None:
 
 
 def test_every_manoeuvre_is_documented_with_its_forms() -> None:
-    table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(page("plant.md"), "Manoeuvres"))[2:]}
+    table = {cells[0].strip("`"): cells[1:3] for cells in rows(section(site_page("plant.md"), "Manoeuvres"))[2:]}
     forms = {
         name: [
             "acceleration" if m.acceleration else "open loop" if m.open_loop else "",
@@ -396,7 +398,7 @@ def test_the_functions_of_the_article_name_their_equations() -> None:
         value: Any = importlib.import_module(f"fifthwheel.{module}")
         for name in names:
             value = vars(value)[name]
-        text = inspect.getdoc(value) or ""
+        text = " ".join((inspect.getdoc(value) or "").split())
         for number in re.findall(r"A?\d+", equations):
             spans = re.findall(r"\((A?)(\d+)\)(?: to \(A?(\d+)\))?", text)
             letter, digits = number.rstrip("0123456789"), int(number.lstrip("A"))

@@ -12,10 +12,13 @@ from typing import Any
 
 from sphinx.application import Sphinx
 
+from fifthwheel.apps.live.status import LiveFault, in_words
 from fifthwheel.base.settings import meanings
 from fifthwheel.data.channels import CHANNELS
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, TimeColumn
+from fifthwheel.model.manoeuvres import MANOEUVRES
 from fifthwheel.model.plant import Properties
+from fifthwheel.results.assess.measures import MEASURES
 from fifthwheel.results.evaluate.tolerances import DEFAULTS
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit
 from fifthwheel.truck.classes import CLASSES
@@ -60,6 +63,8 @@ SYMBOLS = {
     "<coupling>.roll_stiffness": "`K_12` (A3), (A6)",
 }
 """Symbols and equations of the article, by the parameter."""
+PRACTICAL = {"m/s": (3.6, "km/h"), "rad s^2/m": (1.0, "deg/g")}
+"""Factor and unit of measures, from SI; those with a threshold only need a factor."""
 
 
 def table(*rows: tuple[str, ...]) -> str:
@@ -106,10 +111,41 @@ def properties() -> Iterator[tuple[str, ...]]:
         yield f"`{field.name}`", f"{value:g}" if isinstance(value, float) else "", texts[field.name]
 
 
+def measures() -> Iterator[tuple[str, ...]]:
+    """The performance-based measures with their thresholds."""
+    yield "measure", "unit", "source", "threshold"
+    for measure in MEASURES.values():
+        factor, unit = PRACTICAL.get(measure.unit, (1.0, measure.unit.removeprefix("1")))
+        numbers = [
+            f"{limit.value * factor:g}{'' if limit.confirmed else ' ‡'}"
+            + (f" times the {MEASURES[limit.times.removesuffix('_rear')].title} of these units" if limit.times else "")
+            for limit in measure.limits
+        ]
+        sense = {"at least": "≥ ", "at most": "≤ "}[measure.limits[0].sense] if measure.limits else ""
+        yield measure.title, unit, measure.source, sense + ", ".join(numbers)
+
+
+def manoeuvres() -> Iterator[tuple[str, ...]]:
+    """The manoeuvres with their forms."""
+    yield "`--manoeuvre`", "linear model", "nonlinear truck", "description"
+    for name, m in MANOEUVRES.items():
+        steered = "open loop" if m.open_loop else ""
+        yield f"`{name}`", "acceleration" if m.acceleration else steered, "path" if m.path else steered, m.description
+
+
+def live_faults() -> Iterator[tuple[str, ...]]:
+    """The faults of the live node."""
+    yield "", "fault", "meaning"
+    texts = attribute_texts(LiveFault)
+    yield from ((str(fault.value), in_words(fault.name or ""), texts[fault.name or ""]) for fault in LiveFault)
+
+
 def layers() -> Iterator[tuple[str, ...]]:
     """The packages in the order of their layers, with the first sentence of their documentation."""
     yield "place", "what it has"
-    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]["contracts"]
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
     inside = {c["containers"][0]: c["layers"] for c in contracts if c["type"] == "layers"}
     source = ROOT / "src" / "fifthwheel"
     for layer in reversed(inside["fifthwheel"][1:]):
@@ -140,7 +176,10 @@ def attribute_texts(kind: type) -> dict[str, str]:
     found = {}
     for statement, text in pairwise(getattr(tree, "body", ())):
         match statement, text:
-            case ast.AnnAssign(target=ast.Name(id=name)), ast.Expr(value=ast.Constant(value=str(sentences))):
+            case (
+                ast.AnnAssign(target=ast.Name(id=name)) | ast.Assign(targets=[ast.Name(id=name)]),
+                ast.Expr(value=ast.Constant(value=str(sentences))),
+            ):
                 if name[0] != "_":
                     found[name] = " ".join(sentences.split())
     return found
@@ -161,6 +200,9 @@ TABLES: dict[str, Callable[[], Iterator[tuple[str, ...]]]] = {
     "properties": properties,
     "layers": layers,
     "keys": keys,
+    "measures": measures,
+    "manoeuvres": manoeuvres,
+    "live_faults": live_faults,
 }
 
 

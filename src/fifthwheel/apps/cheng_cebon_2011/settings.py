@@ -49,7 +49,8 @@ class TwoStage(CommonSettings):
     """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
 
     `given` states priors of the parameters; by default they are 30 % of a stiffness or inertia, and 0.1 m +- 1 m of a
-    payload height. `R`, `Q_x`, `Q_p` and `P_p` are diagonals of the article's covariances, equations (10) to (15), by name.
+    payload height. `R`, `Q_x`, `Q_p` and `P_p` are diagonals of the article's covariances, by name: equations (10) to
+    (15).
 
     Example:
         >>> import fifthwheel as fw

@@ -108,9 +108,10 @@ def variances_by(effects: Matrix, slopes: Matrix) -> Matrix:
 def correct(
     x: ca.SX, covariance: ca.SX, predicted: ca.SX, H: ca.SX, y: ca.SX, weight: ca.SX, r: ca.SX, limit: ca.SX
 ) -> tuple[ca.SX, ca.SX, list[ChannelUpdate[ca.SX]], list[tuple[ca.SX, ca.SX]]]:
-    """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`; r is of equation (6).
+    """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`.
 
-    It gives state, covariance, the update of each channel, and (gain, row of H) of each channel.
+    It gives state, covariance, the update of each channel, and (gain, row of H) of each channel; r is that of equation
+    (6) of Cheng and Cebon (2011).
     """
     prior, nothing, channels, gains = x, (ca.SX(x.shape[0], 0), ca.SX(1, 0)), [], []
     for i in range(y.shape[0]):
