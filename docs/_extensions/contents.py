@@ -9,15 +9,18 @@ from sphinx.application import Sphinx
 SECTION = re.compile(r"^## (.+?)$(.*?)(?=^## |\Z)", re.MULTILINE | re.DOTALL)
 PAGE = re.compile(r"\]\(([\w\-/]+)\.(?:md|rst|ipynb)\)")
 OUTSIDE = re.compile(r"\]\(((?:\.\./)+(?:benchmarks/\w+|CHANGELOG)\.md)\)")
+INDEX = re.compile(r"^<!-- index: (.+) -->$", re.MULTILINE)
 SCRIPT = re.compile(r"\.\./examples/gallery/(\w+)\.(?:py|rst)\)")
 
 
 def prepare(app: Sphinx, document: str, source: list[str]) -> None:
-    """Lead links of gallery scripts to their pages and of benchmarks to downloads; add hidden toctrees.
+    """Lead links of gallery scripts to their pages and of benchmarks to downloads; add index entries and toctrees.
+
+    The search finds an entry, `<!-- index: a term -->`, before all other places of the term.
 
     Each row of a table of index.md begins with a page of the navigation; the others of the row are below that page.
     """
-    source[0] = in_site(source[0])
+    source[0] = INDEX.sub(lambda entry: f"```{{index}} ! {entry[1].replace(', ', ', ! ')}\n```", in_site(source[0]))
     sections = SECTION.findall(in_site((Path(app.srcdir) / "index.md").read_text(encoding="utf-8")))
     rows = {title: [found for line in text.splitlines() if (found := PAGE.findall(line))] for title, text in sections}
     if document == app.config.root_doc:
