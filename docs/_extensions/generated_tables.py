@@ -1,4 +1,4 @@
-"""Tables of pages, from the code: each takes the place of its marker, `<!-- table: NAME -->`."""
+"""Tables of pages, from the code: each takes the place of its marker, `*Table on the site: NAME.*`."""
 
 import ast
 import inspect
@@ -26,7 +26,7 @@ from fifthwheel.truck.driveline import Driveline
 from fifthwheel.truck.unit import Accelerometer
 
 ROOT = Path(__file__).parents[2]
-MARKER = re.compile(r"^<!-- table: (\w+) -->$", re.MULTILINE)
+MARKER = re.compile(r"^\*Table on the site: (\w+)\.\*$", re.MULTILINE)
 PREFIXES = {
     Unit: "<unit>",
     SprungMass: "<unit>.sprung",
