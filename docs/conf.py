@@ -21,6 +21,7 @@ extensions = [
     "sphinx_gallery.gen_gallery",
     "command_reference",
     "contents",
+    "generated_tables",
     "mathml",
     "python_reference",
     "settings_reference",

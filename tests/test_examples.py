@@ -2,10 +2,10 @@
 
 import importlib
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -51,10 +51,7 @@ def test_the_page_on_extensions_shows_what_the_examples_print(name: str) -> None
 
 def test_the_posterior_in_jax() -> None:
     pytest.importorskip("jax")
-    page = (EXAMPLES.parent / "docs" / "own-estimators.md").read_text(encoding="utf-8")
-    (code,) = re.findall(r"```python\n(import jax.*?)```", page, re.DOTALL)
-    names: dict[str, Any] = {}
-    exec(code, names)
+    names = runpy.run_path(str(EXAMPLES / "posterior_in_jax.py"))
     assert names["value"] == names["density"](names["x"])
     assert (names["gradient"] == names["density"].gradient(names["x"])).all()
 

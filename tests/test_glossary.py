@@ -68,16 +68,6 @@ def table(title: str) -> list[list[str]]:
     return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines if line.startswith("|")]
 
 
-def test_every_parameter_has_its_unit() -> None:
-    from fifthwheel.truck.component import Component
-
-    known = {item for kind in Component.__subclasses__() for item in kind.si_units.items()}
-    lines = table("Parameters of the vehicle")
-    units = {(row[0].strip("`").rpartition(".")[2], row[1]) for row in lines}
-    assert units >= known
-    assert {quantity for quantity, _ in units} == {quantity for quantity, _ in known}
-
-
 def test_every_term_has_its_place_and_its_meaning() -> None:
     lines = [row for title in ("Estimation", "Vehicle dynamics", "Logs and records") for row in table(title)]
     assert set(TERMS) <= {row[0] for row in lines}

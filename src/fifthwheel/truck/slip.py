@@ -1,7 +1,7 @@
 """Static loads of a tractor-semitrailer in several conditions, and the masses and CoG positions that they determine.
 
 A slip file has the static loads of the axle groups of a tractor-semitrailer, as masses, in up to three conditions: the
-laden combination, the tractor alone (solo), and the empty combination; docs/howto/weigh.md has an example.
+laden combination, the tractor alone (solo), and the empty combination; docs/howto/measure.md has an example.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; docs/vehicle.md has an example with every key."""
+"""Vehicle files: TOML with quantities such as "475 kN/rad +- 10 %"; examples/every_key.toml has every key."""
 
 from collections.abc import Mapping
 from itertools import pairwise

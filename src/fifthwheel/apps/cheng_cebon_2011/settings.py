@@ -49,7 +49,8 @@ class TwoStage(CommonSettings):
     """Settings of the identification in two stages. `TwoStage()` is our default, `article()` the published method.
 
     `given` states priors of the parameters; by default they are 30 % of a stiffness or inertia, and 0.1 m +- 1 m of a
-    payload height. `R`, `Q_x`, `Q_p` and `P_p` are diagonals of the article's covariances, by name.
+    payload height. `R`, `Q_x`, `Q_p` and `P_p` are diagonals of the article's covariances, by name: equations (10) to
+    (15).
 
     Example:
         >>> import fifthwheel as fw
@@ -111,6 +112,8 @@ _Q_P = {"cornering_stiffness": "+- 0.1 %", "yaw_inertia": "+- 0.1 %", PAYLOAD_HE
 
 def article(**changes: Any) -> TwoStage:
     """The settings of the article, sections 3.1 to 3.3, with `changes`, those of `given` and `Q_p` by name.
+
+    Noise `R`: equations (10) and (12). Random walk `Q_p`: (11) and (13).
 
     Published: Q_x = 0; Q_p of 0.1 % of the nominal value (0.005 m for the height), shrunk by lambda at every step; the
     average once within 1 %. Not published: P_p(0), here Q_p after its name "initial parameter covariance", and bounds.

@@ -102,13 +102,13 @@ class SignalSource(BaseModel):
     sign: Literal[1, -1] = 1
     """-1 where the log's sign is opposite to ISO 8855 (positive to the left)."""
     gain: float = Field(default=1.0, allow_inf_nan=False)
-    """Factor, such as 1 / steering ratio."""
+    """Factor, such as 1 / steering ratio; "0.05 +- 2 %" with its uncertainty."""
     offset: float | str = 0.0
-    """Subtracted last; a number in SI, or a text with a unit: "0.1 deg"."""
+    """Subtracted last; a number in SI, or a text with a unit: "0.1 deg", also with its uncertainty."""
     points: Points | None = None
     """Calibration: pairs of the column's value and the value in `unit`; piecewise linear, extrapolated at the ends."""
     delay: Annotated[Seconds, AfterValidator(_plausible_delay)] = 0.0
-    """Time by which the timestamps are late, s, or a text with a unit: "200 ms"."""
+    """Time by which the timestamps are late, at most 60 s; s, or a text: "200 ms", also with its uncertainty."""
     time: str | None = None
     """Column with the channel's own timestamps, where the log has several rates."""
     clock: str | None = None

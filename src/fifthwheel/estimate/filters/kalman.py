@@ -70,8 +70,11 @@ def transition_matrix(model: Model, parts: Sequence[Matrix]) -> Matrix:
 def predict(
     model: Model, x: Matrix, covariance: Matrix, dt: Matrix, d: Matrix, p: Matrix, c: Matrix, q: Matrix
 ) -> tuple[Matrix, Matrix, Matrix]:
-    """Time update: the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and the
-    `transition_matrix`."""
+    """Time update, with the process noise of equation (5) of Cheng and Cebon (2011).
+
+    It gives the state (n,) after dt, its covariance F P F' + Q dt with Q per second (n, n), and the
+    `transition_matrix`.
+    """
     results: list[Matrix] = transition(model).call([x, dt, d, p, c])
     later, slopes = results[0], transition_matrix(model, results[1:])
     F = slopes[:, : x.shape[0]]
@@ -114,7 +117,8 @@ def correct(
 ) -> tuple[ca.SX, ca.SX, list[ChannelUpdate[ca.SX]], list[tuple[ca.SX, ca.SX]]]:
     """Measurement update by m channels, (m,) each of y, weight and r, with the squared gate `limit`.
 
-    It gives state, covariance, the update of each channel, and (gain, row of H) of each channel.
+    It gives state, covariance, the update of each channel, and (gain, row of H) of each channel; r is that of equation
+    (6) of Cheng and Cebon (2011).
     """
     prior, nothing, channels, gains = x, (ca.SX(x.shape[0], 0), ca.SX(1, 0)), [], []
     for i in range(y.shape[0]):

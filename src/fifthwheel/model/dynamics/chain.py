@@ -49,7 +49,10 @@ GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"}
 
 
 def state_names(vehicle: Vehicle, *, roll: bool, bank: bool = False) -> tuple[str, ...]:
-    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, own ones, and the bank."""
+    """Names of the states: 2 n for n units, 4 n with roll, one for each relaxation length, own ones, and the bank.
+
+    Equation (1) of Cheng and Cebon (2011) has both sideslip angles, not the lateral velocity and the articulation.
+    """
     units = [unit.name for unit in vehicle.units]
     names = [
         f"lateral_velocity.{units[0]}",
@@ -192,7 +195,7 @@ LINEAR_TYRES: Expressions = {}
 def equations(
     p: Expressions, vehicle: Vehicle, *, roll: bool, bank: bool = False, stiffness_factors: Expressions = LINEAR_TYRES
 ) -> Equations:
-    """The equations of motion of the chain.
+    """The equations of motion of the chain: those of each unit, coupled by equation (A7) of Cheng and Cebon (2011).
 
     Two units have the article's 5 degrees of freedom with roll, and 3 without. `stiffness_factors` are factors of
     cornering stiffnesses, by the names of these, that may depend on the state.

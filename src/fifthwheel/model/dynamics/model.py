@@ -88,7 +88,7 @@ class ChainModel:
 
     @lazy
     def transition(self) -> ca.Function:
-        """(x, dt, d, p, c) -> x+, the state dt seconds later."""
+        """(x, dt, d, p, c) -> x+, the state dt seconds later; equations (2) and (3) of Cheng and Cebon (2011)."""
         s, m = self._symbols, self._motion
         change = m.B @ (s.steering.end - s.steering.start)
         return s.step("transition", taylor(m.A, s.x, m.rates[0], change, s.duration, self.order), "x_next")
@@ -127,7 +127,7 @@ class ChainModel:
 
     @lazy
     def observation(self) -> ca.Function:
-        """(x, d, p, c) -> y"""
+        """(x, d, p, c) -> y; equation (4) of Cheng and Cebon (2011)."""
         return self._symbols.instant("observation", ca.densify(self._motion.stages.expanded(self._y)), "y")
 
     @lazy

@@ -3,7 +3,7 @@
 Equations (A1)-(A6) of Cheng and Cebon (2011) without the coupling force, which the chain eliminates. The velocity of a
 unit is (v, r, p): lateral velocity on the roll axis under the CoG of the unit, yaw rate, roll rate. Two misprints of
 the article are corrected: (A3) and (A6) count m_s h^2 phi'' twice, and (A2) has I_1szz in place of I_1sxz (see
-docs/errata.md).
+docs/article.md).
 
 In all functions p has the parameters by path, numbers or symbols. Units and axle groups give names and structure; their
 numbers are not used.
@@ -89,7 +89,7 @@ def roll_body(p: Expressions, unit: Unit) -> RollBody:
 
     Suspension and tyres are in series. The damper therefore sees the fraction K_t / (K + K_t) of the roll angle, and
     its moment acts on the body with the same fraction: C* = C (K_t / (K + K_t))^2, to first order in frequency. The
-    article reduces the stiffness accordingly, but not the damping (see docs/errata.md).
+    article reduces the stiffness accordingly, but not the damping (see docs/article.md).
     """
     body = laden(p, unit)
     stiffnesses, dampings = zip(*[group_roll(p, unit.group_path(group)) for group in unit.axle_groups], strict=True)
@@ -103,7 +103,7 @@ def roll_body(p: Expressions, unit: Unit) -> RollBody:
 
 
 def mass_matrix(p: Expressions, unit: Unit, *, roll: bool) -> ca.SX:
-    """M in M (a, r', p') = forces, with a = v' + u r: (3, 3), or (2, 2) without roll."""
+    """M in M (a, r', p') = forces, with a = v' + u r: (3, 3), or (2, 2) without roll; equations (A1) to (A6)."""
     m, I_zz = p[f"{unit.name}.mass"], p[f"{unit.name}.yaw_inertia"]
     if not roll:
         return ca.diag(ca.vertcat(m, I_zz))
