@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from fifthwheel.data.record.held import Renewals, held_samples
+from fifthwheel.data.record.timestamps import Renewals, held_samples
 
 TIME = np.arange(3000) / 100
 

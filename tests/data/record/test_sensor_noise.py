@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import butter, lfilter
 
 from fifthwheel import truck as vehicle
-from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
+from fifthwheel.data.record.derived import article_gyro_variance, estimate_noise_variance
 from fifthwheel.model.simulate import simulate
 
 RNG = np.random.default_rng(5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.record.wheel_speeds import sample_with_differences, sides_of, wheel_speed_difference
+from fifthwheel.data.record.derived import sample_with_differences, sides_of, wheel_speed_difference
 
 DIFFERENCE = "wheel_speed_difference.semitrailer.middle"
 LEFT, RIGHT = sides_of(DIFFERENCE)

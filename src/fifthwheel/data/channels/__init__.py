@@ -15,28 +15,41 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.names import split_log
 from fifthwheel.base.units import is_unit
 from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits, SignalName, StateNoise
-from fifthwheel.data.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
-from fifthwheel.data.channels.inputs import SPEED, STEER
-from fifthwheel.data.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
-from fifthwheel.data.channels.others import (
+from fifthwheel.data.channels.table import (
+    ARTICULATION,
     ARTICULATION_RATE,
+    AXLE_LOAD,
     BANK,
+    BRAKING,
     COMPUTED,
     COUPLING_FORCE,
+    DRIVING,
+    ENGINE_SPEED,
+    GRADE,
+    GROSS_WEIGHT,
+    LATERAL_ACCELERATION,
+    LATERAL_VELOCITY,
     LOAD_TRANSFER,
     LONGITUDINAL_ACCELERATION,
     PITCH,
     PITCH_RATE,
     PREDICTED_LOAD_TRANSFER,
+    ROLL,
+    ROLL_RATE,
+    SIDESLIP,
     SLIP_ANGLE,
+    SPEED,
+    STEER,
     STEER_RATE,
     VERTICAL_ACCELERATION,
+    WEIGHT,
+    WEIGHTS,
+    WHEEL_SPEED,
+    WHEEL_SPEED_DIFFERENCE,
     YAW,
     YAW_ACCELERATION,
+    YAW_RATE,
 )
-from fifthwheel.data.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
-from fifthwheel.data.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
-from fifthwheel.data.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
 
 _ALL = (
     *(*WEIGHTS, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),

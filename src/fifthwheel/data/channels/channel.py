@@ -1,7 +1,7 @@
 """`Channel`: everything that the package knows of one measured or computed quantity. The names of signals."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import lru_cache, partial
 from typing import Any, Literal, NamedTuple, Self
 
@@ -217,11 +217,12 @@ GAIN = partial(ErrorKind, kind="gain", unit="1", gross=0.4, weight=2.0)
 DELAY = partial(ErrorKind, kind="delay", unit="s", gross=0.3, weight=2.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NamePattern:
     """A regular expression for names of columns, in small letters with "_" before, between and after the words."""
 
     pattern: str
+    _: KW_ONLY
     excluded: str = ""
     """What must not occur in the name."""
     own: str = ""

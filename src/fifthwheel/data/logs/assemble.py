@@ -15,10 +15,9 @@ from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks.samples import impossible_samples, spike_mask, spike_note
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
-from fifthwheel.data.record.held import HeldSamples, Renewals
 from fifthwheel.data.record.record import EARLIEST_DATE, Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.data.record.timestamps import implausible_timestamps, typical_step
+from fifthwheel.data.record.timestamps import HeldSamples, Renewals, implausible_timestamps, typical_step
 
 Window = tuple[float, float]
 """First and last instant, s."""

@@ -18,7 +18,7 @@ import numpy as np
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, SignalName, is_sensor_error
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.filters.initial_state import initial_factor, initial_sigma, initial_state
 from fifthwheel.estimate.filters.step_rows import corrected_inputs, steer_sigma

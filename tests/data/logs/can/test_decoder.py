@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.logs.can.database import Bits, CanSignal, load
-from fifthwheel.data.logs.can.decoder import Frame, FrameDecoder, Quality
+from fifthwheel.data.logs.can.database import Bits, CanSignal, Frame, FrameDecoder, Quality, load
 
 
 @st.composite

@@ -14,7 +14,8 @@ from tests.data.logs.readers.reading import read
 pytest.importorskip("asammdf")
 from asammdf import MDF, Signal, Source
 
-from fifthwheel.data.logs.readers import mdf, sample
+from fifthwheel.data.logs import source
+from fifthwheel.data.logs.readers import mdf
 from fifthwheel.data.logs.readers.mdf import open_log
 
 T = np.arange(400) / 100
@@ -275,8 +276,8 @@ def test_a_sample_of_a_large_file_is_spread_over_each_group(
         tmp_path / "run.mf4", (signals, "imu"), ([Signal(3 * slow, slow, name="v")], "abs"),
         version=version, compression=compression, **layout,
     )  # fmt: skip
-    monkeypatch.setattr(sample, "_LARGE", 1e3)
-    monkeypatch.setattr(sample, "_PART", 10.0)
+    monkeypatch.setattr(source, "_LARGE", 1e3)
+    monkeypatch.setattr(source, "_PART", 10.0)
     monkeypatch.setattr(mdf, "_FRAGMENT", 1000)
     with open_log(path) as log:
         whole = {name: values for name, (_, values) in read(log).items()}

@@ -11,7 +11,7 @@ from fifthwheel.data.logs.readers import open_log
 pytest.importorskip("asammdf")
 from asammdf import MDF, Signal
 
-from fifthwheel.data.logs.readers.mdf_formulas import MAX_LENGTH, evaluate
+from fifthwheel.data.logs.readers.mdf import MAX_LENGTH, evaluate
 
 T = np.arange(100) / 100
 X = np.linspace(0.0, 2.0, 100)

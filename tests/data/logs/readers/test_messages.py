@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from fifthwheel.data.logs.readers.messages import TooMuchError, receive, send
+from fifthwheel.data.logs.readers.child import TooMuchError, receive, send
 
 COLUMNS = (
     np.array([1.0, np.nan, -np.inf]),

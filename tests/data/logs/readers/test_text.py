@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.logs import read_log
+from fifthwheel.data.logs import read_log, source
 from fifthwheel.data.logs.readers import open_log
-from fifthwheel.data.logs.readers import sample as sampling
 from fifthwheel.data.logs.readers import text as module
 
 
@@ -168,8 +167,8 @@ def test_a_large_table_comes_in_chunks_that_fit_together(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("end", ["\n", "\r\n"])
 def test_a_sample_is_whole_lines_spread_over_the_file(tmp_path, monkeypatch, end):
-    monkeypatch.setattr(sampling, "_LARGE", 1e4)
-    monkeypatch.setattr(sampling, "_PART", 1e3)
+    monkeypatch.setattr(source, "_LARGE", 1e4)
+    monkeypatch.setattr(source, "_PART", 1e3)
     rows = "".join(f"{k / 10},{k + 0.5}{end}" for k in range(20_000))
     path = tmp_path / "log.csv"
     path.write_bytes(f"# a run{end}t,r{end}{rows}".encode())
@@ -193,7 +192,7 @@ def test_a_small_table_and_utf_16_are_not_sampled(tmp_path, monkeypatch):
     with open_log(path, sample=True) as log:
         assert not log.sampled
         assert columns(log)["r"].size == 9
-    monkeypatch.setattr(sampling, "_LARGE", 10)
+    monkeypatch.setattr(source, "_LARGE", 10)
     path.write_text("t,r\n" + "".join(f"{k},{k}\n" for k in range(9)), encoding="utf-16")
     wide = module.open_log(path)
     wide.sample()

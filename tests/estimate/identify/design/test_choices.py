@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
+from fifthwheel.data.record.derived import article_gyro_variance, estimate_noise_variance
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.design import AssessmentSettings, DesignSettings, Remedy, predict_sigmas

@@ -21,9 +21,17 @@ from typing import Any
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
-from fifthwheel.data.logs.readers.child import CURE
-from fifthwheel.data.logs.readers.limits import MEMORY, SAMPLES, SECONDS, FileLimits, limit
-from fifthwheel.data.logs.readers.messages import TooMuchError, receive, send
+from fifthwheel.data.logs.readers.child import (
+    CURE,
+    MEMORY,
+    SAMPLES,
+    SECONDS,
+    FileLimits,
+    TooMuchError,
+    limit,
+    receive,
+    send,
+)
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress
 
 _IDLE_CHILDREN = 2

@@ -1,8 +1,11 @@
 """ASAM MDF by asammdf, versions 2 to 4.3. Channel groups are clocks; CAN frames in them are decoded."""
 
+import ast
+import operator
 import re
+import sys
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,15 +13,25 @@ from typing import Any
 
 import numpy as np
 from asammdf import MDF
+from asammdf.blocks import v2_v3_blocks, v4_blocks
 from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
 from fifthwheel.data.logs.can.database import load
 from fifthwheel.data.logs.can.log import CanLog, Frames, open_can_log
-from fifthwheel.data.logs.readers.mdf_formulas import replace_evaluation
-from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
-from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
+from fifthwheel.data.logs.source import (
+    Chunk,
+    Column,
+    LogSource,
+    ReadProgress,
+    damage,
+    is_large,
+    no_progress,
+    parts_of,
+    sample_note,
+    unused_name,
+)
 
 _FRAGMENT = 4 << 20
 """Bytes of records that are read at once."""
@@ -35,8 +48,6 @@ _LONGEST_LABEL = 64
 _PAYLOAD_SIZES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64], np.int32)
 """Bytes of payload by DLC."""
 _CURE = "copy it again from the logger, or open and save it in the logger's own tool"
-
-replace_evaluation()
 
 Place = tuple[int, int]
 """A channel by its group and its index in it."""
@@ -301,3 +312,74 @@ def _frames(mdf: Any, group: int, frame: Mapping[str, int], first: int, time: Ar
         data=data[good],
         length=length[good],
     )
+
+
+MAX_LENGTH = 1000
+"""Characters of a formula; a longer one is refused."""
+
+_NAMES = ("X", "X1", "P1", "P2", "P3", "P4", "P5", "P6", "INF", "NaN")
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(np, name)
+    for name in (
+        *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+        *("arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log10", "log1p", "sqrt", "abs"),
+    )
+} | {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power}
+
+
+def evaluate(formula: str, variables: Mapping[str, Any]) -> Array:
+    """Value of a formula such as "3*X1+sin(X1)": numbers, + - * / **, brackets, elementary functions, and the variables
+    X, X1, P1 to P6, INF and NaN.
+
+    A ValueError for anything else in the formula, or more than `MAX_LENGTH` characters.
+    """
+    if len(formula) > MAX_LENGTH:
+        raise ValueError(f"a formula of {len(formula)} characters; at most {MAX_LENGTH} are supported")
+    try:
+        tree = ast.parse(formula.strip(), mode="eval")
+        with np.errstate(all="ignore"):  # a value outside of a function's domain is NaN
+            return np.asarray(_value(tree.body, variables), dtype=np.float64)
+    except (SyntaxError, TypeError, ValueError, LookupError, RecursionError, MemoryError, OverflowError):
+        raise ValueError(f"the formula {formula[:60]!r} is not supported") from None
+
+
+def _value(node: ast.AST, variables: Mapping[str, Any]) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return np.float64(number)
+        case ast.Name(id=name) if name in _NAMES:
+            return np.asarray(variables[name], dtype=np.float64)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _OPERATORS[type(sign)](_value(left, variables), _value(right, variables))
+        case ast.UnaryOp(op=sign, operand=operand):
+            return _OPERATORS[type(sign)](_value(operand, variables))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return _FUNCTIONS[name](*(_value(argument, variables) for argument in arguments))
+    raise ValueError
+
+
+def replace_evaluation() -> None:
+    """Let asammdf evaluate formulas by `evaluate` only; an unsupported one is an error, not a raw value."""
+
+    def evaluate_locally(formula: str) -> Array:
+        return evaluate(formula, sys._getframe(1).f_locals)  # as numexpr does
+
+    def refuse(*_: object, **__: object) -> None:
+        raise ValueError("a formula is not supported")
+
+    modules: tuple[Any, ...] = (v2_v3_blocks, v4_blocks)
+    for blocks in modules:
+        blocks.evaluate = evaluate_locally
+        blocks.symbols = blocks.lambdify = refuse
+
+
+replace_evaluation()

@@ -9,8 +9,16 @@ import pyarrow.parquet as pq
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import split_header
 from fifthwheel.data.logs.readers.cells import Cells
-from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
-from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+from fifthwheel.data.logs.source import (
+    Chunk,
+    Column,
+    LogSource,
+    ReadProgress,
+    is_large,
+    no_progress,
+    parts_of,
+    sample_note,
+)
 
 _ROWS = 1 << 17
 _DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)

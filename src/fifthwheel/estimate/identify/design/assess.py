@@ -14,7 +14,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.names import NumberedName, ParameterPath, split_log
 from fifthwheel.data.checks import Finding
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
 from fifthwheel.estimate.identify.design.predict import InformationPredictor, PredictedPosterior

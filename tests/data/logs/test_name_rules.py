@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import SignalName, si_unit, split_header
-from fifthwheel.data.logs.mapping.name_rules import classify_column, classify_columns, is_speed_by_unit, normalised_name
+from fifthwheel.data.logs.name_rules import classify_column, classify_columns, is_speed_by_unit, normalised_name
 
 UNITS = ("tractor", "semitrailer")
 STEER, SPEED = "steer.tractor.front", "speed"
