@@ -538,11 +538,6 @@ HORIZON = 0.6
 manoeuvres; a longer one warns of more manoeuvres in which no wheel lifts."""
 
 
-def _predicted(now: Instant, i: int, name: str) -> Symbol:
-    """The ratio after `HORIZON`, if steer angles and speed stay as they are."""
-    return now.ahead(now.load_transfer(name), HORIZON)
-
-
 LOAD_TRANSFER = Channel(
     quantity="load_transfer",
     unit="1",
@@ -554,8 +549,11 @@ PREDICTED_LOAD_TRANSFER = Channel(
     quantity="predicted_load_transfer",
     unit="1",
     of="part",
-    model=SensorModel(value=_predicted, needs_track=True, needs_roll=True),
+    model=SensorModel(
+        value=lambda now, _, name: now.ahead(now.load_transfer(name), HORIZON), needs_track=True, needs_roll=True
+    ),
 )
+"""The ratio after `HORIZON`, if steer angles and speed stay as they are."""
 COMPUTED = (
     Channel(quantity="time", unit="s", of="vehicle"),
     Channel(quantity="longitudinal_velocity", unit="m/s"),
@@ -571,3 +569,12 @@ COMPUTED = (
     Channel(quantity="head_wind", unit="m/s", of="vehicle"),
 )
 """Quantities that only simulations and references have."""
+
+ALL = (
+    *(*WEIGHTS, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),
+    *(YAW_ACCELERATION, YAW_RATE),
+    *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
+    *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
+    *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
+)
+"""In the order in which their patterns are compared with the name of a column: special ones first."""

@@ -49,7 +49,7 @@ def start_reader() -> None:
 
     It imports its libraries while the caller does other things.
     """
-    child = _idle_child() or _started_child()
+    child = _waiting_child()
     with _lock:
         _idle.append(child)
 
@@ -69,14 +69,21 @@ def open_isolated(
     than the limit, or if its library is not installed.
     """
     limits = FileLimits.of_file(path.stat().st_size)
-    child = _idle_child() or _started_child()
+    child = _waiting_child()
     child.name, child.format_name, child.ended = path.name, format_name, False
     child.limits, child.folder = limits, tempfile.mkdtemp(prefix="fifthwheel-")
-    request: dict[str, Any] = {"path": str(path.absolute()), "name": path.name, "module": module}
-    request |= {"format": format_name, "sample": sample}
-    files = [str(Path(database).absolute()) for database in databases]
+    request = {
+        "path": str(path.absolute()),
+        "name": path.name,
+        "module": module,
+        "format": format_name,
+        "sample": sample,
+        "limits": asdict(limits),
+        "folder": child.folder,
+        "databases": [str(Path(database).absolute()) for database in databases],
+    }
     try:
-        child.send(request | {"limits": asdict(limits), "folder": child.folder, "databases": files})
+        child.send(request)
         while "columns" not in (head := child.receive()[0]):
             progress(head["done"])
     except BaseException:
@@ -239,16 +246,13 @@ _idle: list[_Child] = []
 _lock = threading.Lock()
 
 
-def _idle_child() -> _Child | None:
+def _waiting_child() -> _Child:
+    """A child that waits for a file, else a new one."""
     with _lock:
         while _idle:
             child = _idle.pop()
             if child.process.poll() is None:
                 return child
-    return None
-
-
-def _started_child() -> _Child:
     process = subprocess.Popen(
         [sys.executable, "-P", "-W", "ignore", "-c", _START],
         stdin=subprocess.PIPE,

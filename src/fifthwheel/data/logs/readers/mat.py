@@ -361,7 +361,7 @@ def _variables(
                 break
             with damage() as troubles:
                 name, value = _variable(path, header, at, length)
-                variables[name] = _node(value, partial(_value, path, header, at, length))
+                variables[name] = _node(value, partial(_variable, path, header, at, length))
             broken += [f"at byte {at} ({why})" for why in troubles]
             end = at + length
     if end < size:
@@ -386,12 +386,8 @@ def _variable(path: Path, header: int, at: int, length: int) -> tuple[str, Any]:
     return name, value
 
 
-def _value(path: Path, header: int, at: int, length: int) -> Any:
-    return _variable(path, header, at, length)[1]
-
-
-def _node(value: Any, load: Callable[[], Any] | None = None) -> Node:
-    """What scipy.io gives as a node; `load` reads it again."""
+def _node(value: Any, reload: Callable[[], tuple[str, Any]] | None = None) -> Node:
+    """What scipy.io gives as a node; `reload` reads the variable, its name and value, again."""
     if isinstance(value, MatlabOpaque):
         kind = value["_Class"][0] if "_Class" in value.dtype.names else value["s2"][0].decode()
         return Opaque(kind)
@@ -402,8 +398,9 @@ def _node(value: Any, load: Callable[[], Any] | None = None) -> Node:
     if isinstance(value, list) or (isinstance(value, np.ndarray) and value.dtype.kind == "O"):
         return [_node(item) for item in np.ravel(value).tolist()[:_MOST_ITEMS]]
     if isinstance(value, np.ndarray):
-        again = load is not None and value.nbytes > _KEPT_BYTES
-        return _numbers(value.shape, value.dtype, load if load is not None and again else lambda: value)
+        if reload is not None and value.nbytes > _KEPT_BYTES:  # its samples are not kept
+            return _numbers(value.shape, value.dtype, lambda: reload()[1])
+        return _numbers(value.shape, value.dtype, lambda: value)
     if isinstance(value, bool | int | float | np.number):
         return float(value) if np.isreal(value) else None
     return str(value) if isinstance(value, str) else None

@@ -26,10 +26,8 @@ from fifthwheel.data.logs.source import (
     LogSource,
     ReadProgress,
     damage,
-    is_large,
     no_progress,
     parts_of,
-    sample_note,
     unused_name,
 )
 
@@ -92,13 +90,7 @@ class MdfLog(LogSource):
     ) -> None:
         super().__init__(path.name, columns)
         self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
-        self._size = path.stat().st_size
-
-    def sample(self) -> None:
-        """Read parts of each group of a large file; one with CAN frames is read as a whole."""
-        self.sampled = is_large(self._size) and self._can is None
-        if self.sampled:
-            self.note(sample_note(self._size))
+        self.size = 0 if can else path.stat().st_size  # one with CAN frames is read as a whole
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
@@ -117,7 +109,7 @@ class MdfLog(LogSource):
         """The samples of one group; where it is damaged, those before and a note."""
         group = self._places[names[0]][0]
         total, count, last = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0
-        parts: list[tuple[int, int | None]] = [*parts_of(total, self._size)] if self.sampled else [(0, None)]
+        parts: list[tuple[int, int | None]] = [*parts_of(total, self.size)] if self.sampled else [(0, None)]
         with damage() as troubles:
             for begin, end in parts:
                 for first, time, fragment in _fragments(self._mdf, group, begin, end):

@@ -14,10 +14,8 @@ from fifthwheel.data.logs.source import (
     Column,
     LogSource,
     ReadProgress,
-    is_large,
     no_progress,
     parts_of,
-    sample_note,
 )
 
 _ROWS = 1 << 17
@@ -56,18 +54,10 @@ class ParquetLog(LogSource):
         self, path: Path, file: pq.ParquetFile, columns: Mapping[str, Column], headers: Mapping[str, str]
     ) -> None:
         super().__init__(path.name, columns)
-        self._file, self._headers, self._size = file, headers, path.stat().st_size
-        self._notes: list[str] = []
-
-    def sample(self) -> None:
-        """Read parts of a large file; row groups without a part are skipped."""
-        self.sampled = is_large(self._size)
-        if self.sampled:
-            self._notes = [sample_note(self._size)]
-            self.notes[:] = self._notes
+        self._file, self._headers, self.size = file, headers, path.stat().st_size
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
-        self.notes = [*self._notes]
+        self.notes = [*self.opening_notes]
         cells = {name: Cells(source=self.name, name=name) for name in self.columns if name in columns}
         rows, total = 0, self._file.metadata.num_rows
         try:
@@ -88,33 +78,24 @@ class ParquetLog(LogSource):
         self.unusable |= {c.name: c.fault for c in cells.values() if c.fault is not None}
 
     def _batches(self, headers: Sequence[str]) -> Iterator[tuple[int, pa.RecordBatch]]:
-        """Number of the row after the batch, and the batch; of a sampled file those in its parts."""
-        metadata = self._file.metadata
-        if not self.sampled:
-            end = 0
-            for batch in self._file.iter_batches(_ROWS, columns=headers):
-                end += batch.num_rows
-                yield end, batch
-            return
-        parts, row = parts_of(metadata.num_rows, self._size), 0
-        for group in range(metadata.num_row_groups):
-            start, row = row, row + metadata.row_group(group).num_rows
-            inside = [(max(a, start), min(b, row)) for a, b in parts if a < row and b > start]
-            if inside:
-                yield from self._parts_of_group(group, start, inside, headers)
+        """Number of the row after the batch, and the batch; of a sampled file those in its parts.
 
-    def _parts_of_group(
-        self, group: int, start: int, parts: Sequence[tuple[int, int]], headers: Sequence[str]
-    ) -> Iterator[tuple[int, pa.RecordBatch]]:
-        """The same of the parts in one row group, which begins with row `start`; it is decoded up to the last part."""
-        for batch in self._file.iter_batches(_ROWS, row_groups=[group], columns=headers):
-            end = start + batch.num_rows
-            for a, b in ((max(a, start), min(b, end)) for a, b in parts):
-                if a < b:
-                    yield b, batch.slice(a - start, b - a)
-            start = end
-            if start >= parts[-1][1]:
-                return
+        A row group is decoded up to its last part, or not at all.
+        """
+        metadata = self._file.metadata
+        parts = parts_of(metadata.num_rows, self.size) if self.sampled else [(0, metadata.num_rows)]
+        stop = 0
+        for group in range(metadata.num_row_groups):
+            row, stop = stop, stop + metadata.row_group(group).num_rows
+            inside = [(max(a, row), min(b, stop)) for a, b in parts if a < stop and b > row]
+            for batch in self._file.iter_batches(_ROWS, row_groups=[group], columns=headers) if inside else ():
+                end = row + batch.num_rows
+                for a, b in ((max(a, row), min(b, end)) for a, b in inside):
+                    if a < b:
+                        yield b, batch.slice(a - row, b - a)
+                row = end
+                if row >= inside[-1][1]:
+                    break
 
     def close(self) -> None:
         self._file.close()

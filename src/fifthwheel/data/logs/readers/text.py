@@ -24,10 +24,8 @@ from fifthwheel.data.logs.source import (
     Column,
     LogSource,
     ReadProgress,
-    is_large,
     no_progress,
     part_size,
-    sample_note,
 )
 
 SEPARATORS = (";", "\t", ",", "|", " ")
@@ -77,12 +75,14 @@ def find_layout(head: str, source: str) -> TextLayout:
                 f"{source}: begins with numbers; put a first line with the names of the columns above them"
             )
     split = [split_header(name) for name in names]
+    numbers = [cell for row in rows for cell in row]
+    has_commas = any(map(_DECIMAL_COMMA.fullmatch, numbers))
     rest = len(above) - used
     return TextLayout(
         names=_distinct([name or f"column {k}" for k, (name, _) in enumerate(split, 1)]),
         units=tuple(unit or below for (_, unit), below in zip(split, units, strict=True)),
         separator=separator,
-        decimal="," if _decimal_commas(rows) else ".",
+        decimal="," if has_commas and not any(map(_DECIMAL_POINT.fullmatch, numbers)) else ".",
         dates=tuple(date_style([row[k] for row in rows]) for k in range(width)),
         start=sum(len(line.encode()) + 1 for line in lines[:first]),
         quoted='"' in head,
@@ -146,11 +146,6 @@ def _is_units(row: Sequence[str]) -> bool:
     return bool(filled) and 2 * sum(map(is_unit, filled)) >= len(filled)
 
 
-def _decimal_commas(rows: Sequence[Sequence[str]]) -> bool:
-    cells = [cell for row in rows for cell in row]
-    return any(map(_DECIMAL_COMMA.fullmatch, cells)) and not any(map(_DECIMAL_POINT.fullmatch, cells))
-
-
 def _cells(line: str, separator: str) -> list[str]:
     if separator == " ":
         return line.split()
@@ -185,6 +180,7 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
     """A text table. Only its head is read now."""
     with _Lines(path) as lines:
         head = lines.read(_HEAD) or lines.unfinished.encode()
+        size = 0 if lines.wide else path.stat().st_size  # UTF-16 is read as a whole
     if len(_CONTROL.findall(head)) > _MOST_CONTROL * len(head):
         raise SignalError(f"{path.name}: not a table, it holds binary data; expected CSV or another known format")
     longest = max(map(len, head.split(b"\n")))
@@ -193,30 +189,22 @@ def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadPro
         raise SignalError(f"{path.name}: a line of {longest / 1e3:.0f} kB or more, {most}; export fewer columns")
     if len(head) == _HEAD:
         head = head[: head.rindex(b"\n") + 1]
-    return TextLog(path, find_layout(head.decode("utf-8", "replace"), path.name))
+    return TextLog(path, find_layout(head.decode("utf-8", "replace"), path.name), size)
 
 
 class TextLog(LogSource):
     """A CSV file; a last line without line end is left out."""
 
-    def __init__(self, path: Path, layout: TextLayout) -> None:
+    def __init__(self, path: Path, layout: TextLayout, size: int) -> None:
         columns = {}
         for name, unit, date in zip(map(_utf8, layout.names), layout.units, layout.dates, strict=True):
             named = None if unit is None or unit.strip() in _NO_UNIT else _utf8(unit)
             columns[name] = Column(name=name, unit="s" if date else named)
         super().__init__(path.name, columns)
         self._path, self._layout = path, layout
-        self._notes = [*layout.notes]
-        self.notes += self._notes
-
-    def sample(self) -> None:
-        """Read parts of a large file that are spread evenly over it; UTF-16 is read as a whole."""
-        size = self._path.stat().st_size
-        with _Lines(self._path) as lines:
-            self.sampled = is_large(size) and not lines.wide
-        if self.sampled:
-            self._notes.append(sample_note(size))
-            self.notes[:] = self._notes
+        self.size = size
+        self.opening_notes += layout.notes
+        self.notes += layout.notes
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         """Rows of some columns; dates and times of day in s.
@@ -225,7 +213,7 @@ class TextLog(LogSource):
         at the end of the file.
         """
         layout, names = self._layout, list(self.columns)
-        self.notes = [*self._notes]
+        self.notes = [*self.opening_notes]
         wanted = [k for k, name in enumerate(names) if name in columns]
         if not wanted:
             return
