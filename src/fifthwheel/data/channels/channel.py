@@ -233,6 +233,11 @@ class NamePattern:
     """Whether it is tried only after the patterns of all channels, because other names contain it too."""
 
 
+def named(pattern: str, **options: Any) -> tuple[NamePattern]:
+    """The only pattern of a channel; `options` are fields of `NamePattern`."""
+    return (NamePattern(pattern, **options),)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Channel:
     """One quantity."""

@@ -22,6 +22,7 @@ from fifthwheel.data.channels.channel import (
     Symbol,
     Turn,
     TurnRelation,
+    named,
 )
 
 UNDERSTEER = 0.004
@@ -34,17 +35,15 @@ SPEED = Channel(
     quantity="speed",
     unit="m/s",
     of="vehicle",
-    patterns=(
-        NamePattern(
-            "(vehicle|_veh|_car|ground|gps|gnss)_?(speed|spd|vel)"
-            "|_(speed|velocity|spd|vel|geschw(indigkeit)?|vitesse)(_?[23]d)?_$|(fahr|fahrzeug|fzg)_?geschw"
-            "|_vitesse_(veh|gps|sol|long)|_speedo|_vgps_|_geschw_(szm|zm|lkw|fzg)_"
-            f"|long(itudinal)?_?vel|{VELOCITY_WORDS}_(forwards?|x)_|_(forwards?|x)_?vel"
-            "|_v_?(x|ist|fzg|veh|ego|long|signal)?_$|_tacho_|_v_?x_(vehicle|veh|car|ego|cog)",
-            excluded="_lat(eral)?_|_side|_vert|_north|_east|_down|_up_|_[yz]_|_ang|_rot|yaw|gier|roll|wank|pitch|nick"
-            "|steer|lenk|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame|quer|laterale"
-            f"|lacet|roulis|tangage|volant|braquage|roue|moteur|_(lrw|lw|swa|hwa)_|{EARTH_FIXED}",
-        ),
+    patterns=named(
+        "(vehicle|_veh|_car|ground|gps|gnss)_?(speed|spd|vel)"
+        "|_(speed|velocity|spd|vel|geschw(indigkeit)?|vitesse)(_?[23]d)?_$|(fahr|fahrzeug|fzg)_?geschw"
+        "|_vitesse_(veh|gps|sol|long)|_speedo|_vgps_|_geschw_(szm|zm|lkw|fzg)_"
+        f"|long(itudinal)?_?vel|{VELOCITY_WORDS}_(forwards?|x)_|_(forwards?|x)_?vel"
+        "|_v_?(x|ist|fzg|veh|ego|long|signal)?_$|_tacho_|_v_?x_(vehicle|veh|car|ego|cog)",
+        excluded="_lat(eral)?_|_side|_vert|_north|_east|_down|_up_|_[yz]_|_ang|_rot|yaw|gier|roll|wank|pitch|nick"
+        "|steer|lenk|_eng(ine)?_|_motor_|shaft|_fan_|_pump_|turbo|_wind_|cruise|_gear|frame|quer|laterale"
+        f"|lacet|roulis|tangage|volant|braquage|roue|moteur|_(lrw|lw|swa|hwa)_|{EARTH_FIXED}",
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
@@ -55,13 +54,11 @@ STEER = Channel(
     quantity="steer",
     unit="rad",
     of="part",
-    patterns=(
-        NamePattern(
-            "steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|(road|front)_?wheel_?ang|rad_?einschlag|volant|braquage"
-            "|hand_?(wheel|whl)|_str?g?_?(wheel|whl)_?(ang|pos)|_(swa|lrw|lw|hwa)_|_sw_?(ang|pos)"
-            "|_(sas|lws|lwi)_(.*_)?(ang|winkel)|_delta(_(front|vorne?|f|fl|fr|l|r|h|sw|1))?_$",
-            excluded="_[lr]_?[2-9]_",
-        ),
+    patterns=named(
+        "steer|lenk(rad)?_?w|_lenk(ung|rad)?_$|(road|front)_?wheel_?ang|rad_?einschlag|volant|braquage"
+        "|hand_?(wheel|whl)|_str?g?_?(wheel|whl)_?(ang|pos)|_(swa|lrw|lw|hwa)_|_sw_?(ang|pos)"
+        "|_(sas|lws|lwi)_(.*_)?(ang|winkel)|_delta(_(front|vorne?|f|fl|fr|l|r|h|sw|1))?_$",
+        excluded="_[lr]_?[2-9]_",
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=1.2, jump=0.08, turn=0.01),
@@ -132,7 +129,7 @@ YAW_RATE = Channel(
 ARTICULATION = Channel(
     quantity="articulation",
     unit="rad",
-    patterns=(NamePattern("articulat|hitch|knick|attelage|coupling_angle|_gamma_|_art_h_"),),
+    patterns=named("articulat|hitch|knick|attelage|coupling_angle|_gamma_|_art_h_"),
     proposed="signal",
     limit=SignalLimits(magnitude=1.7, jump=0.06, turn=0.02),
     turn=TurnRelation(
@@ -231,11 +228,9 @@ def _acceleration(now: Instant, i: int, name: str) -> Symbol:
 LATERAL_ACCELERATION = Channel(
     quantity="lateral_acceleration",
     unit="m/s^2",
-    patterns=(
-        NamePattern(
-            f"lat(eral)?_?acc|{ACCELERATION_WORDS}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl|acc[a-z]*_transv",
-            excluded="_ang",
-        ),
+    patterns=named(
+        f"lat(eral)?_?acc|{ACCELERATION_WORDS}_?(y|lat[a-z]*)_?\\d?_|_a_?y(_|\\d)|_y_?acc|quer_?beschl|acc[a-z]*_transv",
+        excluded="_ang",
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=12.0, jump=3.0, turn=1.0),
@@ -268,11 +263,9 @@ def _lateral_velocity(now: Instant, i: int, name: str) -> Symbol:
 LATERAL_VELOCITY = Channel(
     quantity="lateral_velocity",
     unit="m/s",
-    patterns=(
-        NamePattern(
-            f"lat(eral)?_?vel|{VELOCITY_WORDS}_(y|lat[a-z]*|side[a-z]*)_|_y_?vel|_v_?y_|quer_?geschw",
-            excluded=f"_ang|frame|{EARTH_FIXED}",
-        ),
+    patterns=named(
+        f"lat(eral)?_?vel|{VELOCITY_WORDS}_(y|lat[a-z]*|side[a-z]*)_|_y_?vel|_v_?y_|quer_?geschw",
+        excluded=f"_ang|frame|{EARTH_FIXED}",
     ),
     proposed="reference",
     limit=SignalLimits(magnitude=10.0, jump=1.0),
@@ -283,11 +276,9 @@ LATERAL_VELOCITY = Channel(
 SIDESLIP = Channel(
     quantity="sideslip",
     unit="rad",
-    patterns=(
-        NamePattern(
-            "side_?slip|slip_?angle|angle_?slip|schwimm|_beta_|angle_(de_)?derive",
-            excluded="_(front|rear|left|right)_|rate",
-        ),
+    patterns=named(
+        "side_?slip|slip_?angle|angle_?slip|schwimm|_beta_|angle_(de_)?derive",
+        excluded="_(front|rear|left|right)_|rate",
     ),
     proposed="reference",
     limit=SignalLimits(magnitude=1.0, jump=0.1),
@@ -303,12 +294,10 @@ WHEEL_SPEED = Channel(
     quantity="wheel_speed",
     unit="m/s",
     of="part",
-    patterns=(
-        NamePattern(
-            "(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_|vitesse_(de_)?roue"
-            "|_(v|vel|spd|speed)_?(fl|fr|rl|rr|vl|vr|hl|hr)_",
-            excluded="steer|lenk|_ang|_rot",
-        ),
+    patterns=named(
+        "(wheel|whl|axle)_?(speed|spd)|rad_?geschw|_v_rad|_spd_fa_|vitesse_(de_)?roue"
+        "|_(v|vel|spd|speed)_?(fl|fr|rl|rr|vl|vr|hl|hr)_",
+        excluded="steer|lenk|_ang|_rot",
     ),
     proposed="signal",
     limit=SignalLimits(magnitude=45.0, jump=2.0, may_be_constant=True),
@@ -357,7 +346,7 @@ AXLE_LOAD = Channel(
     quantity="axle_load",
     unit="N",
     of="part",
-    patterns=(NamePattern("axle_(weight|load)|achslast|powered_vehicle_weight"),),
+    patterns=named("axle_(weight|load)|achslast|powered_vehicle_weight"),
     proposed="signal",
     limit=SignalLimits(magnitude=5e5, jump=1e5, may_be_constant=True),
     scale=0.02,
@@ -367,7 +356,7 @@ always within 2 %."""
 WEIGHT = Channel(
     quantity="weight",
     unit="N",
-    patterns=(NamePattern("trailer_weight|anhaenger_?gewicht"),),
+    patterns=named("trailer_weight|anhaenger_?gewicht"),
     proposed="signal",
     limit=SignalLimits(magnitude=1e6, jump=1e5, may_be_constant=True),
     scale=0.02,
@@ -377,7 +366,7 @@ GROSS_WEIGHT = Channel(
     quantity="gross_weight",
     unit="N",
     of="vehicle",
-    patterns=(NamePattern("gross_(combination_)?(vehicle_)?weight|gesamt_?gewicht"),),
+    patterns=named("gross_(combination_)?(vehicle_)?weight|gesamt_?gewicht"),
     proposed="signal",
     limit=SignalLimits(magnitude=5e6, jump=1e6, may_be_constant=True),
     scale=0.05,
@@ -391,11 +380,9 @@ ENGINE_SPEED = Channel(
     quantity="engine_speed",
     unit="rad/s",
     of="vehicle",
-    patterns=(
-        NamePattern(
-            "engine_?(speed|spd|rpm)|_eng_?(spd|rpm|speed)_|motor_?drehzahl|regime_moteur|_rpm_",
-            excluded="wheel|whl|axle|shaft|turbo|fan|pump|retarder|at_(point|idle)",
-        ),
+    patterns=named(
+        "engine_?(speed|spd|rpm)|_eng_?(spd|rpm|speed)_|motor_?drehzahl|regime_moteur|_rpm_",
+        excluded="wheel|whl|axle|shaft|turbo|fan|pump|retarder|at_(point|idle)",
     ),
     proposed="signal",
 )
@@ -403,12 +390,10 @@ ENGINE_TORQUE = Channel(
     quantity="engine_torque",
     unit="N m",
     of="vehicle",
-    patterns=(
-        NamePattern(
-            "(engine|_eng_|_mot(or)?_?).*(torque|trq|moment)|couple_moteur",
-            excluded="friction|reib|loss|driver|max|reference|_ref_|parasitic|retarder|steer|lenk",
-            own="torque|trq|moment|couple",
-        ),
+    patterns=named(
+        "(engine|_eng_|_mot(or)?_?).*(torque|trq|moment)|couple_moteur",
+        excluded="friction|reib|loss|driver|max|reference|_ref_|parasitic|retarder|steer|lenk",
+        own="torque|trq|moment|couple",
     ),
     proposed="signal",
     percent="reference",
@@ -418,7 +403,7 @@ FRICTION_TORQUE = Channel(
     quantity="friction_torque",
     unit="N m",
     of="vehicle",
-    patterns=(NamePattern("(friction|reib).*(torque|trq|moment)", own="torque|trq|moment", excluded="brake|clutch"),),
+    patterns=named("(friction|reib).*(torque|trq|moment)", own="torque|trq|moment", excluded="brake|clutch"),
     proposed="signal",
     percent="reference",
 )
@@ -427,7 +412,7 @@ DRIVE_FORCE = Channel(
     quantity="drive_force",
     unit="N",
     of="vehicle",
-    patterns=(NamePattern("(drive|driving|traction|tractive)_?force|antriebs_?kraft|zug_?kraft", own="force"),),
+    patterns=named("(drive|driving|traction|tractive)_?force|antriebs_?kraft|zug_?kraft", own="force"),
     proposed="signal",
 )
 """Of all driven wheels on the road, positive forward."""
@@ -435,7 +420,7 @@ DRIVELINE_ENGAGED = Channel(
     quantity="driveline_engaged",
     unit="1",
     of="vehicle",
-    patterns=(NamePattern("(driveline|power_?train|antriebs_?strang)_?(engaged|closed|geschlossen)"),),
+    patterns=named("(driveline|power_?train|antriebs_?strang)_?(engaged|closed|geschlossen)"),
     proposed="signal",
 )
 """1 where the engine is connected to the wheels, 0 where clutch or gearbox are open."""
@@ -463,7 +448,7 @@ GRADE = Channel(
     quantity="grade",
     unit="1",
     of="vehicle",
-    patterns=(NamePattern("_(road_)?(grade|gradient|slope)_|strassen_?(neigung|steigung)|_steigung_"),),
+    patterns=named("_(road_)?(grade|gradient|slope)_|strassen_?(neigung|steigung)|_steigung_"),
     proposed="signal",
     percent="fraction",
     limit=SignalLimits(magnitude=0.4, jump=0.1, may_be_constant=True),
@@ -477,16 +462,14 @@ STEER_RATE = Channel(
     quantity="steer_rate",
     unit="rad/s",
     of="part",
-    patterns=(NamePattern("(steer|lenk|_(swa|lrw|lw|hwa)_).*(rate|geschw|vel|speed)|vitesse.*(volant|braquage)"),),
+    patterns=named("(steer|lenk|_(swa|lrw|lw|hwa)_).*(rate|geschw|vel|speed)|vitesse.*(volant|braquage)"),
 )
 ARTICULATION_RATE = Channel(
     quantity="articulation_rate",
     unit="rad/s",
-    patterns=(NamePattern("(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_|vitesse.*(articulat|attelage)"),),
+    patterns=named("(articulat|hitch|knick).*(rate|vel|geschw)|_art_?r_h_|vitesse.*(articulat|attelage)"),
 )
-YAW_ACCELERATION = Channel(
-    quantity="yaw_acceleration", unit="rad/s^2", patterns=(NamePattern("yaw_?acc|gier_?beschl"),)
-)
+YAW_ACCELERATION = Channel(quantity="yaw_acceleration", unit="rad/s^2", patterns=named("yaw_?acc|gier_?beschl"))
 PITCH_RATE = Channel(
     quantity="pitch_rate",
     unit="rad/s",
@@ -511,14 +494,12 @@ LONGITUDINAL_ACCELERATION = Channel(
 VERTICAL_ACCELERATION = Channel(
     quantity="vertical_acceleration",
     unit="m/s^2",
-    patterns=(
-        NamePattern(
-            f"vert(ical)?_?acc|{ACCELERATION_WORDS}_?(z|vert[a-z]*|down)_?\\d?_|_a_?z(_|\\d)|_z_?acc", excluded="_ang"
-        ),
+    patterns=named(
+        f"vert(ical)?_?acc|{ACCELERATION_WORDS}_?(z|vert[a-z]*|down)_?\\d?_|_a_?z(_|\\d)|_z_?acc", excluded="_ang"
     ),
 )
-PITCH = Channel(quantity="pitch", unit="rad", patterns=(NamePattern("_pitch(_?angle)?_|nick_?winkel|_theta_|tangage"),))
-YAW = Channel(quantity="yaw", unit="rad", patterns=(NamePattern("_(yaw|heading|psi)(_?angle)?_|gier_?winkel|_lacet_"),))
+PITCH = Channel(quantity="pitch", unit="rad", patterns=named("_pitch(_?angle)?_|nick_?winkel|_theta_|tangage"))
+YAW = Channel(quantity="yaw", unit="rad", patterns=named("_(yaw|heading|psi)(_?angle)?_|gier_?winkel|_lacet_"))
 SLIP_ANGLE = Channel(
     quantity="slip_angle",
     unit="rad",

@@ -17,6 +17,7 @@ from pyarrow import parquet
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import read_log
 from fifthwheel.data.logs.readers import child, isolated, open_log
+from fifthwheel.data.logs.readers.child import TooMuchError, receive, send
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="limits and forks of Linux")
 
@@ -322,3 +323,32 @@ def test_no_file_costs_the_import_of_pandas(tmp_path, monkeypatch, name):
     np.testing.assert_array_equal(chunk.values["speed"], [72, np.nan])
     isolated._end_idle_children()
     assert not (tmp_path / "imported").exists()
+
+
+COLUMNS = (
+    np.array([1.0, np.nan, -np.inf]),
+    np.arange(6.0)[::2],
+    np.zeros(0),
+    np.array([1, 2], np.int16),
+    np.array([True, False]),
+)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_samples_come_through_bit_for_bit(column: np.ndarray) -> None:
+    reading, writing = os.pipe()
+    sender = threading.Thread(target=send, args=(writing, {"name": "\udcff"}, [column, column]))
+    sender.start()
+    head, samples = receive(reading, 1e6)
+    sender.join()
+    assert head == {"name": "\udcff"}
+    assert samples.dtype == np.float64
+    for array in samples.reshape(2, -1):
+        assert array.tobytes() == column.astype(float).tobytes()
+        array[:] = 0.0  # can be written to
+    send(writing, {}, [column])
+    if column.size:
+        with pytest.raises(TooMuchError):
+            receive(reading, 8 * column.size - 1)
+    os.close(reading)
+    os.close(writing)

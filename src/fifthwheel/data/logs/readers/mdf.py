@@ -53,44 +53,35 @@ Place = tuple[int, int]
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
     """Open an MDF file; SignalError where it has no samples of numbers."""
-    options: Any = {"process_bus_logging": False}  # frames are decoded here
-    mdf = MDF(path, progress=lambda done, steps: progress(0.5 * done / max(steps, 1)), **options)
-    mdf.configure(read_fragment_size=_FRAGMENT)
-    notes: list[str] = []
-    columns, places = _columns(mdf, notes)
-    can = _can_log(path.name, mdf, databases, lambda done: progress(0.5 + 0.5 * done), notes, required=not columns)
-    if not columns and can is None:
-        raise SignalError(f"{path.name}: no channels of numbers with a time{''.join(f'; {n}' for n in notes)}; {_CURE}")
-    if can is None and not any(mdf.groups[group].channel_group.cycles_nr for group, _ in places.values()):
-        raise SignalError(f"{path.name}: {len(columns)} channels but not one sample; {_CURE}")
-    decoded: dict[str, str] = {}
-    clocks = {column.clock for column in columns.values()}
-    for name, column in can.columns.items() if can else ():
-        unused = unused_name(name, columns)
-        decoded[unused] = name
-        columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
-    log = MdfLog(path, mdf, columns, places, can, decoded)
-    log.notes += notes
-    with damage():  # a damaged date is none
-        log.start = mdf.header.start_time.timestamp()
-    return log
+    return MdfLog(path, databases, progress)
 
 
 class MdfLog(LogSource):
     """The channels of an MDF file, and the signals in its CAN frames."""
 
-    def __init__(
-        self,
-        path: Path,
-        mdf: Any,
-        columns: Mapping[str, Column],
-        places: Mapping[str, Place],
-        can: CanLog | None,
-        decoded: Mapping[str, str],
-    ) -> None:
-        super().__init__(path.name, columns)
-        self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
+    def __init__(self, path: Path, databases: Sequence[str | Path], progress: ReadProgress) -> None:
+        options: Any = {"process_bus_logging": False}  # frames are decoded here
+        mdf = self._mdf = MDF(path, progress=lambda done, steps: progress(0.5 * done / max(steps, 1)), **options)
+        mdf.configure(read_fragment_size=_FRAGMENT)
+        notes: list[str] = []
+        columns, self._places = _columns(mdf, notes)
+        name, required = path.name, not columns
+        can = _can_log(name, mdf, databases, lambda done: progress(0.5 + 0.5 * done), notes, required=required)
+        if not columns and can is None:
+            raise SignalError(f"{name}: no channels of numbers with a time{''.join(f'; {n}' for n in notes)}; {_CURE}")
+        if can is None and not any(mdf.groups[group].channel_group.cycles_nr for group, _ in self._places.values()):
+            raise SignalError(f"{name}: {len(columns)} channels but not one sample; {_CURE}")
+        self._can, self._decoded = can, dict[str, str]()
+        clocks = {column.clock for column in columns.values()}
+        for decoded, column in can.columns.items() if can else ():
+            unused = unused_name(decoded, columns)
+            self._decoded[unused] = decoded
+            columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
+        super().__init__(name, columns)
+        self.notes += notes
         self.size = 0 if can else path.stat().st_size  # one with CAN frames is read as a whole
+        with damage():  # a damaged date is none
+            self.start = mdf.header.start_time.timestamp()
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}

@@ -1,6 +1,6 @@
 """Parquet, with units in the names of the columns or in the metadata of its fields."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -24,37 +24,34 @@ _DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
     """A Parquet file. Only its footer is read now."""
-    try:
-        file = pq.ParquetFile(path, page_checksum_verification=True)
-        fields = list(file.schema_arrow)
-        names = [split_header(field.name)[0] for field in fields]
-        units = [split_header(field.name)[1] or _metadata(field, "unit") or None for field in fields]
-    except MemoryError:  # a kind of ArrowException too
-        raise
-    except _DAMAGE as error:
-        raise SignalError(
-            f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
-        ) from error
-    if not file.metadata.num_rows:
-        raise SignalError(f"{path.name}: columns but no rows; the log is empty")
-    if len(set(names)) < len(names):
-        raise SignalError(f"{path.name}: columns with the same name; rename all but one")
-    columns = {
-        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"), sensor=_metadata(field, "sensor"))
-        for name, unit, field in zip(names, units, fields, strict=True)
-    }
-    headers = {name: field.name for name, field in zip(names, fields, strict=True)}
-    return ParquetLog(path, file, columns, headers)
+    return ParquetLog(path)
 
 
 class ParquetLog(LogSource):
     """A Parquet file, read by batches of rows."""
 
-    def __init__(
-        self, path: Path, file: pq.ParquetFile, columns: Mapping[str, Column], headers: Mapping[str, str]
-    ) -> None:
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = pq.ParquetFile(path, page_checksum_verification=True)
+            fields = [(*split_header(field.name), field) for field in self._file.schema_arrow]
+            units = [unit or _metadata(field, "unit") or None for _, unit, field in fields]
+        except MemoryError:  # a kind of ArrowException too
+            raise
+        except _DAMAGE as error:
+            raise SignalError(
+                f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
+            ) from error
+        if not self._file.metadata.num_rows:
+            raise SignalError(f"{path.name}: columns but no rows; the log is empty")
+        self._headers = {name: field.name for name, _, field in fields}
+        if len(self._headers) < len(fields):
+            raise SignalError(f"{path.name}: columns with the same name; rename all but one")
+        columns = {
+            name: Column(name=name, unit=u, time_base=_metadata(f, "time_base"), sensor=_metadata(f, "sensor"))
+            for (name, _, f), u in zip(fields, units, strict=True)
+        }
         super().__init__(path.name, columns)
-        self._file, self._headers, self.size = file, headers, path.stat().st_size
+        self.size = path.stat().st_size
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         self.notes = [*self.opening_notes]
