@@ -41,6 +41,23 @@ from fifthwheel.data.logs.source import Column, LogSource, ReadProgress, no_prog
 from fifthwheel.data.record.record import Record
 from fifthwheel.data.record.timestamps import Renewals, typical_step
 
+COARSE_RATE = 20.0
+"""Hz; sufficient for signs, units and ratios."""
+_MAX_ROUNDS = 4
+"""A fault may hide another one: degrees a wrong sign."""
+_TYPICAL_STEERING_RATIO = 19.0
+"""Of heavy trucks; 15 to 25 are common."""
+_MAX_STEERING_GAIN = 60.0
+"""A larger gain from the road wheels is explained by degrees and a steering ratio together."""
+_MIN_TOWED_LAG = 0.1
+"""s; the yaw rate of a towed unit lags that of the leading unit by more."""
+_MAX_LAG = 1.5
+"""s"""
+_SIDESLIP = 0.1
+"""rad; the sideslip angle of a truck has a smaller standard deviation."""
+_ENGINE_SPEED = 400.0
+"""rad/s; the engine of a truck is slower, and one that idles is faster in rpm."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnContent:
@@ -147,16 +164,6 @@ class _Moments:
         )
 
 
-COARSE_RATE = 20.0
-"""Hz; sufficient for signs, units and ratios."""
-_MAX_ROUNDS = 4
-"""A fault may hide another one: degrees a wrong sign."""
-_TYPICAL_STEERING_RATIO = 19.0
-"""Of heavy trucks; 15 to 25 are common."""
-_MAX_STEERING_GAIN = 60.0
-"""A larger gain from the road wheels is explained by degrees and a steering ratio together."""
-
-
 def correct_map(
     log: LogSource, proposed: SignalMap, wheelbase: float
 ) -> tuple[SignalMap, dict[str, str], tuple[Finding, ...]]:
@@ -240,16 +247,6 @@ def _steering_wheel(
         f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
         f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
     )
-
-
-_MIN_TOWED_LAG = 0.1
-"""s; the yaw rate of a towed unit lags that of the leading unit by more."""
-_MAX_LAG = 1.5
-"""s"""
-_SIDESLIP = 0.1
-"""rad; the sideslip angle of a truck has a smaller standard deviation."""
-_ENGINE_SPEED = 400.0
-"""rad/s; the engine of a truck is slower, and one that idles is faster in rpm."""
 
 
 @dataclass(frozen=True, kw_only=True)

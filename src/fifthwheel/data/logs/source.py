@@ -157,8 +157,8 @@ class LogSource(ABC):
 
     def sample(self) -> None:
         """Read only a sample of a large file, which a note describes: parts that are spread evenly over it."""
-        self.sampled = self.size > _LARGE
-        if self.sampled:
+        if self.size > _LARGE:
+            self.sampled = True
             read = f"a sample of {PARTS * part_size(self.size) / 1e6:.0f} of {self.size / 1e6:.0f} MB was read"
             self.opening_notes.append(
                 f"{read}, in {PARTS} parts of the file: ranges, missing samples and findings are those of the sample"

@@ -13,6 +13,12 @@ from fifthwheel.data.record.timestamps import held_samples
 
 LOWEST_SPEED = 1.0
 """m/s; below it a wheel speed sensor has too few pulses."""
+AVERAGING_TIME = 0.5
+"""Time over which the lateral acceleration is averaged, s."""
+NOISE_BAND = (3.0, 10.0)
+"""Hz. Below this band a truck yaws and rolls; above it many sensors filter."""
+SEGMENT = 2.0
+"""s, length of the segments whose spectra are computed."""
 
 
 def sides_of(difference: str) -> tuple[str, str]:
@@ -66,10 +72,6 @@ def sample_with_differences(sample: Mapping[str, float | None], names: Collectio
     return {**sample, **differences} if differences else sample
 
 
-AVERAGING_TIME = 0.5
-"""Time over which the lateral acceleration is averaged, s."""
-
-
 def lateral_acceleration(record: Record, unit: str, *, offset: float = 0.0) -> Array:
     """Speed times yaw rate of the first unit, averaged over 0.5 s, m/s^2, (N,); NaN without the signals.
 
@@ -108,12 +110,6 @@ def largest_mean(values: Array, width: int) -> float:
     width = min(max(width, 1), values.size)
     total = np.concatenate([[0.0], np.cumsum(values)])
     return float(np.abs((total[width:] - total[:-width]) / width).max())
-
-
-NOISE_BAND = (3.0, 10.0)
-"""Hz. Below this band a truck yaws and rolls; above it many sensors filter."""
-SEGMENT = 2.0
-"""s, length of the segments whose spectra are computed."""
 
 
 def article_gyro_variance(units: Sequence[str]) -> dict[str, float]:

@@ -15,6 +15,20 @@ ENDS = 1.0
 """s; so much may be missing at each end of a record, as of a channel whose delay is corrected."""
 _MAX_RESTARTS = 16
 """Restarts of the time that a piece of samples may have."""
+_MOTION = 2.5
+"""Steps above this multiple of the quantum count as motion. A quantised signal that moves slowly, or shows its noise
+only, changes by one quantum at a time, at instants that contain no information on the message rate."""
+_QUANTUM = 0.05
+"""Quantile of the distances between neighbouring values that is taken for the quantum."""
+_MIN_RUNS = 20
+"""Runs of equal values during motion from which they are judged."""
+_REGULAR = 0.7
+"""Least fraction of these runs within half and three halves of their median length. Of 50 Hz in a table of 100 Hz, a
+quarter has a length of 1 where jitter moves a message across the instant of a row."""
+_LONGEST = 0.5
+"""s. A longer staircase may be the signal itself."""
+_CERTAIN_RUNS = 200
+"""Runs of a piece that are enough to see that a column is not held."""
 
 
 def is_hour(step: float) -> bool:
@@ -148,25 +162,13 @@ def missing_fraction(time: Array, values: Array) -> float:
     return float(missing_steps(time, values)[1].sum() / (time[-1] - time[0]))
 
 
-_MOTION = 2.5
-"""Steps above this multiple of the quantum count as motion. A quantised signal that moves slowly, or shows its noise
-only, changes by one quantum at a time, at instants that contain no information on the message rate."""
-_QUANTUM = 0.05
-"""Quantile of the distances between neighbouring values that is taken for the quantum."""
-_MIN_RUNS = 20
-"""Runs of equal values during motion from which they are judged."""
-_REGULAR = 0.7
-"""Least fraction of these runs within half and three halves of their median length. Of 50 Hz in a table of 100 Hz, a
-quarter has a length of 1 where jitter moves a message across the instant of a row."""
-_LONGEST = 0.5
-"""s. A longer staircase may be the signal itself."""
-_CERTAIN_RUNS = 200
-"""Runs of a piece that are enough to see that a column is not held."""
-
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class HeldSamples:
-    """The samples of a held channel at which its value was renewed."""
+    """The samples of a held channel at which its value was renewed.
+
+    Such a channel repeats its last value until the next message of the bus arrives. As samples of the table the
+    repetitions make a staircase, on average half a period late.
+    """
 
     time: Array
     """(n,) s, increasing; rows of the table where its steps are regular."""

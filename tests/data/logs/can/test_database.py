@@ -1,6 +1,7 @@
 """Databases: every signal as cantools decodes it, in frames of a log and in single frames."""
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import cantools
@@ -66,10 +67,15 @@ def test_every_signal_is_as_cantools_decodes_it(signal, data):
         floating=signal.is_float,
     )
     mine = CanSignal(name="s", bits=bits, scale=float(signal.scale), offset=float(signal.offset), unit=None)
-    ours = mine.values(np.frombuffer(b"".join(data), np.uint8).reshape(-1, 8), np.full(len(data), 8, np.int32))
+    frames, length = np.frombuffer(b"".join(data), np.uint8).reshape(-1, 8), np.full(len(data), 8, np.int32)
+    ours = mine.values(frames, length)
     theirs = np.array([float(message.decode(one)["s"]) for one in data])
     theirs[np.isinf(theirs)] = np.nan  # no value to us
     assert np.allclose(ours, theirs, rtol=1e-14, atol=1e-12, equal_nan=True)
+    for highest in (None, 1, 250, 0xFAFF):
+        limited = replace(mine, highest=highest)
+        assert all(map(limited.in_payload, data))
+        np.testing.assert_array_equal([limited.value(one) for one in data], limited.values(frames, length))
 
 
 @given(signal=signals(), length=st.integers(0, 8))
@@ -78,6 +84,8 @@ def test_a_short_frame_lacks_just_the_signals_that_cantools_lacks(signal, length
     bits = Bits(start=signal.start, length=signal.length, little=signal.byte_order == "little_endian")
     theirs = Message(1, "m", 8, [signal]).decode(bytes(length), allow_truncated=True)
     assert bits.present(np.array([length], np.int32)).tolist() == ["s" in theirs]
+    single = CanSignal(name="s", bits=bits, scale=1.0, offset=0.0, unit=None)
+    assert single.in_payload(bytes(length)) == ("s" in theirs)
 
 
 def database(tmp_path, text=DBC, name="a.dbc"):
@@ -234,29 +242,6 @@ def test_an_error_does_not_show_the_content_of_a_database(tmp_path: Path, ending
     with pytest.raises(SignalError, match="not a valid CAN database") as caught:
         load([path])
     assert "secret" not in str(caught.value)
-
-
-@st.composite
-def bits(draw):
-    floating = draw(st.booleans())
-    length = draw(st.sampled_from([16, 32, 64])) if floating else draw(st.integers(1, 64))
-    little = draw(st.booleans())
-    start = draw(st.integers(0, 63))
-    return Bits(start=start, length=length, little=little, signed=draw(st.booleans()), floating=floating)
-
-
-@given(bits(), st.binary(min_size=17, max_size=17), st.sampled_from([None, 1, 250, 0xFAFF]))
-def test_one_frame_has_the_value_that_many_frames_have(place, payload, highest):
-    signal = CanSignal(name="s", bits=place, scale=0.3, offset=-7.0, unit=None, highest=highest)
-    data, length = np.frombuffer(payload, np.uint8)[None], np.array([len(payload)], np.int32)
-    assert signal.in_payload(payload) == signal.present(data, length)[0] == True  # noqa: E712
-    np.testing.assert_array_equal(signal.value(payload), signal.values(data, length)[0])
-
-
-@given(bits(), st.binary(max_size=20))
-def test_a_payload_that_is_too_short_has_no_value(place, payload):
-    signal = CanSignal(name="s", bits=place, scale=1.0, offset=0.0, unit=None)
-    assert signal.in_payload(payload) == (len(payload) >= place.span[1])
 
 
 def test_gates_of_a_multiplexed_signal():

@@ -124,18 +124,6 @@ def test_a_chain_of_compressions_is_refused(tmp_path: Path, monkeypatch: pytest.
         surveyed(tmp_path / "a.mat")
 
 
-def test_a_soft_link_does_not_lead_out_of_the_file(tmp_path: Path) -> None:
-    with h5py.File(tmp_path / "secret.h5", "w") as other:
-        other["y"] = np.arange(50.0)
-    with h5py.File(tmp_path / "a.mat", "w") as file:
-        file["t"] = file["a"] = np.arange(50.0)
-        file["other"] = h5py.ExternalLink(tmp_path / "secret.h5", "/")
-        file["soft"] = h5py.SoftLink("/other/y")
-        assert file["soft"][1] == 1
-    with open_log(tmp_path / "a.mat") as log:
-        assert list(log.columns) == ["a"]
-
-
 def test_rows_that_are_only_announced_end(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(child.SECONDS, "1")
     with h5py.File(tmp_path / "a.mat", "w") as file:

@@ -16,7 +16,7 @@ from asammdf import MDF, Signal, Source
 
 from fifthwheel.data.logs import source
 from fifthwheel.data.logs.readers import mdf
-from fifthwheel.data.logs.readers.mdf import MAX_LENGTH, evaluate, open_log
+from fifthwheel.data.logs.readers.mdf import MAX_FORMULA, evaluate, open_log
 
 T = np.arange(400) / 100
 RAW = (np.arange(400) % 160).astype("u1")
@@ -326,7 +326,7 @@ def test_integers_do_not_overflow() -> None:
     [
         "__import__('os').getpid() + X", "f'{X}'", "X.size", "[X]", "(lambda: X)()", "open('/etc/passwd')", "Y",
         "X and X", "sin(X, out=X)", "sin(*X)", "1j*X", "True*X", "'a'*9", "X if X else X", "(" * 300 + "X", "1" * 900,
-        "X+" * MAX_LENGTH + "X", "", "\0",
+        "X+" * MAX_FORMULA + "X", "", "\0",
     ],
 )  # fmt: skip
 def test_anything_else_is_refused(formula: str) -> None:

@@ -111,25 +111,17 @@ def test_a_stamp_whose_digit_has_flipped_costs_its_row(tmp_path):
     assert record.notes == ("time: 1 row without a time left out",)
 
 
-@pytest.mark.parametrize("head", [b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c"])
-def test_what_is_packed_is_called_so(tmp_path, head):
-    with pytest.raises(SignalError, match=r"log\.csv: .*unpack it"):
-        opened(tmp_path, head + bytes(100))
-
-
 @pytest.mark.parametrize(
     ("head", "message"),
     [
-        (
-            b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n",
-            "Git LFS pointer.*`git lfs pull`",
-        ),
+        *((packed + bytes(100), "unpack it") for packed in (b"PK\x03\x04", b"\x1f\x8b\x08\x00", b"7z\xbc\xaf\x27\x1c")),
+        (b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\n", "Git LFS pointer.*`git lfs pull`"),
         (b"SQLite format 3\0" + bytes(100), "SQLite database.*ROS 2.*mcap convert"),
         (b"#ROSBAG V2.0\n" + bytes(100), "ROS 1; convert it to MCAP"),
     ],
 )
 def test_what_is_no_log_is_named_with_the_cure(tmp_path, head, message):
-    with pytest.raises(SignalError, match=rf"log\.csv: an? .*{message}"):
+    with pytest.raises(SignalError, match=rf"log\.csv: .*{message}"):
         opened(tmp_path, head)
 
 

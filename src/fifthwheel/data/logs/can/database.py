@@ -20,6 +20,10 @@ from fifthwheel.base.names import split_source
 from fifthwheel.data.channels import split_header
 from fifthwheel.data.logs.source import damage
 
+_PLACEHOLDER = "VECTOR__INDEPENDENT_SIG_MSG"
+_FORMATS = ("dbc", "arxml", "kcd", "sym")
+_ENCODINGS = {"dbc": "cp1252", "sym": "cp1252"}
+
 
 @dataclass(frozen=True, kw_only=True)
 class Bits:
@@ -84,9 +88,6 @@ class Bits:
 
 Gates = tuple[tuple[str, Bits, frozenset[int]], ...]
 """The multiplexers of a signal by name, from the outermost, and their values with which it is present."""
-_PLACEHOLDER = "VECTOR__INDEPENDENT_SIG_MSG"
-_FORMATS = ("dbc", "arxml", "kcd", "sym")
-_ENCODINGS = {"dbc": "cp1252", "sym": "cp1252"}
 
 
 @dataclass(frozen=True, kw_only=True)

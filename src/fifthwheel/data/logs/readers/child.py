@@ -50,6 +50,11 @@ _TOTAL_BYTES_PER_SECOND = 5e4
 """The former grows with the file too."""
 _EXPANSION = 50
 """Bytes by which the limit of samples grows for each byte of the file."""
+_HEAD = struct.Struct("<IQ")
+CURE = "copy it again from the logger, or save it again in the tool that wrote it"
+"""What to do about a file that cannot be read."""
+_FORK = sys.platform == "linux"
+_PROGRESS_INTERVAL = 0.1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -91,9 +96,6 @@ def limit(name: str) -> float:
     return value
 
 
-_HEAD = struct.Struct("<IQ")
-
-
 class TooMuchError(Exception):
     """More samples than permitted."""
 
@@ -113,14 +115,14 @@ def receive(pipe: int, most: float = 0.0) -> tuple[dict[str, Any], Array]:
 
     EOFError where the other process has ended.
     """
-    text, body = _HEAD.unpack(_read(pipe, _HEAD.size))
-    head = json.loads(_read(pipe, text))
+    text, body = _HEAD.unpack(_read_bytes(pipe, _HEAD.size))
+    head = json.loads(_read_bytes(pipe, text))
     if body > most:
         raise TooMuchError
-    return head, np.frombuffer(_read(pipe, body), np.float64)
+    return head, np.frombuffer(_read_bytes(pipe, body), np.float64)
 
 
-def _read(pipe: int, size: int) -> bytearray:
+def _read_bytes(pipe: int, size: int) -> bytearray:
     data = bytearray()
     while len(data) < size:
         part = os.read(pipe, min(size - len(data), 1 << 20))
@@ -128,12 +130,6 @@ def _read(pipe: int, size: int) -> bytearray:
             raise EOFError
         data += part
     return data
-
-
-CURE = "copy it again from the logger, or save it again in the tool that wrote it"
-"""What to do about a file that cannot be read."""
-_FORK = sys.platform == "linux"
-_PROGRESS_INTERVAL = 0.1
 
 
 class _WithoutPandas(MetaPathFinder):

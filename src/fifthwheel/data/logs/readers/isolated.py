@@ -138,7 +138,7 @@ class _Child:
     """File descriptor to write to."""
     replies: int
     """File descriptor to read from."""
-    owner: int
+    owner: int = field(default_factory=os.getpid)
     """Process that has started it; a fork of that one leaves it alone."""
     name: str = ""
     format_name: str = ""
@@ -206,12 +206,9 @@ class _Child:
 
     def kill(self) -> None:
         """End the process with all that it has started."""
-        if self.process.poll() is None:
-            self._signal()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            if pipe is not None:
-                pipe.close()
+        with self.process:  # closes the pipes, and waits
+            if self.process.poll() is None:
+                self._signal()
 
     def _expire(self) -> None:
         self.expired = True
@@ -264,7 +261,7 @@ def _waiting_child() -> _Child:
     )
     assert process.stdin is not None
     assert process.stdout is not None
-    return _Child(process, process.stdin.fileno(), process.stdout.fileno(), os.getpid())
+    return _Child(process, process.stdin.fileno(), process.stdout.fileno())
 
 
 @atexit.register

@@ -37,6 +37,17 @@ _DATA = re.compile(r"data|values?|signal|samples?|y", re.IGNORECASE)
 _UNIT = re.compile(r"units?", re.IGNORECASE)
 _LABEL = re.compile(r"name|label|blockname|signalname", re.IGNORECASE)
 _AS_STRUCT = "save them as structs of vectors, such as s.time = x.Time; s.data = x.Data; save('log.mat', 's')"
+_CHUNK_ROWS = 100_000
+_KEPT_BYTES = 1 << 20
+"""A variable of version 4 or 5 that is larger is read again when its samples are asked for."""
+_SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
+"""Bytes of a number of version 4, by its type."""
+_DEEPEST = 16
+_MOST_ITEMS = 20_000
+_DATENUMS = (650_000, 900_000)
+_DATENUM_1970 = 719529
+_LONGEST_STEP = 1e-4
+"""Days: a datenum with larger steps is more likely a time in seconds."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -236,19 +247,6 @@ def _times(fields: Mapping[str, Node]) -> dict[str, Numbers]:
 def _text(fields: Mapping[str, Node], names: re.Pattern[str]) -> str | None:
     """The text in a field with such a name."""
     return next((v.strip() for k, v in fields.items() if names.fullmatch(k) and isinstance(v, str) and v.strip()), None)
-
-
-_CHUNK_ROWS = 100_000
-_KEPT_BYTES = 1 << 20
-"""A variable of version 4 or 5 that is larger is read again when its samples are asked for."""
-_SIZES_4 = {0: 8, 1: 4, 2: 4, 3: 2, 4: 2, 5: 1}
-"""Bytes of a number of version 4, by its type."""
-_DEEPEST = 16
-_MOST_ITEMS = 20_000
-_DATENUMS = (650_000, 900_000)
-_DATENUM_1970 = 719529
-_LONGEST_STEP = 1e-4
-"""Days: a datenum with larger steps is more likely a time in seconds."""
 
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:

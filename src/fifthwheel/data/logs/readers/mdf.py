@@ -49,6 +49,25 @@ _CURE = "copy it again from the logger, or open and save it in the logger's own 
 
 Place = tuple[int, int]
 """A channel by its group and its index in it."""
+MAX_FORMULA = 1000
+"""Characters of a formula; a longer one is refused."""
+_VARIABLES = ("X", "X1", "P1", "P2", "P3", "P4", "P5", "P6", "INF", "NaN")
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(np, name)
+    for name in (
+        *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+        *("arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log10", "log1p", "sqrt", "abs"),
+    )
+} | {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power}
 
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
@@ -297,56 +316,34 @@ def _frames(mdf: Any, group: int, frame: Mapping[str, int], first: int, time: Ar
     )
 
 
-MAX_LENGTH = 1000
-"""Characters of a formula; a longer one is refused."""
-
-_NAMES = ("X", "X1", "P1", "P2", "P3", "P4", "P5", "P6", "INF", "NaN")
-_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-    ast.UAdd: operator.pos,
-    ast.USub: operator.neg,
-}
-_FUNCTIONS: dict[str, Callable[..., Any]] = {
-    name: getattr(np, name)
-    for name in (
-        *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
-        *("arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log10", "log1p", "sqrt", "abs"),
-    )
-} | {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power}
-
-
 def evaluate(formula: str, variables: Mapping[str, Any]) -> Array:
     """Value of a formula such as "3*X1+sin(X1)": numbers, + - * / **, brackets, elementary functions, and the variables
     X, X1, P1 to P6, INF and NaN.
 
-    A ValueError for anything else in the formula, or more than `MAX_LENGTH` characters.
+    A ValueError for anything else in the formula, or more than `MAX_FORMULA` characters.
     """
-    if len(formula) > MAX_LENGTH:
-        raise ValueError(f"a formula of {len(formula)} characters; at most {MAX_LENGTH} are supported")
+    if len(formula) > MAX_FORMULA:
+        raise ValueError(f"a formula of {len(formula)} characters; at most {MAX_FORMULA} are supported")
     try:
         tree = ast.parse(formula.strip(), mode="eval")
         with np.errstate(all="ignore"):  # a value outside of a function's domain is NaN
-            return np.asarray(_value(tree.body, variables), dtype=np.float64)
+            return np.asarray(_formula_value(tree.body, variables), dtype=np.float64)
     except (SyntaxError, TypeError, ValueError, LookupError, RecursionError, MemoryError, OverflowError):
         raise ValueError(f"the formula {formula[:60]!r} is not supported") from None
 
 
-def _value(node: ast.AST, variables: Mapping[str, Any]) -> Any:
+def _formula_value(node: ast.AST, variables: Mapping[str, Any]) -> Any:
     match node:
         case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
             return np.float64(number)
-        case ast.Name(id=name) if name in _NAMES:
+        case ast.Name(id=name) if name in _VARIABLES:
             return np.asarray(variables[name], dtype=np.float64)
         case ast.BinOp(left=left, op=sign, right=right):
-            return _OPERATORS[type(sign)](_value(left, variables), _value(right, variables))
+            return _OPERATORS[type(sign)](_formula_value(left, variables), _formula_value(right, variables))
         case ast.UnaryOp(op=sign, operand=operand):
-            return _OPERATORS[type(sign)](_value(operand, variables))
+            return _OPERATORS[type(sign)](_formula_value(operand, variables))
         case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
-            return _FUNCTIONS[name](*(_value(argument, variables) for argument in arguments))
+            return _FUNCTIONS[name](*(_formula_value(argument, variables) for argument in arguments))
     raise ValueError
 
 

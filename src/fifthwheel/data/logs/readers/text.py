@@ -34,6 +34,15 @@ _LINES = 200
 """Lines of the head that are examined."""
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _DECIMAL_POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
+_HEAD = 1 << 19
+_LONGEST_HEADER = 1 << 17
+"""Characters of a line of the head, which must hold the header and some rows."""
+_BLOCK = 1 << 20
+_LONGEST_LINE = 1 << 22
+_MOST_CONTROL = 0.01
+"""Fraction of control characters above which a file is no text; fewer are damage."""
+_NO_UNIT = ("", "-", "--", "n/a", "none")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,17 +172,6 @@ def _distinct(names: Sequence[str]) -> tuple[str, ...]:
         count[name] += 1
         unique.append(name if total[name] == 1 else f"{name}@{count[name]}")
     return tuple(unique)
-
-
-_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
-_HEAD = 1 << 19
-_LONGEST_HEADER = 1 << 17
-"""Characters of a line of the head, which must hold the header and some rows."""
-_BLOCK = 1 << 20
-_LONGEST_LINE = 1 << 22
-_MOST_CONTROL = 0.01
-"""Fraction of control characters above which a file is no text; fewer are damage."""
-_NO_UNIT = ("", "-", "--", "n/a", "none")
 
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
