@@ -16,362 +16,268 @@ LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP = (
 )
 TOWED_YAW_RATE, ARTICULATION = "yaw_rate.semitrailer", "articulation.semitrailer"
 
-CHANNELS: dict[str, list[tuple[str, str | None, str | None]]] = {
+CHANNELS: dict[str, dict[str | None, str]] = {
     # J1939 data of California PATH trucks (j1939_struct.h and long_read_vehicle_state)
-    "J1939, PATH": [
-        ("VDC2_YawRate", "rad/s", YAW_RATE),
-        ("VDC2_SteeringWheelAngle", "rad", STEER),
-        ("VDC2_SteeringWheelTurnCounter", None, None),
-        ("VDC2_LateralAcceleration", "m/s^2", LATERAL_ACCELERATION),
-        ("VDC2_LongitudinalAcceleration", "m/s^2", None),
-        ("CCVS_VehicleSpeed", None, SPEED),
-        ("CCVS_CruiseControlSetSpeed", None, None),
-        ("EBC2_FrontAxleSpeed", None, "wheel_speed.tractor.front"),
-        ("HRW.front_axle_left_wheel_speed@0B", "km/h", "wheel_speed.tractor.front.left"),
-        ("HRW.rear_axle_right_wheel_speed@0B", "km/h", "wheel_speed.tractor.rear.right"),
-        ("HRW.front_axle_left_wheel_speed@C8", "km/h", "wheel_speed.semitrailer.front.left"),
-        ("EBC2_RelativeSpeedFrontAxleLeftWheel", None, None),
-        ("EBC2_RlativeSpeedFrontAxleRightWheel", None, None),
-    ],
+    "J1939, PATH": {
+        YAW_RATE: "VDC2_YawRate [rad/s]",
+        STEER: "VDC2_SteeringWheelAngle [rad]",
+        LATERAL_ACCELERATION: "VDC2_LateralAcceleration [m/s^2]",
+        SPEED: "CCVS_VehicleSpeed",
+        "wheel_speed.tractor.front": "EBC2_FrontAxleSpeed",
+        "wheel_speed.tractor.front.left": "HRW.front_axle_left_wheel_speed@0B [km/h]",
+        "wheel_speed.tractor.rear.right": "HRW.rear_axle_right_wheel_speed@0B [km/h]",
+        "wheel_speed.semitrailer.front.left": "HRW.front_axle_left_wheel_speed@C8 [km/h]",
+        None: (
+            "VDC2_SteeringWheelTurnCounter; VDC2_LongitudinalAcceleration [m/s^2]; CCVS_CruiseControlSetSpeed; "
+            "EBC2_RelativeSpeedFrontAxleLeftWheel; EBC2_RlativeSpeedFrontAxleRightWheel"
+        ),
+    },
     # J1939 databases of trucks with Knorr-Bremse driver assistance (dataeval, signal groups of view scripts)
-    "J1939, dataeval": [
-        ("VDC2_YawRate_3E", None, YAW_RATE),
-        ("VDC2_SteerWhlAngle_0B", "rad", STEER),
-        ("VDC2_SteerWhlTurnCnt_0B", None, None),
-        ("VDC2_LatAccel_3E", "m/s^2", LATERAL_ACCELERATION),
-        ("EBC2_MeanSpdFA_0B", "km/h", "wheel_speed.tractor.front"),
-        ("TCO1_VehSpd_EE", "km/h", SPEED),
-        ("EEC1_EngSpd_00", "rpm", "engine_speed"),
-        ("EEC2_AccPedalPos1_00", "%", None),
-        ("TSRSpeedLimit", "km/h", None),
-    ],
+    "J1939, dataeval": {
+        YAW_RATE: "VDC2_YawRate_3E",
+        STEER: "VDC2_SteerWhlAngle_0B [rad]",
+        LATERAL_ACCELERATION: "VDC2_LatAccel_3E [m/s^2]",
+        "wheel_speed.tractor.front": "EBC2_MeanSpdFA_0B [km/h]",
+        SPEED: "TCO1_VehSpd_EE [km/h]",
+        "engine_speed": "EEC1_EngSpd_00 [rpm]",
+        None: "VDC2_SteerWhlTurnCnt_0B; EEC2_AccPedalPos1_00 [%]; TSRSpeedLimit [km/h]",
+    },
     # CSS Electronics: J1939 demo database and canmod-gps.dbc of the CANmod.gps and CANedge (api-examples)
-    "CANedge": [
-        ("WheelBasedVehicleSpeed", "km/h", SPEED),
-        ("EngineSpeed", "rpm", "engine_speed"),
-        ("EngineSpeed", None, "engine_speed"),
-        ("Speed", "m/s", SPEED),
-        ("SpeedAccuracy", "m/s", None),
-        ("SpeedValid", None, None),
-        ("Roll", "deg", ROLL),
-        ("RollAccuracy", "deg", None),
-        ("Heading", "deg", None),
-        ("AccelerationY", "m/s^2", LATERAL_ACCELERATION),
-        ("AccelerationZ", "m/s^2", None),
-        ("AngularRateZ", "deg/s", YAW_RATE),
-        ("AngularRateX", "deg/s", ROLL_RATE),
-        ("AngularRateY", "deg/s", None),
-    ],
+    "CANedge": {
+        SPEED: "WheelBasedVehicleSpeed [km/h]; Speed [m/s]",
+        "engine_speed": "EngineSpeed [rpm]; EngineSpeed",
+        ROLL: "Roll [deg]",
+        LATERAL_ACCELERATION: "AccelerationY [m/s^2]",
+        YAW_RATE: "AngularRateZ [deg/s]",
+        ROLL_RATE: "AngularRateX [deg/s]",
+        None: (
+            "SpeedAccuracy [m/s]; SpeedValid; RollAccuracy [deg]; Heading [deg]; AccelerationZ [m/s^2]; "
+            "AngularRateY [deg/s]"
+        ),
+    },
     # Racelogic: VB20SL3.dbc, VBOX 3i user guide (CAN output), VBO file format
-    "VBOX": [
-        ("Velocity_Kmh", "Km/h", SPEED),
-        ("Velocity_Kmh", None, SPEED),
-        ("velocity kmh", None, SPEED),
-        ("Trig_Vel_Kmh", None, None),
-        ("Vertical_Velocity", "m/s", None),
-        ("vert-vel", None, None),
-        ("Lateral_vel", "Km/h", LATERAL_VELOCITY),
-        ("X_velocity", None, SPEED),
-        ("Y_velocity", None, LATERAL_VELOCITY),
-        ("Yaw_rate", "deg/s", YAW_RATE),
-        ("IMU_yaw_rate", "°/s", YAW_RATE),
-        ("IMU_roll_rate", "°/s", ROLL_RATE),
-        ("Lateral_acceleration", "G", LATERAL_ACCELERATION),
-        ("Lat_acc", "g", LATERAL_ACCELERATION),
-        ("Latacc", "g", LATERAL_ACCELERATION),
-        ("Slip_angle", "deg", SIDESLIP),
-        ("Slip_Angle_Front_Left", "°", None),
-        ("Roll_angle", "deg", ROLL),
-        ("True_heading", None, None),
-    ],
+    "VBOX": {
+        SPEED: "Velocity_Kmh [Km/h]; Velocity_Kmh; velocity kmh; X_velocity",
+        LATERAL_VELOCITY: "Lateral_vel [Km/h]; Y_velocity",
+        YAW_RATE: "Yaw_rate [deg/s]; IMU_yaw_rate [°/s]",
+        ROLL_RATE: "IMU_roll_rate [°/s]",
+        LATERAL_ACCELERATION: "Lateral_acceleration [G]; Lat_acc [g]; Latacc [g]",
+        SIDESLIP: "Slip_angle [deg]",
+        ROLL: "Roll_angle [deg]",
+        None: "Trig_Vel_Kmh; Vertical_Velocity [m/s]; vert-vel; Slip_Angle_Front_Left [°]; True_heading",
+    },
     # OxTS: signals of the CAN messages 603h to 639h (RT user manual)
-    "OxTS": [
-        ("Speed2D", "m/s", SPEED),
-        ("VelForward", "m/s", SPEED),
-        ("VelLateral", "m/s", LATERAL_VELOCITY),
-        ("VelNorth", "m/s", None),
-        ("VelDown", "m/s", None),
-        ("AccelY", "m/s²", LATERAL_ACCELERATION),
-        ("AccelLateral", "m/s²", LATERAL_ACCELERATION),
-        ("AccelSlip", "m/s²", None),
-        ("AngleHeading", "°", None),
-        ("AngleRoll", "°", ROLL),
-        ("AngRateX", "°/s", ROLL_RATE),
-        ("AngRateZ", "°/s", YAW_RATE),
-        ("AngRateDown", "°/s", YAW_RATE),
-        ("AngRateLateral", "°/s", None),
-        ("AngAccelLateral", "°/s²", None),
-        ("AngAccelLateral", None, None),
-        ("AngleSlip", "°", SIDESLIP),
-        ("IsoVsYawVelocity", "°/s", YAW_RATE),
-        ("IsoVsYawAcceleration", "°/s²", None),
-        ("IsoIsLongitudinalVelocity", "m/s", SPEED),
-    ],
+    "OxTS": {
+        SPEED: "Speed2D [m/s]; VelForward [m/s]; IsoIsLongitudinalVelocity [m/s]",
+        LATERAL_VELOCITY: "VelLateral [m/s]",
+        LATERAL_ACCELERATION: "AccelY [m/s²]; AccelLateral [m/s²]",
+        ROLL: "AngleRoll [°]",
+        ROLL_RATE: "AngRateX [°/s]",
+        YAW_RATE: "AngRateZ [°/s]; AngRateDown [°/s]; IsoVsYawVelocity [°/s]",
+        SIDESLIP: "AngleSlip [°]",
+        None: (
+            "VelNorth [m/s]; VelDown [m/s]; AccelSlip [m/s²]; AngleHeading [°]; AngRateLateral [°/s]; "
+            "AngAccelLateral [°/s²]; AngAccelLateral; IsoVsYawAcceleration [°/s²]"
+        ),
+    },
     # GeneSys ADMA: data channels of the protocol 3.3.4 (adma_ros_driver)
-    "ADMA": [
-        ("Rate_Hor_Z", "deg/s", YAW_RATE),
-        ("Rate_Body_X", "deg/s", ROLL_RATE),
-        ("Acc_Hor_Y", "g", LATERAL_ACCELERATION),
-        ("Acc_Body_Y_POI2", "g", LATERAL_ACCELERATION),
-        ("INS_Vel_Hor_X", "m/s", SPEED),
-        ("INS_Vel_Hor_Y", "m/s", LATERAL_VELOCITY),
-        ("INS_Vel_Frame_X", "m/s", None),
-        ("GNSS_Vel_Latency", "s", None),
-        ("GNSS_Stddev_Vel_X", "m/s", None),
-        ("INS_Roll", "deg", ROLL),
-        ("INS_Stddev_Roll", "deg", None),
-        ("INS_Yaw", "deg", None),
-        ("Side_Slip_Angle", "deg", SIDESLIP),
-        ("Inv_Path_Radius", "1/m", None),
-    ],
+    "ADMA": {
+        YAW_RATE: "Rate_Hor_Z [deg/s]",
+        ROLL_RATE: "Rate_Body_X [deg/s]",
+        LATERAL_ACCELERATION: "Acc_Hor_Y [g]; Acc_Body_Y_POI2 [g]",
+        SPEED: "INS_Vel_Hor_X [m/s]",
+        LATERAL_VELOCITY: "INS_Vel_Hor_Y [m/s]",
+        ROLL: "INS_Roll [deg]",
+        SIDESLIP: "Side_Slip_Angle [deg]",
+        None: (
+            "INS_Vel_Frame_X [m/s]; GNSS_Vel_Latency [s]; GNSS_Stddev_Vel_X [m/s]; INS_Stddev_Roll [deg]; "
+            "INS_Yaw [deg]; Inv_Path_Radius [1/m]"
+        ),
+    },
     # Kistler Correvit S-Motion: CAN messages 7E0h to 7E8h
-    "Correvit": [
-        ("vel", "km/h", SPEED),
-        ("vel_x", "km/h", SPEED),
-        ("vel_y_cor", "km/h", LATERAL_VELOCITY),
-        ("ang_vel_z_hor", "deg/s", YAW_RATE),
-        ("ang_vel_x_body", "deg/s", ROLL_RATE),
-        ("acc_y_hor", "m/s^2", LATERAL_ACCELERATION),
-        ("acc_c_body", "m/s^2", None),
-        ("ang_vel_correction", None, None),
-    ],
+    "Correvit": {
+        SPEED: "vel [km/h]; vel_x [km/h]",
+        LATERAL_VELOCITY: "vel_y_cor [km/h]",
+        YAW_RATE: "ang_vel_z_hor [deg/s]",
+        ROLL_RATE: "ang_vel_x_body [deg/s]",
+        LATERAL_ACCELERATION: "acc_y_hor [m/s^2]",
+        None: "acc_c_body [m/s^2]; ang_vel_correction",
+    },
     # dSPACE ASM Vehicle Dynamics: headers of ControlDesk recordings, with "|" for "/"
-    "dSPACE": [
-        ("v_x_Vehicle_CoG[km|h]", None, SPEED),
-        ("v_y_Vehicle_CoG[km|h]", None, LATERAL_VELOCITY),
-        ("a_y_Vehicle_CoG[m|s2]", None, LATERAL_ACCELERATION),
-        ("YawRate_Vehicle_CoG[deg|s]", None, YAW_RATE),
-        ("Angle_Yaw_Vehicle_CoorSys_E[deg]", None, None),
-        ("Pos_y_Vehicle_CoorSys_E[m]", None, None),
-    ],
+    "dSPACE": {
+        SPEED: "v_x_Vehicle_CoG[km|h]",
+        LATERAL_VELOCITY: "v_y_Vehicle_CoG[km|h]",
+        LATERAL_ACCELERATION: "a_y_Vehicle_CoG[m|s2]",
+        YAW_RATE: "YawRate_Vehicle_CoG[deg|s]",
+        None: "Angle_Yaw_Vehicle_CoorSys_E[deg]; Pos_y_Vehicle_CoorSys_E[m]",
+    },
     # TruckSim: channels of a tractor-semitrailer run (LastRun.vs of TruckSim 2020.1; export of TahnT-Auburn/vehiclesim)
-    "TruckSim": [
-        ("Vx", "km/h", SPEED),
-        ("Vy", "km/h", LATERAL_VELOCITY),
-        ("VxTarget", "km/h", None),
-        ("AVz", "deg/s", YAW_RATE),
-        ("Ay", "g", LATERAL_ACCELERATION),
-        ("Art_H", "deg", ARTICULATION),
-        ("ArtR_H", "deg/s", None),
-        ("Steer_SW", "deg", STEER),
-        ("Steer_L1", "deg", STEER),
-        ("Yaw", "deg", None),
-        ("Roll_E", "deg", ROLL),
-        ("Roll_A1", "deg", None),
-    ],
+    "TruckSim": {
+        SPEED: "Vx [km/h]",
+        LATERAL_VELOCITY: "Vy [km/h]",
+        YAW_RATE: "AVz [deg/s]",
+        LATERAL_ACCELERATION: "Ay [g]",
+        ARTICULATION: "Art_H [deg]",
+        STEER: "Steer_SW [deg]; Steer_L1 [deg]",
+        ROLL: "Roll_E [deg]",
+        None: "VxTarget [km/h]; ArtR_H [deg/s]; Yaw [deg]; Roll_A1 [deg]",
+    },
     # Bosch: yaw-rate sensor MM5.10 (ABS M5 kit, CAN protocol); steering and ESP of VW MQB (opendbc, vw_mqb_2010.dbc)
-    "Bosch": [
-        ("Yaw_Rate", "°/s", YAW_RATE),
-        ("AY1", "g", LATERAL_ACCELERATION),
-        ("AX1", "g", None),
-        ("Roll_Rate", "°/s", ROLL_RATE),
-        ("LWI_Lenkradwinkel", "deg", STEER),
-        ("LWI_VZ_Lenkradwinkel", None, None),
-        ("LWI_QBit_Lenkradwinkel", None, None),
-        ("ESP_v_Signal", "km/h", SPEED),
-        ("ESP_QBit_v_Signal", None, None),
-        ("ESP_Lenkeingriff_ADS", None, None),
-    ],
+    "Bosch": {
+        YAW_RATE: "Yaw_Rate [°/s]",
+        LATERAL_ACCELERATION: "AY1 [g]",
+        ROLL_RATE: "Roll_Rate [°/s]",
+        STEER: "LWI_Lenkradwinkel [deg]",
+        SPEED: "ESP_v_Signal [km/h]",
+        None: "AX1 [g]; LWI_VZ_Lenkradwinkel; LWI_QBit_Lenkradwinkel; ESP_QBit_v_Signal; ESP_Lenkeingriff_ADS",
+    },
     # Xsens: exports of MT Manager
-    "Xsens": [
-        ("Gyr_Z", "rad/s", YAW_RATE),
-        ("Gyr_X", None, ROLL_RATE),
-        ("Acc_Y", "m/s^2", LATERAL_ACCELERATION),
-        ("VelInc_X", "m/s", None),
-        ("Yaw", "deg", None),
-    ],
+    "Xsens": {
+        YAW_RATE: "Gyr_Z [rad/s]",
+        ROLL_RATE: "Gyr_X",
+        LATERAL_ACCELERATION: "Acc_Y [m/s^2]",
+        None: "VelInc_X [m/s]; Yaw [deg]",
+    },
     # Vector: vehicle.dbc of the CANoe demonstration; Toyota of opendbc (_toyota_2017.dbc)
-    "databases of cars": [
-        ("CarSpeed", "km/h", SPEED),
-        ("EngSpeed", "rpm", "engine_speed"),
-        ("EngSpeed", None, "engine_speed"),
-        ("YAW_RATE", "deg/s", YAW_RATE),
-        ("STEER_ANGLE", "deg", STEER),
-        ("STEER_FRACTION", "deg", None),
-        ("STEER_RATE", "deg/s", None),
-        ("STEERING_TORQUE", None, None),
-        ("WHEEL_SPEED_FL", "km/h", "wheel_speed.tractor.front.left"),
-        ("ACCEL_Y", "m/s^2", LATERAL_ACCELERATION),
-    ],
+    "databases of cars": {
+        SPEED: "CarSpeed [km/h]",
+        "engine_speed": "EngSpeed [rpm]; EngSpeed",
+        YAW_RATE: "YAW_RATE [deg/s]",
+        STEER: "STEER_ANGLE [deg]",
+        "wheel_speed.tractor.front.left": "WHEEL_SPEED_FL [km/h]",
+        LATERAL_ACCELERATION: "ACCEL_Y [m/s^2]",
+        None: "STEER_FRACTION [deg]; STEER_RATE [deg/s]; STEERING_TORQUE",
+    },
     # Dewesoft: Example_Drive01.d7d of dwdatareader
-    "Dewesoft": [
-        ("GPSvel", "km/h", SPEED),
-        ("ENG_RPM", "rpm", "engine_speed"),
-    ],
+    "Dewesoft": {
+        SPEED: "GPSvel [km/h]",
+        "engine_speed": "ENG_RPM [rpm]",
+    },
     # Tests of articulated vehicles with devices on both units
-    "articulated vehicles": [
-        ("TrlIMU_GyrZ", "deg/s", TOWED_YAW_RATE),
-        ("YAW", "deg/s", YAW_RATE),
-        ("YAW", "deg", None),
-        ("YAW", None, None),
-        ("YAW_TRL", "deg/s", TOWED_YAW_RATE),
-        ("YAW_TRL", "deg", None),
-        ("TrailerYawRate", "rad/s", TOWED_YAW_RATE),
-        ("Gyro_Z_2", "deg/s", TOWED_YAW_RATE),
-        ("articulationAngle", "rad", ARTICULATION),
-        ("RoadWheelAngle", "deg", STEER),
-        ("SteeringWheelAngle", "deg", STEER),
-    ],
+    "articulated vehicles": {
+        TOWED_YAW_RATE: "TrlIMU_GyrZ [deg/s]; YAW_TRL [deg/s]; TrailerYawRate [rad/s]; Gyro_Z_2 [deg/s]",
+        YAW_RATE: "YAW [deg/s]",
+        ARTICULATION: "articulationAngle [rad]",
+        STEER: "RoadWheelAngle [deg]; SteeringWheelAngle [deg]",
+        None: "YAW [deg]; YAW; YAW_TRL [deg]",
+    },
     # German, French and abbreviated names of test trucks
-    "abbreviations": [
-        ("v_GPS", "km/h", SPEED),
-        ("vGPS", None, SPEED),
-        ("VGPS", None, SPEED),
-        ("Speed_GPS", None, SPEED),
-        ("Geschw", "km/h", SPEED),
-        ("Geschw_GPS", None, SPEED),
-        ("speedo_obd", None, SPEED),
-        ("vitesse", "km/h", SPEED),
-        ("vitesse véhicule", None, SPEED),
-        ("Quer_Geschw", "m/s", LATERAL_VELOCITY),
-        ("VelRR_obd", None, "wheel_speed.tractor.rear.right"),
-        ("vitesse_roue", None, "wheel_speed.tractor"),
-        ("LRW", "deg", STEER),
-        ("HWA", None, STEER),
-        ("StWhlAng", "deg", STEER),
-        ("SW_pos_obd", None, STEER),
-        ("angle_volant", "deg", STEER),
-        ("LRW_Geschw", "deg/s", None),
-        ("LRW_Geschw", None, None),
-        ("couple_volant", None, None),
-        ("GierSA", "deg/s", TOWED_YAW_RATE),
-        ("Gierrate Sattelauflieger", None, TOWED_YAW_RATE),
-        ("vitesse_lacet", "deg/s", YAW_RATE),
-        ("lacet_remorque", "deg/s", TOWED_YAW_RATE),
-        ("lacet", None, None),
-        ("psi", "deg/s", YAW_RATE),
-        ("psi", "deg", None),
-        ("phi", "deg/s", ROLL_RATE),
-        ("phi", "deg", ROLL),
-        ("WankSA", "deg/s", "roll_rate.semitrailer"),
-        ("WankSA", "deg", "roll.semitrailer"),
-        ("vitesse_roulis", None, ROLL_RATE),
-        ("angle_attelage", "deg", ARTICULATION),
-        ("acceleration_laterale", "m/s^2", LATERAL_ACCELERATION),
-        ("angle_de_dérive", "deg", SIDESLIP),
-    ],
+    "abbreviations": {
+        SPEED: (
+            "v_GPS [km/h]; vGPS; VGPS; Speed_GPS; Geschw [km/h]; Geschw_GPS; speedo_obd; vitesse [km/h]; "
+            "vitesse véhicule"
+        ),
+        LATERAL_VELOCITY: "Quer_Geschw [m/s]",
+        "wheel_speed.tractor.rear.right": "VelRR_obd",
+        "wheel_speed.tractor": "vitesse_roue",
+        STEER: "LRW [deg]; HWA; StWhlAng [deg]; SW_pos_obd; angle_volant [deg]",
+        TOWED_YAW_RATE: "GierSA [deg/s]; Gierrate Sattelauflieger; lacet_remorque [deg/s]",
+        YAW_RATE: "vitesse_lacet [deg/s]; psi [deg/s]",
+        ROLL_RATE: "phi [deg/s]; vitesse_roulis",
+        ROLL: "phi [deg]",
+        "roll_rate.semitrailer": "WankSA [deg/s]",
+        "roll.semitrailer": "WankSA [deg]",
+        ARTICULATION: "angle_attelage [deg]",
+        LATERAL_ACCELERATION: "acceleration_laterale [m/s^2]",
+        SIDESLIP: "angle_de_dérive [deg]",
+        None: "LRW_Geschw [deg/s]; LRW_Geschw; couple_volant; lacet; psi [deg]",
+    },
     # Velocities on axes of the earth
-    "earth": [
-        ("ecef_vy", "m/s", None),
-        ("ECEF_vel_x", "m/s", None),
-        ("ECEF_vel_y", "m/s", None),
-        ("bestxyz.vel_y", None, None),
-        ("vel_y_ned", "m/s", None),
-    ],
+    "earth": {
+        None: "ecef_vy [m/s]; ECEF_vel_x [m/s]; ECEF_vel_y [m/s]; bestxyz.vel_y; vel_y_ned [m/s]",
+    },
     # Constructed contradictions of unit, name and quantity
-    "contradictions": [
-        ("Speed", "rad/s", None),
-        ("AngularVelocity", None, None),
-        ("WheelSpeed", "rpm", None),
-        ("SteeringWheelSpeed", "deg/s", None),
-        ("SteeringWheelSpeed", None, None),
-        ("YawRate", "V", None),
-        ("YawRate", "deg/s^2", None),
-        ("SteeringAngle", "%", None),
-        ("WheelSlip_FL", "%", None),
-        ("WindSpeed", "m/s", None),
-        ("delta_t", "s", None),
-        ("deltaQ", None, None),
-    ],
+    "contradictions": {
+        None: (
+            "Speed [rad/s]; AngularVelocity; WheelSpeed [rpm]; SteeringWheelSpeed [deg/s]; SteeringWheelSpeed; "
+            "YawRate [V]; YawRate [deg/s^2]; SteeringAngle [%]; WheelSlip_FL [%]; WindSpeed [m/s]; delta_t [s]; "
+            "deltaQ"
+        ),
+    },
     # J1939-71, the package's own database, and names of ours
-    "driving": [
-        ("EEC1.actual_engine_percent_torque", "%", "engine_torque"),
-        ("EEC1_DriversDemandEnginePercentTorque", "%", None),
-        ("EngineReferenceTorque", "N m", None),
-        ("EEC3.nominal_friction_percent_torque", "%", "friction_torque"),
-        ("ETC1.driveline_engaged", None, "driveline_engaged"),
-        ("CCVS.brake_switch", None, "braking.tractor"),
-        ("CCVS.parking_brake_switch", None, None),
-        ("EBC1.asr_brake_control_active", None, None),
-        ("ERC1.actual_retarder_percent_torque", "%", "braking.tractor.retarder"),
-        ("Motordrehzahl", "1/min", "engine_speed"),
-        ("wheel_rpm", "rpm", None),
-        ("Motormoment", "Nm", "engine_torque"),
-        ("Couple_moteur", "N m", "engine_torque"),
-        ("steering_motor_torque", "Nm", None),
-        ("engine_torque_mode", None, None),
-        ("Bremslicht", None, "braking.tractor"),
-        ("brake_pressure", "bar", None),
-        ("road_grade", "%", "grade"),
-    ],
+    "driving": {
+        "engine_torque": "EEC1.actual_engine_percent_torque [%]; Motormoment [Nm]; Couple_moteur [N m]",
+        "friction_torque": "EEC3.nominal_friction_percent_torque [%]",
+        "driveline_engaged": "ETC1.driveline_engaged",
+        "braking.tractor": "CCVS.brake_switch; Bremslicht",
+        "braking.tractor.retarder": "ERC1.actual_retarder_percent_torque [%]",
+        "engine_speed": "Motordrehzahl [1/min]",
+        "grade": "road_grade [%]",
+        None: (
+            "EEC1_DriversDemandEnginePercentTorque [%]; EngineReferenceTorque [N m]; CCVS.parking_brake_switch; "
+            "EBC1.asr_brake_control_active; wheel_rpm [rpm]; steering_motor_torque [Nm]; engine_torque_mode; "
+            "brake_pressure [bar]"
+        ),
+    },
 }
-TABLE = [(group, *channel) for group, channels in CHANNELS.items() for channel in channels]
+"""By source and signal, names of columns with their units in brackets."""
+TABLE = [
+    (group, column, signal)
+    for group, signals in CHANNELS.items()
+    for signal, columns in signals.items()
+    for column in columns.split("; ")
+]
 
 
-def signal_of(column, unit):
+def hint_of(column, unit=None):
     name, header_unit = split_header(column)
-    hint = classify_column(name, unit or header_unit)
+    return classify_column(name, unit or header_unit)
+
+
+def signal_of(column, unit=None):
+    hint = hint_of(column, unit)
     return None if hint is None else hint.signal(UNITS)
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "signal"), [row[1:] for row in TABLE], ids=[f"{g}: {c} [{u}]" for g, c, u, _ in TABLE]
-)
-def test_a_channel_is_mapped_to_its_signal(column, unit, signal):
-    assert signal_of(column, unit) == signal
+@pytest.mark.parametrize(("column", "signal"), [row[1:] for row in TABLE], ids=[f"{g}: {c}" for g, c, _ in TABLE])
+def test_a_channel_is_mapped_to_its_signal(column, signal):
+    assert signal_of(column) == signal
     assert signal is None or si_unit(signal) is not None
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "quantity", "trailing"),
-    [
-        ("vx", None, "speed", None),
-        ("CCVS.wheel_based_vehicle_speed@00", "km/h", "speed", None),
-        ("Geschwindigkeit", "km/h", "speed", None),
-        ("EBC2.front_axle_speed@0B", "km/h", "wheel_speed", None),
-        ("VDC2.yaw_rate@0B", "rad/s", "yaw_rate", None),
-        ("YawRate_Trailer", "deg/s", "yaw_rate", True),
-        ("Gierrate Auflieger", "°/s", "yaw_rate", True),
-        ("Gierrate Zugm.", "°/s", "yaw_rate", False),
-        ("imu/angular_velocity.z", None, "yaw_rate", None),
-        ("psi_dot_2", "rad/s", "yaw_rate", True),
-        ("IMU2_GyroZ", "deg/s", "yaw_rate", True),
-        ("gyroX", None, "roll_rate", None),
-        ("Wankrate", "°/s", "roll_rate", None),
-        ("VDC2.steering_wheel_angle@0B", "rad", "steer", None),
-        ("VDC2.lateral_acceleration@0B", "m/s^2", "lateral_acceleration", None),
-        ("EBS21.lateral_acceleration@C8", "m/s^2", "lateral_acceleration", True),
-        ("HRW.front_axle_left_wheel_speed@0B", "km/h", "wheel_speed", None),
-        ("HRW.front_axle_left_wheel_speed@C8", "km/h", "wheel_speed", True),
-        ("delta_front", "deg", "steer", None),
-        ("Lenkwinkelgeschwindigkeit", "°/s", "steer_rate", None),
-        ("hitch", None, "articulation", None),
-        ("hitch_rate", None, "articulation_rate", None),
-        ("Querbeschleunigung", "m/s^2", "lateral_acceleration", None),
-        ("ay1", "g", "lateral_acceleration", False),
-        ("vy", "m/s", "lateral_velocity", None),
-        ("beta", "deg", "sideslip", None),
-        ("VW.axle_weight_1@EE", "kg", "axle_load", None),
-        ("VW.axle_weight_2@EE", "kg", "axle_load", None),  # of the tractor, not of the second unit
-        ("VW.trailer_weight@EE", "kg", "weight", True),
-        ("CVW.gross_combination_vehicle_weight@EE", "kg", "gross_weight", None),
-        ("CVW.powered_vehicle_weight@EE", "kg", "axle_load", None),
-        ("v_kmh", None, "speed", None),
-        ("LWI_Winkel_deg", None, "steer", None),
-        ("yawTrl", "deg/s", "yaw_rate", True),
-        ("GyroZ_Tr", "deg/s", "yaw_rate", None),
-        ("RollRate@IMU_Trailer", "deg/s", "roll_rate", True),
-        ("YawRate@0B", "rad/s", "yaw_rate", None),
-    ],
-)
-def test_quantity_and_vehicle_unit_of_a_name(column, unit, quantity, trailing):
-    hint = classify_column(column, unit)
-    assert (hint.channel.quantity, hint.trailing) == (quantity, trailing)
+QUANTITIES = {
+    ("speed", None): "vx; CCVS.wheel_based_vehicle_speed@00 [km/h]; Geschwindigkeit [km/h]; v_kmh",
+    ("wheel_speed", None): "EBC2.front_axle_speed@0B [km/h]; HRW.front_axle_left_wheel_speed@0B [km/h]",
+    ("yaw_rate", None): "VDC2.yaw_rate@0B [rad/s]; imu/angular_velocity.z; GyroZ_Tr [deg/s]; YawRate@0B [rad/s]",
+    ("yaw_rate", True): (
+        "YawRate_Trailer [deg/s]; Gierrate Auflieger [°/s]; psi_dot_2 [rad/s]; IMU2_GyroZ [deg/s]; yawTrl [deg/s]"
+    ),
+    ("yaw_rate", False): "Gierrate Zugm. [°/s]",
+    ("roll_rate", None): "gyroX; Wankrate [°/s]",
+    ("steer", None): "VDC2.steering_wheel_angle@0B [rad]; delta_front [deg]; LWI_Winkel_deg",
+    ("lateral_acceleration", None): "VDC2.lateral_acceleration@0B [m/s^2]; Querbeschleunigung [m/s^2]",
+    ("lateral_acceleration", True): "EBS21.lateral_acceleration@C8 [m/s^2]",
+    ("wheel_speed", True): "HRW.front_axle_left_wheel_speed@C8 [km/h]",
+    ("steer_rate", None): "Lenkwinkelgeschwindigkeit [°/s]",
+    ("articulation", None): "hitch",
+    ("articulation_rate", None): "hitch_rate",
+    ("lateral_acceleration", False): "ay1 [g]",
+    ("lateral_velocity", None): "vy [m/s]",
+    ("sideslip", None): "beta [deg]",
+    ("axle_load", None): "VW.axle_weight_1@EE [kg]; VW.axle_weight_2@EE [kg]; CVW.powered_vehicle_weight@EE [kg]",
+    ("weight", True): "VW.trailer_weight@EE [kg]",
+    ("gross_weight", None): "CVW.gross_combination_vehicle_weight@EE [kg]",
+    ("roll_rate", True): "RollRate@IMU_Trailer [deg/s]",
+}
+"""By quantity, and whether the name is that of a towed unit; axle_weight_2 is of the tractor, not of the second unit."""
+
+
+@pytest.mark.parametrize(("quantity", "trailing"), QUANTITIES)
+def test_quantity_and_vehicle_unit_of_a_name(quantity, trailing):
+    for column in QUANTITIES[quantity, trailing].split("; "):
+        hint = hint_of(column)
+        assert (hint.channel.quantity, hint.trailing) == (quantity, trailing), column
 
 
 @pytest.mark.parametrize(
-    ("column", "unit"),
+    "column",
     [
-        ("engine_temp", "degC"),
-        ("yaw_rate_status", None),
-        ("VDC2.steering_wheel_turn_counter@0B", None),
-        ("yaw_rate", "V"),
-        ("EBC2.front_axle_left_relative_speed@0B", "km/h"),
-        ("t", "s"),
+        *("engine_temp [degC]", "yaw_rate_status", "VDC2.steering_wheel_turn_counter@0B", "yaw_rate [V]", "t [s]"),
+        "EBC2.front_axle_left_relative_speed@0B [km/h]",
     ],
 )
-def test_other_channels_have_no_hint(column, unit):
-    assert classify_column(column, unit) is None
+def test_other_channels_have_no_hint(column):
+    assert hint_of(column) is None
 
 
 STEERING_WHEEL = "SteeringWheelAngle Lenkradwinkel Steer_SW VDC2_SteerWhlAngle_0B LRW HWA StWhlAng delta_LRW SW_pos_obd"
@@ -471,26 +377,19 @@ def test_columns_of_a_long_combination(column: str, signal: str) -> None:
     assert hint.signal(LONG) == signal
 
 
-@pytest.mark.parametrize(
-    ("column", "unit", "sensor"),
-    [
-        ("VDC2_YawRate_3E", None, "vdc2"),
-        ("VDC2.yaw_rate@0B", "rad/s", "vdc2"),
-        ("VDC2_LatAccel_3E", "m/s^2", "vdc2"),
-        ("VDC2_SteeringWheelAngle", "rad", "steering wheel"),
-        ("Lenkradwinkel", "°", "steering wheel"),
-        ("RoadWheelAngle", "deg", ""),
-        ("oxts/imu.angular_velocity.z", None, "ins"),
-        ("INS_YawRate", "deg/s", "ins"),
-        ("NovAtel.yaw_rate", "deg/s", "ins"),
-        ("vectornav/imu.angular_velocity.x", None, "ins"),
-        ("INS_Vel_Hor_X", "m/s", ""),
-        ("INS_Roll", "deg", ""),
-        ("IMU_yaw_rate", "°/s", ""),
-        ("Gierrate", "°/s", ""),
-    ],
-)
-def test_the_class_of_a_sensor_by_its_name(column: str, unit: str | None, sensor: str) -> None:
-    hint = classify_column(column, unit)
-    assert hint is not None
-    assert hint.sensor == sensor
+SENSORS = {
+    "vdc2": "VDC2_YawRate_3E; VDC2.yaw_rate@0B [rad/s]; VDC2_LatAccel_3E [m/s^2]",
+    "steering wheel": "VDC2_SteeringWheelAngle [rad]; Lenkradwinkel [°]",
+    "": "RoadWheelAngle [deg]; INS_Vel_Hor_X [m/s]; INS_Roll [deg]; IMU_yaw_rate [°/s]; Gierrate [°/s]",
+    "ins": (
+        "oxts/imu.angular_velocity.z; INS_YawRate [deg/s]; NovAtel.yaw_rate [deg/s]; vectornav/imu.angular_velocity.x"
+    ),
+}
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_the_class_of_a_sensor_by_its_name(sensor: str) -> None:
+    for column in SENSORS[sensor].split("; "):
+        hint = hint_of(column)
+        assert hint is not None
+        assert hint.sensor == sensor, column
