@@ -259,7 +259,7 @@ QUANTITIES = {
     ("gross_weight", None): "CVW.gross_combination_vehicle_weight@EE [kg]",
     ("roll_rate", True): "RollRate@IMU_Trailer [deg/s]",
 }
-"""By quantity, and whether the name is that of a towed unit; axle_weight_2 is of the tractor, not of the second unit."""
+"""By quantity, and whether the name is that of a towed unit; axle_weight_2 is of the tractor."""
 
 
 @pytest.mark.parametrize(("quantity", "trailing"), QUANTITIES)

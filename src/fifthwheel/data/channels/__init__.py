@@ -15,13 +15,11 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.names import split_log
 from fifthwheel.base.units import is_unit
 from fifthwheel.data.channels.channel import Channel as Channel
-from fifthwheel.data.channels.channel import ErrorKind, SensorModel, StateNoise
-from fifthwheel.data.channels.channel import SignalLimits as SignalLimits
+from fifthwheel.data.channels.channel import ErrorKind, SensorModel, SignalLimits, StateNoise
 from fifthwheel.data.channels.channel import SignalName as SignalName
 from fifthwheel.data.channels.table import ALL
 from fifthwheel.data.channels.table import ARTICULATION as ARTICULATION
 from fifthwheel.data.channels.table import AXLE_LOAD as AXLE_LOAD
-from fifthwheel.data.channels.table import BANK as BANK
 from fifthwheel.data.channels.table import BRAKING as BRAKING
 from fifthwheel.data.channels.table import DRIVING as DRIVING
 from fifthwheel.data.channels.table import ENGINE_SPEED as ENGINE_SPEED
@@ -40,7 +38,6 @@ from fifthwheel.data.channels.table import WEIGHT as WEIGHT
 from fifthwheel.data.channels.table import WEIGHTS as WEIGHTS
 from fifthwheel.data.channels.table import WHEEL_SPEED as WHEEL_SPEED
 from fifthwheel.data.channels.table import WHEEL_SPEED_DIFFERENCE as WHEEL_SPEED_DIFFERENCE
-from fifthwheel.data.channels.table import YAW as YAW
 from fifthwheel.data.channels.table import YAW_RATE as YAW_RATE
 
 CHANNELS: dict[str, Channel] = {channel.quantity: channel for channel in ALL}
