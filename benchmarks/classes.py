@@ -22,7 +22,7 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response

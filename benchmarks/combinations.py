@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.data.channels import SignalName
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.design.assess import predict_sigmas
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer

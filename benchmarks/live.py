@@ -38,7 +38,7 @@ from fifthwheel.apps.live.node import Node
 from fifthwheel.apps.live.setup import completed_map, make_node, make_observer
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 
 SECONDS = 40.0
 FLOOD = 8000

@@ -17,7 +17,7 @@ from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import free_response

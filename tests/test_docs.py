@@ -20,7 +20,8 @@ import fifthwheel
 from fifthwheel import truck as vehicle
 from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.data.channels import _ALL, channels_with_errors
+from fifthwheel.data.channels import channels_with_errors
+from fifthwheel.data.channels.table import ALL
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.signal_map import SignalSource, TimeColumn
@@ -154,7 +155,7 @@ def test_every_quantity_of_a_log_is_told_with_its_unit() -> None:
         quantities = re.findall(r"`([^`]+)`", cells[0])
         units = [unit.strip() for unit in cells[1].split(",")]
         told |= dict(zip(quantities, units if len(units) > 1 else units * len(quantities), strict=True))
-    assert told == {channel.quantity: channel.unit for channel in _ALL}  # without those of other tests
+    assert told == {channel.quantity: channel.unit for channel in ALL}  # without those of other tests
 
 
 def test_every_fault_verdict_and_status_is_told() -> None:
@@ -168,7 +169,7 @@ def test_every_fault_verdict_and_status_is_told() -> None:
 
 def test_ranges_are_those_of_the_code() -> None:
     told = {cells[0].strip("`"): cells[1] for cells in rows(section(site_page("signals.md"), "Faults"))}
-    for channel in _ALL:
+    for channel in ALL:
         quantity = channel.quantity
         if channel.limit:
             assert told[quantity] == f"{channel.limit.magnitude:g} {channel.unit}".removesuffix(" 1")

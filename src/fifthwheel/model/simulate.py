@@ -8,7 +8,7 @@ from fifthwheel.base.arguments import expect, expect_number, expect_road_speed
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.data.channels import ROLL, ROLL_RATE, is_of
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.manoeuvres import linear_course

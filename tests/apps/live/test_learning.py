@@ -12,7 +12,7 @@ from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.setup import completed_map, make_node
 from fifthwheel.apps.live.status import LiveFault
 from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 from fifthwheel.data.record import SensorPrior
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.knowledge.information import Occasion

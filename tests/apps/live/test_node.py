@@ -8,7 +8,7 @@ import pytest
 
 from fifthwheel.apps.live.setup import completed_map, make_observer
 from fifthwheel.apps.live.status import LiveFault, NodeStatus
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 from tests.apps.live.truck_bus import TRUCK, driven, frames, observer_node, write_files
 
 RECORD = driven()

@@ -8,7 +8,7 @@ from fifthwheel import truck as vehicle
 from fifthwheel.apps.live.node import Node
 from fifthwheel.apps.live.setup import completed_map, make_node, make_observer
 from fifthwheel.data.logs import SignalMap
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.apps.workflow import propose_signals, survey_file
-from fifthwheel.data.logs.mapping.survey import survey_log
-from fifthwheel.data.logs.readers import sample as sampling
+from fifthwheel.data.logs import source
+from fifthwheel.data.logs.propose import survey_log
 from fifthwheel.data.logs.readers import text
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
@@ -31,8 +31,8 @@ def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monk
     path = tmp_path / "log.csv"
     np.savetxt(path, np.column_stack(columns), "%.5f", ",", header=",".join(["t", *names, "delta"]), comments="")
     whole = survey_file(path)
-    monkeypatch.setattr(sampling, "_LARGE", 1e4)
-    monkeypatch.setattr(sampling, "_PART", path.stat().st_size / 40)
+    monkeypatch.setattr(source, "_LARGE", 1e4)
+    monkeypatch.setattr(source, "_PART", path.stat().st_size / 40)
     with text.open_log(path) as log:
         log.sample()
         sample = propose_signals(log, survey_log(log))

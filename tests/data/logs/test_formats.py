@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap, read_log
-from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
-from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.map_text import as_toml
+from fifthwheel.data.logs.propose import propose_map, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage, identify

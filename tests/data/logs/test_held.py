@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.data.checks import Fault, check
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers import open_log
-from fifthwheel.data.record.held import Renewals
+from fifthwheel.data.record.timestamps import Renewals
 
 STEER, YAW, SPEED = "steer.tractor.front", "yaw_rate.tractor", "speed"
 COURSES = {

@@ -8,7 +8,7 @@ from asammdf import MDF, Signal
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs.files import record_of
-from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.propose import survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.signal_map import SignalMap
 from fifthwheel.data.logs.source import Chunk, Column, LogSource

@@ -1,12 +1,23 @@
+"""Records: checks, parts, segments, arrays and data frames, time bases, plots and tables."""
+
 import copy
 import pickle
+import re
+import sys
+from xml.etree import ElementTree
 
 import numpy as np
+import pandas as pd
 import pytest
 
-from fifthwheel.base.errors import SignalError
+from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.record import segments_above
+from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
+from tests.estimate.observe.conftest import put, rows
 
 T = np.arange(0, 20, 0.1)
 
@@ -166,3 +177,253 @@ def test_equality_copies_and_pickles():
     assert made != record()
     assert made != "record"
     assert "200 samples, 0 to 19.9 s at 10 Hz: speed" in repr(made)
+
+
+@pytest.fixture(scope="module")
+def long_drive() -> Record:
+    """16 s at 100 Hz."""
+    return simulate(get("cheng_cebon_2011"), count=2, seed=7)
+
+
+def test_segments_above_a_speed(long_drive: Record) -> None:
+    assert [len(segment) for segment in segments_above(long_drive, 5.0)] == [len(long_drive)]
+    slow = put(put(long_drive, "speed", 3, 4, 2.0), "speed", 15, 99, 2.0)
+    spans = [segment.span for segment in segments_above(slow, 5.0)]
+    np.testing.assert_allclose(spans, [(0, 2.99), (4, 14.99)])
+    with_gap = rows(slow, (slow.time < 7) | (slow.time > 9.5))
+    spans = [segment.span for segment in segments_above(with_gap, 5.0)]
+    np.testing.assert_allclose(spans, [(0, 2.99), (4, 6.99), (9.51, 14.99)])
+    for segment in segments_above(with_gap, 5.0):
+        assert (segment.signals["speed"] >= 5).all()
+
+
+def test_no_segment_is_fast_enough(long_drive: Record) -> None:
+    with pytest.raises(SignalError, match=r"^speed: "):
+        segments_above(put(long_drive, "speed", 0, 99, 2.0), 5.0)
+    with pytest.raises(SignalError, match=r"^speed: "):
+        segments_above(put(long_drive, "speed", 0, 99, np.nan), 5.0)
+
+
+YAW = "yaw_rate.tractor"
+UNITS = {"speed": "km/h", YAW: "deg/s", "reference.yaw_rate.tractor": "deg/s"}
+COLUMNS = {"speed": [72.0, np.nan, 36.0], YAW: [0.0, 1.0, 2.0], "reference.yaw_rate.tractor": [0.0, 1.5, 2.0]}
+
+
+def expected(**fields) -> Record:
+    rates = np.radians([COLUMNS[YAW], COLUMNS["reference.yaw_rate.tractor"]])
+    return Record(
+        time=[0, 0.1, 0.3], signals={"speed": [20, np.nan, 10], YAW: rates[0]}, reference={YAW: rates[1]}, **fields
+    )
+
+
+def close(first: Record, second: Record) -> bool:
+    pairs = ((first.signals, second.signals), (first.reference, second.reference))
+    same = [a.keys() == b.keys() and all(np.allclose(a[n], b[n], equal_nan=True) for n in a) for a, b in pairs]
+    return np.allclose(first.time, second.time) and all(same)
+
+
+def test_arrays_are_converted():
+    record = Record.from_arrays([0, 0.1, 0.3], COLUMNS, units=UNITS, name="run")
+    assert close(record, expected())
+    assert record.name == "run"
+    assert Record.from_arrays([0, 1], {"speed": [3, 4]}) == Record(time=[0, 1], signals={"speed": [3, 4]})
+
+
+def test_a_record_survives_a_data_frame():
+    record = simulate(get("cheng_cebon_2011"), count=1, seed=1)
+    assert record.reference
+    assert Record.from_pandas(record.to_pandas()) == record
+
+
+@pytest.mark.parametrize("kind", ["s", "duration", "date", "zone"])
+def test_the_index_is_the_time(kind):
+    time = np.array([0, 0.1, 0.3])
+    index = pd.Index(time) if kind == "s" else pd.to_timedelta(time, unit="s")
+    if kind in ("date", "zone"):
+        index = pd.Timestamp("2026-05-01 12:00", tz="Europe/Berlin" if kind == "zone" else None) + index
+    record = Record.from_pandas(pd.DataFrame(COLUMNS, index=index), units=UNITS)
+    assert close(record, expected())
+    started = {"date": "2026-05-01T12:00:00+00:00", "zone": "2026-05-01T10:00:00+00:00"}.get(kind)
+    assert (record.date and record.date.isoformat()) == started
+
+
+def test_missing_values_of_pandas_are_nan():
+    speed = pd.array([20, None], dtype="Int64")
+    record = Record.from_pandas(pd.DataFrame({"speed": speed}, index=[0.0, 0.1]))
+    np.testing.assert_array_equal(record.signals["speed"], [20, np.nan])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Record.from_arrays([0, 1], {"sped": [1, 2]}), "sped"),
+        (
+            lambda: Record.from_arrays([0, 1], {"speed": [1, 2]}, units={"sped": "m/s"}),
+            "sped: has a unit, but is not a",
+        ),
+        (
+            lambda: Record.from_arrays([0, 1], {"speed": [1, 2]}, units={"speed": "deg"}),
+            "speed: expected m/s or a unit",
+        ),
+        (lambda: Record.from_arrays([0, 1], {"speed": [1, 2, 3]}), "speed: 3 samples, 2 expected"),
+        (lambda: Record.from_pandas(pd.DataFrame({"speed": [1, 2]})), r"time: .* use frame.set_index\('time'\)"),
+        (lambda: Record.from_pandas(pd.DataFrame({"speed": [1, 2]}, index=["a", "b"])), "time: expected an index of"),
+        (lambda: Record.from_pandas(pd.DataFrame({"speed": ["x", "y"]}, index=[0.0, 1.0])), "speed: not numbers"),
+        (lambda: Record.from_pandas(pd.DataFrame({0: [1, 2]}, index=[0.0, 1.0])), "0: "),
+        (
+            lambda: Record.from_pandas(pd.DataFrame([[1, 2]] * 2, index=[0.0, 1.0], columns=["speed", "speed"])),
+            "speed: two columns have this name",
+        ),
+    ],
+)
+def test_errors_name_the_signal_and_the_cure(make, message):
+    with pytest.raises(SignalError, match=message):
+        make()
+
+
+BASES = {"yaw_rate.semitrailer": "trailer logger", "sideslip.tractor": "optical sensor"}
+RECORD = Record(
+    time=np.arange(300) / 100,
+    signals={"speed": np.full(300, 20.0), "steer.tractor.front": np.zeros(300), "yaw_rate.semitrailer": np.zeros(300)},
+    reference={"sideslip.tractor": np.zeros(300)},
+    time_bases=BASES,
+)
+MAP = """
+[signals]
+speed = "v"
+"steer.tractor.front" = "delta"
+[signals."yaw_rate.tractor"]
+column = "gz"
+time = "t_imu"
+[signals."yaw_rate.semitrailer"]
+column = "gz2"
+clock = "trailer logger"
+"""
+
+
+def test_they_survive_the_operations_of_a_record():
+    assert RECORD.cut(1, 2).time_bases == BASES
+    assert RECORD.with_signals({"speed": np.zeros(300)}).time_bases == BASES
+    assert pickle.loads(pickle.dumps(RECORD)).time_bases == BASES
+    gap = np.where(np.arange(300) < 150, RECORD.time, RECORD.time + 5)
+    segments = Record(time=gap, signals=RECORD.signals, time_bases=BASES).segments()
+    assert [segment.time_bases for segment in segments] == [{"yaw_rate.semitrailer": "trailer logger"}] * 2
+
+
+def test_the_default_is_one_time_base():
+    assert Record(time=[0, 1], signals={}).time_bases == {}
+
+
+def test_parquet_keeps_them_and_csv_does_not(tmp_path):
+    for name, expected in (("log.parquet", BASES), ("log.csv", {})):
+        write_record(RECORD, tmp_path / name)
+        record = read_log(tmp_path / name)
+        assert record == RECORD
+        assert record.time_bases == expected
+
+
+def test_a_map_names_them(tmp_path):
+    rows = [f"{k / 100},20,0,{k / 100 + 0.003},0.1,0.1" for k in range(300)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,v,delta,t_imu,gz,gz2", *rows]))
+    record = read_log(tmp_path / "log.csv", SignalMap.parse(MAP))
+    assert record.time_bases == {"yaw_rate.tractor": "t_imu", "yaw_rate.semitrailer": "trailer logger"}
+
+
+def test_the_main_one_is_that_of_the_steer_angle(tmp_path):
+    rows = [f"{k / 100},20,0,0.1" for k in range(300)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,v,delta,gz", *rows]))
+    text = '[signals]\nspeed = "v"\n[signals."steer.tractor.front"]\ncolumn = "delta"\nclock = "steering"'
+    record = read_log(tmp_path / "log.csv", SignalMap.parse(text + '\n[signals."yaw_rate.tractor"]\ncolumn = "gz"'))
+    assert record.time_bases == {"speed": "logger", "yaw_rate.tractor": "logger"}
+
+
+TIME = np.arange(100) / 10
+
+
+@pytest.fixture
+def run():
+    missing = np.where(np.arange(100) % 2, np.nan, 0.1 * np.sin(TIME))
+    signals = {"speed": np.full(100, 20.0), "yaw_rate.tractor": 0.1 * np.sin(TIME), "yaw_rate.semitrailer": missing}
+    return Record(time=TIME, signals=signals, reference={"sideslip.tractor": np.cos(TIME)}, name="<b>run</b>")
+
+
+def test_pandas_has_all_channels_over_time(run):
+    frame = run.to_pandas()
+    assert frame.index.name == "time"
+    np.testing.assert_array_equal(frame.index, run.time)
+    assert list(frame) == [*run.signals, "reference.sideslip.tractor"]
+    for name, values in run.signals.items():
+        np.testing.assert_array_equal(frame[name], values)
+
+
+def test_pandas_reads_the_signals_as_columns(run):
+    """From a mapping that is not a dict it would make one column of names."""
+    frame = pd.DataFrame(run.signals)
+    assert frame.shape == (100, 3)
+    np.testing.assert_array_equal(frame["speed"], run.signals["speed"])
+
+
+def test_the_signals_cannot_be_changed(run):
+    for change in (
+        lambda signals: signals.__setitem__("speed", 1),
+        lambda signals: signals.pop("speed"),
+        lambda signals: signals.update(speed=1),
+        lambda signals: signals.__ior__({"speed": 1}),
+        lambda signals: signals.clear(),
+    ):
+        with pytest.raises(TypeError, match="read-only"):
+            change(run.signals)
+    assert pickle.loads(pickle.dumps(run)).signals.keys() == run.signals.keys()
+    assert copy.deepcopy(run.signals).keys() == run.signals.keys()
+
+
+def test_without_pandas(run, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+    with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[pandas\]'"):
+        run.to_pandas()
+
+
+def test_a_plot_has_a_panel_for_each_quantity(run):
+    plot = run.plot()
+    assert [panel.y.title for panel in plot.panels] == ["speed, m/s", "yaw rate, deg/s", "sideslip, deg"]
+    rates, (reference,) = plot.panels[1].items, plot.panels[2].items
+    assert [line.name for line in rates] == ["tractor", "semitrailer"]
+    np.testing.assert_allclose(rates[0].y, np.degrees(run.signals["yaw_rate.tractor"]))
+    assert (reference.dash, reference.colour) == ("dash", rates[0].colour)  # one colour for each place
+    assert {line.colour for line in rates} == {VERMILLION, "#009E73"}
+    assert plot.panels[0].items[0].colour == BLUE
+    plot.to_plotly()
+    plot.to_matplotlib()
+
+
+def test_a_plot_of_some_signals(run):
+    assert len(run.plot("speed", "reference.sideslip.tractor").panels) == 2
+    with pytest.raises(SignalError, match=r"yaw_rate\.tracktor: not in .*did you mean 'yaw_rate\.tractor'"):
+        run.plot("yaw_rate.tracktor")
+
+
+def test_the_text_is_short(run):
+    assert repr(run).endswith("100 samples, 0 to 9.9 s at 10 Hz: speed, yaw_rate.tractor, yaw_rate.semitrailer)")
+    many = Record(time=TIME, signals={f"wheel_speed.unit{k}": TIME for k in range(200)})
+    assert repr(many).endswith("wheel_speed.unit7 and 192 more)")
+
+
+def test_the_table_of_a_notebook(run):
+    page = run._repr_html_()
+    assert "<b>run</b>" not in page
+    assert "&lt;b&gt;run" in page
+    tree = ElementTree.fromstring(page)  # well formed
+    rows = [["".join(cell.itertext()) for cell in row] for row in tree.iter("tr")]
+    assert rows[0] == ["Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"]
+    assert rows[1] == ["speed", "m/s", "10 Hz", "20.0", "20.0", "", ""]
+    assert rows[3][:3] == ["yaw_rate.semitrailer", "deg/s", "5 Hz"]
+    assert rows[3][5] == ""  # complete at its own rate
+    assert rows[2][4] == "5.73"
+    assert rows[4][0] == "reference.sideslip.tractor"
+    assert len(list(tree.iter("path"))) == 4
+    assert not re.search("<script|http", page)
+
+
+def test_a_table_of_a_channel_without_samples():
+    run = Record(time=TIME, signals={"speed": np.full(100, np.nan)})
+    assert "100 %" in run._repr_html_()

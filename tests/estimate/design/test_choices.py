@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
+from fifthwheel.data.record.derived import article_gyro_variance, estimate_noise_variance
 from fifthwheel.estimate.design import AssessmentSettings, DesignSettings, Remedy, predict_sigmas
 from fifthwheel.estimate.design.assess import _noise_variances, _with_log_name
 from fifthwheel.estimate.design.experiment import _best_of_each_kind, _with_targets_estimated

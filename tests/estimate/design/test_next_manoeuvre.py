@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.design.next_manoeuvre import (
     DRIVEN,
     _measured,

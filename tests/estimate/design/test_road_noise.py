@@ -7,7 +7,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.design import DesignSettings, design_experiment
 from fifthwheel.estimate.design.predict import InformationPredictor
 from fifthwheel.estimate.design.road_noise import ROUGHNESS, TRACK, road_density, road_noise, road_roll_density

@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import MEASURED, SIDESLIP
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.filters.variances import (
     OBSERVER_PROCESS_VARIANCE,
     PROCESS_VARIANCE,

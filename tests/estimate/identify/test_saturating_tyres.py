@@ -11,7 +11,7 @@ from fifthwheel.apps.workflow import IdentifyOptions, identification_settings, r
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.data.record.derived import largest_lateral_acceleration
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.fits import _of_log
 from fifthwheel.estimate.identify.given import applied

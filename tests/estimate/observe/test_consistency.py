@@ -8,7 +8,7 @@ import pytest
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.filters.model import unpack_array
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.estimate.observe.monitor import START

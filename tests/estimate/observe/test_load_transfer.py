@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.channels.others import HORIZON
+from fifthwheel.data.channels.table import HORIZON
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty, time_to_lift
 from fifthwheel.model.manoeuvres import braked

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.channels.wheels import WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.channels.table import WHEEL_SPEED_DIFFERENCE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.online import Learner

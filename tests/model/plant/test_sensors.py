@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.record.held import held_samples
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
+from fifthwheel.data.record.timestamps import held_samples
 from fifthwheel.model.plant.sensors import Sensor, article_sensors, measure, read_sensors
 from fifthwheel.truck import get
 

@@ -12,7 +12,7 @@ from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.logs import write_record
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import FILES, c_text, export_c

@@ -11,7 +11,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import with_sigma
 from fifthwheel.base.pages import page
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration, lateral_acceleration
+from fifthwheel.data.record.derived import largest_lateral_acceleration, lateral_acceleration
 from fifthwheel.estimate.identify import Verdict
 from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.results.report import Provenance, front_page, write_report

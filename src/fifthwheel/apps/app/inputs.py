@@ -21,8 +21,8 @@ from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.files import record_of
-from fifthwheel.data.logs.mapping.name_rules import classify_columns
-from fifthwheel.data.logs.mapping.survey import LogSurvey, survey_log
+from fifthwheel.data.logs.name_rules import classify_columns
+from fifthwheel.data.logs.propose import LogSurvey, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.stored import StoredLog, store_log
 from fifthwheel.data.record import Record

@@ -28,7 +28,7 @@ from fifthwheel.base.atomic import file_digest
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.base.input_files import MAX_TOML_SIZE
 from fifthwheel.data.logs import SignalMap, read_log
-from fifthwheel.data.logs.readers.limits import DEFAULTS
+from fifthwheel.data.logs.readers.child import DEFAULTS
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, Verdict, identify
 from fifthwheel.estimate.identify.given import missing_sensors

@@ -9,7 +9,7 @@ from fifthwheel.apps.live.sampler import LATE, Cycle, Sampler
 from fifthwheel.apps.live.status import HARMLESS, Health, LiveFault, NodeStatus, SignalHealth
 from fifthwheel.apps.live.time_base import MAX_GAP, TimeBase
 from fifthwheel.data.logs import LiveMap
-from fifthwheel.data.logs.can.decoder import Frame, FrameDecoder
+from fifthwheel.data.logs.can.database import Frame, FrameDecoder
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.observe.states import LIFT_SAMPLES, time_to_lift
 from fifthwheel.estimate.stream import VALID

@@ -28,8 +28,7 @@ from fifthwheel.base.atomic import reserved
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.options import LiveOptions, ObserverOptions
 from fifthwheel.data.logs import LiveMap, SignalMap
-from fifthwheel.data.logs.can.database import load
-from fifthwheel.data.logs.can.decoder import FrameDecoder, signal_columns
+from fifthwheel.data.logs.can.database import FrameDecoder, load, signal_columns
 from fifthwheel.data.logs.signal_map import TimeColumn
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge

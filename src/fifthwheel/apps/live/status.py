@@ -8,7 +8,7 @@ from operator import or_
 
 from fifthwheel.apps.live.sampler import Arrivals
 from fifthwheel.data.channels import is_input
-from fifthwheel.data.logs.can.decoder import Quality
+from fifthwheel.data.logs.can.database import Quality
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.stream import magnitude
 

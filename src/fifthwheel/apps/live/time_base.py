@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 
 MIN_EPOCH = 1e8
 """s; a time that begins later counts from 1970, and the node's time then starts near 0, as that of a log does."""

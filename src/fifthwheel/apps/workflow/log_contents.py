@@ -13,8 +13,8 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.findings import is_gap
 from fifthwheel.data.logs.assemble import assemble
-from fifthwheel.data.logs.mapping.propose import MapProposal, as_toml, propose_map
-from fifthwheel.data.logs.mapping.survey import LogSurvey, survey_log
+from fifthwheel.data.logs.map_text import as_toml
+from fifthwheel.data.logs.propose import LogSurvey, MapProposal, propose_map, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.source import LogSource
 from fifthwheel.estimate.identify.settings import Progress

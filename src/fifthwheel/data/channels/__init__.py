@@ -1,7 +1,7 @@
 """Channels: the quantities that signals have. Each is one object with all that the package knows of it.
 
 Checks, filters, time bases, estimators, signal maps and pages iterate them. To add a quantity, write its `Channel` in
-a module of this package and add it to `_ALL`; to `MEASURED` and `IDENTIFIED` if observers and identifications use it.
+`table.py` and add it to `ALL` there; to `MEASURED` and `IDENTIFIED` if observers and identifications use it.
 """
 
 import re
@@ -14,39 +14,33 @@ from typing import NamedTuple, Self
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.names import split_log
 from fifthwheel.base.units import is_unit
-from fifthwheel.data.channels.channel import Channel, ErrorKind, SensorModel, SignalLimits, SignalName, StateNoise
-from fifthwheel.data.channels.driving import BRAKING, DRIVING, ENGINE_SPEED, GRADE
-from fifthwheel.data.channels.inputs import SPEED, STEER
-from fifthwheel.data.channels.lateral import LATERAL_ACCELERATION, LATERAL_VELOCITY, SIDESLIP
-from fifthwheel.data.channels.others import (
-    ARTICULATION_RATE,
-    BANK,
-    COMPUTED,
-    COUPLING_FORCE,
-    LOAD_TRANSFER,
-    LONGITUDINAL_ACCELERATION,
-    PITCH,
-    PITCH_RATE,
-    PREDICTED_LOAD_TRANSFER,
-    SLIP_ANGLE,
-    STEER_RATE,
-    VERTICAL_ACCELERATION,
-    YAW,
-    YAW_ACCELERATION,
-)
-from fifthwheel.data.channels.rotation import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE
-from fifthwheel.data.channels.weights import AXLE_LOAD, GROSS_WEIGHT, WEIGHT, WEIGHTS
-from fifthwheel.data.channels.wheels import WHEEL_SPEED, WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.channels.channel import Channel as Channel
+from fifthwheel.data.channels.channel import ErrorKind, SensorModel, SignalLimits, StateNoise
+from fifthwheel.data.channels.channel import SignalName as SignalName
+from fifthwheel.data.channels.table import ALL
+from fifthwheel.data.channels.table import ARTICULATION as ARTICULATION
+from fifthwheel.data.channels.table import AXLE_LOAD as AXLE_LOAD
+from fifthwheel.data.channels.table import BRAKING as BRAKING
+from fifthwheel.data.channels.table import DRIVING as DRIVING
+from fifthwheel.data.channels.table import ENGINE_SPEED as ENGINE_SPEED
+from fifthwheel.data.channels.table import GRADE as GRADE
+from fifthwheel.data.channels.table import GROSS_WEIGHT as GROSS_WEIGHT
+from fifthwheel.data.channels.table import LATERAL_ACCELERATION as LATERAL_ACCELERATION
+from fifthwheel.data.channels.table import LATERAL_VELOCITY as LATERAL_VELOCITY
+from fifthwheel.data.channels.table import LOAD_TRANSFER as LOAD_TRANSFER
+from fifthwheel.data.channels.table import PREDICTED_LOAD_TRANSFER as PREDICTED_LOAD_TRANSFER
+from fifthwheel.data.channels.table import ROLL as ROLL
+from fifthwheel.data.channels.table import ROLL_RATE as ROLL_RATE
+from fifthwheel.data.channels.table import SIDESLIP as SIDESLIP
+from fifthwheel.data.channels.table import SPEED as SPEED
+from fifthwheel.data.channels.table import STEER as STEER
+from fifthwheel.data.channels.table import WEIGHT as WEIGHT
+from fifthwheel.data.channels.table import WEIGHTS as WEIGHTS
+from fifthwheel.data.channels.table import WHEEL_SPEED as WHEEL_SPEED
+from fifthwheel.data.channels.table import WHEEL_SPEED_DIFFERENCE as WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.channels.table import YAW_RATE as YAW_RATE
 
-_ALL = (
-    *(*WEIGHTS, WHEEL_SPEED_DIFFERENCE, WHEEL_SPEED, SPEED, STEER_RATE, STEER, ARTICULATION_RATE, ARTICULATION),
-    *(YAW_ACCELERATION, YAW_RATE),
-    *(ROLL_RATE, PITCH_RATE, LATERAL_ACCELERATION, LONGITUDINAL_ACCELERATION, VERTICAL_ACCELERATION),
-    *(LATERAL_VELOCITY, SIDESLIP, ROLL, PITCH, YAW, SLIP_ANGLE, BANK, COUPLING_FORCE),
-    *(LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, *DRIVING, *COMPUTED),
-)
-"""In the order in which their patterns are compared with the name of a column: special ones first."""
-CHANNELS: dict[str, Channel] = {channel.quantity: channel for channel in _ALL}
+CHANNELS: dict[str, Channel] = {channel.quantity: channel for channel in ALL}
 """By quantity; `register` adds to this and to the lists below."""
 INPUTS = (SPEED, STEER)
 """Of the model, which needs them at every instant."""
@@ -62,15 +56,15 @@ MOTION = (YAW_RATE, ARTICULATION, LATERAL_ACCELERATION)
 """Those of which one, of any unit, is enough for an identification; roll rates alone are not."""
 GYROS = (YAW_RATE, ROLL_RATE)
 """Those whose delay is the latency of a gyro."""
-MODELLED = [channel for channel in _ALL if channel.model and channel.of == "unit"]
+MODELLED = [channel for channel in ALL if channel.model and channel.of == "unit"]
 """What the model gives for a sensor on a unit."""
 PLACE_KINDS = ("position", "height")
 """Errors of a sensor whose output depends on its place: where it is, absolute."""
 REFERENCE = "reference."
 """Prefix of the header of a reference signal, which no estimator uses."""
 _NAME = re.compile(r"[a-z][a-z0-9_]*(\.[A-Za-z0-9_-]+)*")
-_ERROR_UNITS = {error.kind: error.unit for channel in _ALL for error in channel.errors if error.unit}
-_ERROR_KINDS = {error.kind for channel in _ALL for error in channel.errors}
+_ERROR_UNITS = {error.kind: error.unit for channel in ALL for error in channel.errors if error.unit}
+_ERROR_KINDS = {error.kind for channel in ALL for error in channel.errors}
 
 
 def register(channel: Channel) -> None:
@@ -96,7 +90,7 @@ def register(channel: Channel) -> None:
         yaw_rate: is a quantity of fifthwheel; give yours another name
     """
     quantity, model = channel.quantity, channel.model
-    if any(quantity == own.quantity for own in _ALL):
+    if any(quantity == own.quantity for own in ALL):
         raise SignalError(f"{quantity}: is a quantity of fifthwheel; give yours another name")
     if not _NAME.fullmatch(quantity) or "." in quantity:
         raise SignalError(f"quantity: expected small letters, digits and _, got {quantity!r}; correct it")
@@ -136,27 +130,23 @@ def register_state(name: str, unit: str, initial_sigma: float) -> None:
     if not _NAME.fullmatch(name) or not unit_name:
         raise SignalError(f"{name}: expected quantity.unit, such as 'actuator.semitrailer'; correct it")
     known = CHANNELS.get(quantity)
-    if any(quantity == channel.quantity for channel in _ALL):
+    if any(quantity == channel.quantity for channel in ALL):
         raise SignalError(f"{name}: {quantity} is another quantity; give yours another name")
     if known and known.unit != unit:
         cure = f"give it the unit {known.unit}, or another name"
         raise SignalError(f"{name}: {quantity} has the unit {known.unit} in this process, got {unit}; {cure}")
     noise = StateNoise(process=0.0, observer_process=0.0, initial_sigma=initial_sigma)
     if known is None or known.state != noise:
-        _list(replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise), known)
-
-
-def _list(channel: Channel, former: Channel | None) -> None:
-    """Put a channel in the place of a former one; `former` may be in some of the lists."""
-    for listed in (MEASURED, IDENTIFIED, MODELLED):
-        listed[:] = [channel if other is former else other for other in listed]
-    CHANNELS[channel.quantity] = channel
+        channel = replace(known or Channel(quantity=quantity, unit=unit, model=OWN_STATE), state=noise)
+        for listed in (MEASURED, IDENTIFIED, MODELLED):
+            listed[:] = [channel if other is known else other for other in listed]
+        CHANNELS[quantity] = channel
 
 
 def own_channels(names: Iterable[str]) -> tuple[Channel, ...]:
     """The registered channels of some signals."""
     channels = {channel_of(name): None for name in names}
-    return tuple(c for c in channels if c and c not in _ALL and c.model is not OWN_STATE)
+    return tuple(c for c in channels if c and c not in ALL and c.model is not OWN_STATE)
 
 
 def channel_of(name: str) -> Channel | None:
@@ -332,61 +322,3 @@ def error_kinds(signal: str) -> tuple[str, ...]:
     if channel is None or channel not in channels_with_errors():
         return ()
     return tuple(error.kind for error in channel.errors)
-
-
-__all__ = [
-    "ARTICULATION",
-    "AXLE_LOAD",
-    "BANK",
-    "BRAKING",
-    "CHANNELS",
-    "DRIVING",
-    "ENGINE_SPEED",
-    "GRADE",
-    "GROSS_WEIGHT",
-    "GYROS",
-    "IDENTIFIED",
-    "INPUTS",
-    "LATERAL_ACCELERATION",
-    "LATERAL_VELOCITY",
-    "LEARNED",
-    "LOAD_TRANSFER",
-    "MEASURED",
-    "MODELLED",
-    "PLACE_KINDS",
-    "PREDICTED_LOAD_TRANSFER",
-    "REFERENCE",
-    "ROLL",
-    "ROLL_RATE",
-    "SIDESLIP",
-    "SPEED",
-    "STEER",
-    "USUAL",
-    "WEIGHT",
-    "WEIGHTS",
-    "WHEEL_SPEED",
-    "WHEEL_SPEED_DIFFERENCE",
-    "YAW",
-    "YAW_RATE",
-    "Channel",
-    "SensorErrorName",
-    "SignalLimits",
-    "SignalName",
-    "channel_of",
-    "channels_with_errors",
-    "checked_name",
-    "error_kinds",
-    "header",
-    "is_input",
-    "is_of",
-    "is_sensor_error",
-    "limit_of",
-    "measured_signals",
-    "missing_for_mass",
-    "names_of",
-    "own_channels",
-    "register",
-    "si_unit",
-    "split_header",
-    "split_reference",
-]

@@ -1,7 +1,7 @@
 """`Channel`: everything that the package knows of one measured or computed quantity. The names of signals."""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass, field
 from functools import lru_cache, partial
 from typing import Any, Literal, NamedTuple, Self
 
@@ -217,11 +217,12 @@ GAIN = partial(ErrorKind, kind="gain", unit="1", gross=0.4, weight=2.0)
 DELAY = partial(ErrorKind, kind="delay", unit="s", gross=0.3, weight=2.0)
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class NamePattern:
     """A regular expression for names of columns, in small letters with "_" before, between and after the words."""
 
     pattern: str
+    _: KW_ONLY
     excluded: str = ""
     """What must not occur in the name."""
     own: str = ""
@@ -230,6 +231,11 @@ class NamePattern:
     """The part of the signal that such a name has."""
     generic: bool = False
     """Whether it is tried only after the patterns of all channels, because other names contain it too."""
+
+
+def named(pattern: str, **options: Any) -> tuple[NamePattern]:
+    """The only pattern of a channel; `options` are fields of `NamePattern`."""
+    return (NamePattern(pattern, **options),)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

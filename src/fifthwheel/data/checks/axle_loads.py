@@ -89,19 +89,16 @@ def mean_weights(records: Sequence[Record]) -> dict[str, tuple[float, float]]:
     for record in records:
         for name, load in static_weights(record).items():
             found.setdefault(name, []).append((record, load))
-    return {name: _mean(name, loads) for name, loads in found.items()}
-
-
-def _mean(name: str, loads: Sequence[tuple[Record, StaticLoad]]) -> tuple[float, float]:
-    """Mean and standard deviation of a signal from its records and its loads in them, N."""
-    scales = {_scale(record, name) for record, _ in loads}
-    value = float(np.mean([load.value for _, load in loads]))
-    if len(scales) > 1:
-        raise SignalError(f"{name}: expected one gain in all logs; read them with the same signals.toml")
-    if not value > 0:
-        raise SignalError(f"{name}: expected above 0 N, got {value:.0f} N; check column and unit in signals.toml")
-    (scale,) = scales
-    return value, math.hypot(scale * value, *(load.scatter / len(loads) for _, load in loads))
+    means = {}
+    for name, loads in found.items():
+        scale, *others = {_scale(record, name) for record, _ in loads}
+        value = float(np.mean([load.value for _, load in loads]))
+        if others:
+            raise SignalError(f"{name}: expected one gain in all logs; read them with the same signals.toml")
+        if not value > 0:
+            raise SignalError(f"{name}: expected above 0 N, got {value:.0f} N; check column and unit in signals.toml")
+        means[name] = value, math.hypot(scale * value, *(load.scatter / len(loads) for _, load in loads))
+    return means
 
 
 def _scale(record: Record, name: str) -> float:

@@ -19,8 +19,8 @@ from fifthwheel.data.channels import STEER, YAW_RATE, SignalName, channel_of, is
 from fifthwheel.data.channels.channel import Turn, TurnRelation
 from fifthwheel.data.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.data.checks.samples import MAX_SPEED, present_samples
+from fifthwheel.data.record.derived import all_pairs, sides_of, with_differences
 from fifthwheel.data.record.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs, sides_of, with_differences
 
 _STEP = 0.05
 """s; step of the common time on which signals are compared."""

@@ -24,8 +24,8 @@ from fifthwheel.data.channels import (
 from fifthwheel.data.checks.findings import Fault, Finding, error, remedy_text, warning
 from fifthwheel.data.checks.kinematics import kinematic_findings
 from fifthwheel.data.checks.samples import dropouts, present_samples, spikes, stuck, without_spikes
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.data.record.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
 from fifthwheel.data.record.timestamps import is_hour
 
 MIN_SPEED = 5.0

@@ -178,26 +178,21 @@ def stuck(record: Record, name: str, min_speed: float) -> Iterator[Finding]:
 def _turns(record: Record, name: str, start: float, stop: float, min_speed: float) -> bool:
     """Whether the vehicle moves from start to stop, s, and a signal other than `name` changes as in a turn."""
     parts = min(math.ceil((stop - start) / _MANOEUVRE), _MAX_PARTS)
-    times = np.linspace(start, stop, parts + 1).tolist()
-    return any(_turns_within(record, name, start, span, min_speed) for span in pairwise(times))
-
-
-def _turns_within(record: Record, name: str, start: float, span: tuple[float, float], min_speed: float) -> bool:
-    """The same within a span of a time that begins at start, s."""
-    rows = slice(*np.searchsorted(record.time, [span[0], span[1] + 1e-9]))
-    speed = record.signals["speed"][rows]
-    if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
-        return False
     driven = is_input(name)
     factor = 2.0 if driven else 1.0  # steer is constant in a steady turn, and other signals follow it late
-    for other, values in record.signals.items():
-        limit = limit_of(other)
-        late = driven and SignalName.of(other).unit != SignalName.of(name).unit
-        settled = record.time[rows] >= start + SETTLING_TIME * late  # the units behind still turn
-        within = values[rows][settled]
-        within = within[~np.isnan(within)]
-        if other != name and limit is not None and within.size > 3:
-            low, high = np.quantile(within, [0.1, 0.9])
-            if high - low > factor * limit.turn:
-                return True
+    for begin, end in pairwise(np.linspace(start, stop, parts + 1).tolist()):
+        rows = slice(*np.searchsorted(record.time, [begin, end + 1e-9]))
+        speed = record.signals["speed"][rows]
+        if not np.any(speed > min_speed) or np.nanmedian(speed) < min_speed:
+            continue
+        for other, values in record.signals.items():
+            limit = limit_of(other)
+            late = driven and SignalName.of(other).unit != SignalName.of(name).unit
+            settled = record.time[rows] >= start + SETTLING_TIME * late  # the units behind still turn
+            within = values[rows][settled]
+            within = within[~np.isnan(within)]
+            if other != name and limit is not None and within.size > 3:
+                low, high = np.quantile(within, [0.1, 0.9])
+                if high - low > factor * limit.turn:
+                    return True
     return False

@@ -15,10 +15,9 @@ from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks.samples import impossible_samples, spike_mask, spike_note
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, relative_cure
 from fifthwheel.data.logs.source import Chunk, LogSource, ReadProgress, no_progress
-from fifthwheel.data.record.held import HeldSamples, Renewals
 from fifthwheel.data.record.record import EARLIEST_DATE, Record
 from fifthwheel.data.record.resample import DECIMATION_RATIO, StreamDecimator, snap_to_grid
-from fifthwheel.data.record.timestamps import implausible_timestamps, typical_step
+from fifthwheel.data.record.timestamps import HeldSamples, Renewals, implausible_timestamps, typical_step
 
 Window = tuple[float, float]
 """First and last instant, s."""
@@ -112,8 +111,7 @@ def _outside(
     log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
 ) -> Iterator[Chunk]:
     """The samples outside the windows; a SignalError if there are none."""
-    named = signal_map.time.column
-    rows, left = log.find(named) if named else log.row_time, False
+    rows, left = _row_time(log, signal_map), False
     for chunk in log.chunks({*columns, rows or ""} - {""}):
         time = log.times(chunk, rows, signal_map.time.unit)
         if time is None:
@@ -258,22 +256,20 @@ def _sources(
                     "a time column of the same group, or delete `time` in signals.toml"
                 )
         else:
-            timestamps = _Timestamps(clock, "" if clock else _row_time(log, signal_map, signal), "")
+            rows = None if clock else _row_time(log, signal_map)
+            if rows is None and not clock:
+                raise SignalError(
+                    f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
+                    f'{", ".join(log.columns)}); give the time column in signals.toml:\n[time]\ncolumn = "..."'
+                )
+            timestamps = _Timestamps(clock, rows or "", "")
         sources.append((timestamps, column))
     return sources
 
 
-def _row_time(log: LogSource, signal_map: SignalMap, signal: str) -> str:
-    """The column with the time of a table's rows."""
-    if signal_map.time.column is not None:
-        return log.find(signal_map.time.column)
-    column = log.row_time
-    if column is None:
-        raise SignalError(
-            f"{log.name}: {signal} has no timestamps: the log has no column named 'time' or 't' (columns: "
-            f'{", ".join(log.columns)}); give the time column in signals.toml:\n[time]\ncolumn = "..."'
-        )
-    return column
+def _row_time(log: LogSource, signal_map: SignalMap) -> str | None:
+    """The column with the time of a table's rows, if there is one."""
+    return log.row_time if signal_map.time.column is None else log.find(signal_map.time.column)
 
 
 def _samples(

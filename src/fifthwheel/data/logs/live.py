@@ -117,18 +117,17 @@ class LiveMap:
                     samples.popleft()
             elif not math.isnan(value):
                 self._at(at)[signal] = value
-        complete = sorted(at for at in self._waiting if at <= time - self.latency + SAME_INSTANT)
-        return [self._released(at) for at in complete]
+        released = []
+        for at in sorted(at for at in self._waiting if at <= time - self.latency + SAME_INSTANT):
+            found = {name: self._input(name, at) for name in self._inputs} | self._waiting.pop(at)
+            present = {name: found[name] for name in self._channels if not math.isnan(found.get(name, math.nan))}
+            released.append({"time": at, **present})
+        return released
 
     def _at(self, time: float) -> dict[str, float]:
         """The measurements that wait at an instant; instants closer than `SAME_INSTANT` are one."""
         same = next((at for at in self._waiting if abs(at - time) <= SAME_INSTANT), time)
         return self._waiting.setdefault(same, {})
-
-    def _released(self, time: float) -> dict[str, float]:
-        signals = {name: self._input(name, time) for name in self._inputs} | self._waiting.pop(time)
-        present = {name: signals[name] for name in self._channels if not math.isnan(signals.get(name, math.nan))}
-        return {"time": time, **present}
 
     def _input(self, name: str, time: float) -> float:
         """An input at an instant, interpolated; NaN after its last sample."""

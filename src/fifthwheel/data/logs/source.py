@@ -20,6 +20,14 @@ _TIME_WORD = re.compile(rf"time|zeit|stamp|datum|date|\b({'|'.join(TIME_COLUMNS[
 _WITH_UNIT = re.compile(rf"({'|'.join(TIME_COLUMNS)})[ _.]*[(\[]?(s|sec|seconds|sekunden)[)\]]?")
 """A name of the time that ends with its unit, such as "t_s"; seconds only, because a map has no unit of the time."""
 _TIME_UNITS = ("s", "ms", "us", "µs", "ns", "sec")
+PARTS = 8
+"""Of a large file that are read as its sample."""
+_LARGE = 100e6
+"""Bytes of a file from which on it is sampled, if the caller wants a sample."""
+_PART = 3e6
+"""Bytes of a part, at least."""
+_SAMPLED = 0.08
+"""Fraction of a file that its parts hold, at least; checks of a record with less refuse it as mostly gaps."""
 
 ReadProgress = Callable[[float], None]
 """Receives the fraction of the file that has been read, 0 to 1; may raise an exception to stop."""
@@ -130,6 +138,10 @@ class LogSource(ABC):
         """Date and time of instant 0, s since 1970, where the file has one and its timestamps count from there."""
         self.sampled = False
         """Whether only a sample of the file is read; see `sample`."""
+        self.size = 0
+        """Bytes of a file that can be sampled; 0 where the reader cannot skip a part."""
+        self.opening_notes: list[str] = []
+        """Notes that do not depend on the columns that are read."""
 
     @property
     def row_time(self) -> str | None:
@@ -143,8 +155,15 @@ class LogSource(ABC):
         May be called again. A damaged file gives its intact samples, and a note that says where the damage begins.
         """
 
-    def sample(self) -> None:  # noqa: B027  a reader may read all
-        """Read only a sample of a large file, which a note describes; a reader that cannot skip a part reads all."""
+    def sample(self) -> None:
+        """Read only a sample of a large file, which a note describes: parts that are spread evenly over it."""
+        if self.size > _LARGE:
+            self.sampled = True
+            read = f"a sample of {PARTS * part_size(self.size) / 1e6:.0f} of {self.size / 1e6:.0f} MB was read"
+            self.opening_notes.append(
+                f"{read}, in {PARTS} parts of the file: ranges, missing samples and findings are those of the sample"
+            )
+            self.note(*self.opening_notes)
 
     def find(self, text: str) -> str:
         """Name of the column that a text refers to: its name, its name with a unit in brackets, or without "@source".
@@ -195,3 +214,19 @@ class LogSource(ABC):
 
     def __exit__(self, *error: object) -> None:
         self.close()
+
+
+def part_size(size: int) -> int:
+    """Bytes of each part of a file of this size, bytes."""
+    return int(max(_PART, _SAMPLED * size / PARTS))
+
+
+def parts_of(count: int, size: int) -> list[tuple[int, int]]:
+    """First of each part, and the one after its last, of `count` samples of a file of this size, bytes."""
+    length = min(count, max(1, round(count * part_size(size) / size)))
+    starts = [k * (count - length) // (PARTS - 1) for k in range(PARTS)]
+    parts: list[tuple[int, int]] = []
+    for start in starts:  # those of few samples overlap
+        first = max(start, parts[-1][1]) if parts else start
+        parts += [(first, start + length)] if start + length > first else []
+    return parts

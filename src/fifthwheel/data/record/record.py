@@ -17,9 +17,9 @@ from fifthwheel.base.extras import require
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.units import factor
-from fifthwheel.data.channels import REFERENCE, checked_name, si_unit, split_reference
+from fifthwheel.data.channels import CHANNELS, REFERENCE, SignalName, checked_name, si_unit, split_reference
 from fifthwheel.data.channels.sensors import SensorPrior
-from fifthwheel.data.record.timestamps import require_increasing, typical_step
+from fifthwheel.data.record.timestamps import missing_fraction, require_increasing, typical_step
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -301,9 +301,30 @@ class Record(ComparedByContents):
         Raises:
             SignalError: a name is not in the record.
         """
-        from fifthwheel.data.record.display import channel_plot
+        from fifthwheel.base.formatting import shown
+        from fifthwheel.base.plots import Axis, Line, Panel, Plot
+        from fifthwheel.base.plots.items import Dash
+        from fifthwheel.base.plots.palette import CYCLE
 
-        return channel_plot(self.time, self._channels(), names, self.name)
+        channels = self._channels()
+        for name in names:
+            if name not in channels:
+                raise SignalError(f"{name}: not in {self.name}; {suggestion(name, channels)}")
+        signals = {name: SignalName.of(split_reference(name)[0]) for name in names or channels}
+        places = dict.fromkeys(signal.place for signal in signals.values())
+        colours = {place: CYCLE[k % len(CYCLE)] for k, place in enumerate(places)}
+        panels = []
+        for quantity in dict.fromkeys(signal.quantity for signal in signals.values()):
+            unit, lines = shown(CHANNELS[quantity].unit), []
+            for name in (name for name, signal in signals.items() if signal.quantity == quantity):
+                place, reference = signals[name].place, name.startswith(REFERENCE)
+                label = ", ".join(filter(None, (place, "reference" if reference else "")))
+                dash: Dash = "dash" if reference else "solid"
+                values = channels[name] * unit.factor
+                lines.append(Line(self.time, values, name=label, colour=colours[place], dash=dash, gaps=True))
+            axis = Axis(label=quantity.replace("_", " "), unit=unit.name)
+            panels.append(Panel(items=lines, x=Axis(label="time", unit="s"), y=axis))
+        return Plot(panels=panels, title=self.name)
 
     def _channels(self) -> dict[str, Array]:
         """Signals and reference signals by name, the latter with "reference."."""
@@ -330,10 +351,23 @@ class Record(ComparedByContents):
         return f"Record({self.name!r}, {self._extent()}: {listed})"
 
     def _repr_html_(self) -> str:
-        """What a notebook shows: a table of the channels."""
-        from fifthwheel.data.record.display import channel_page
+        """What a notebook shows: unit, rate, range, missing samples and course of each channel, and the notes."""
+        from fifthwheel.base import pages
+        from fifthwheel.base.formatting import digits, percent, shown
+        from fifthwheel.base.pages.html import course, notebook
 
-        return channel_page(self.time, self._channels(), self.name, self._extent(), self.notes)
+        rows = []
+        for name, values in self._channels().items():
+            present = np.isfinite(values)
+            unit = shown(CHANNELS[SignalName.of(split_reference(name)[0]).quantity].unit)
+            step = typical_step(self.time[present])
+            rate = f"{1 / step:.3g} Hz" if step > 0 else "–"
+            ends = [values[present].min(), values[present].max()] if present.any() else [np.nan, np.nan]
+            low, high = (digits(float(end) * unit.factor, 3) for end in ends)
+            missing = percent(fraction) if (fraction := missing_fraction(self.time, values)) else ""
+            rows.append((name, unit.name, rate, low, high, missing, course(self.time, values)))
+        table = pages.Table(("Signal", "Unit", "Rate", "Lowest", "Highest", "Missing", "Course"), rows)
+        return notebook(pages.Document(self.name, [pages.Paragraph(self._extent()), table, pages.Items(self.notes)]))
 
     def __reduce__(self) -> tuple[Any, ...]:
         return partial(Record, **{f.name: getattr(self, f.name) for f in fields(self)}), ()

@@ -14,7 +14,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.names import NumberedName, ParameterPath, split_log
 from fifthwheel.data.checks import Finding
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.estimate.design.predict import InformationPredictor, PredictedPosterior
 from fifthwheel.estimate.design.remedies import PredictedRemedies, Remedy, lane_change_information
 from fifthwheel.estimate.filters import variances

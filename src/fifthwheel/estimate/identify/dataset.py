@@ -27,7 +27,7 @@ from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import Finding, raise_errors
 from fifthwheel.data.checks.samples import without_spikes
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration
+from fifthwheel.data.record.derived import largest_lateral_acceleration
 from fifthwheel.data.record.record import parts_where, segments_above
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.filters.step_rows import SpeedCurve

@@ -14,7 +14,7 @@ import numpy as np
 from fifthwheel.base.names import NumberedName
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, SignalName
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.estimate.filters import variances
 from fifthwheel.estimate.identify.dataset import Dataset, LogData, measured_columns
 from fifthwheel.estimate.identify.one_stage.estimator import EARLY_TOLERANCE

@@ -22,7 +22,7 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs
+from fifthwheel.data.record.derived import all_pairs
 from fifthwheel.estimate.identify.settings import ROLL_PARAMETERS, CommonSettings, OneStage
 from fifthwheel.estimate.identify.setup import with_tyre_law
 from fifthwheel.estimate.identify.statement import (

@@ -18,7 +18,7 @@ from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, MEASURED, WHEEL_SPEED_DIFFERENCE, SignalName, measured_signals, names_of
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import sample_with_differences, sides_of
+from fifthwheel.data.record.derived import sample_with_differences, sides_of
 from fifthwheel.estimate.filters.variances import require_units
 from fifthwheel.estimate.observe import monitor, offline
 from fifthwheel.estimate.observe.observer_model import ObserverModel, signals_with_position

@@ -17,7 +17,7 @@ from fifthwheel.base.plots.palette import BLUE, GREY, ORANGE, PURPLE, VERMILLION
 from fifthwheel.base.plots.panels import trimmed, visible_range
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.data.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, names_of, si_unit
-from fifthwheel.data.channels.others import HORIZON
+from fifthwheel.data.channels.table import HORIZON
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.stream import Status
 

@@ -21,7 +21,7 @@ from fifthwheel.base.names import ParameterPath
 from fifthwheel.data.channels import CHANNELS
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs, sample_with_differences, with_differences
+from fifthwheel.data.record.derived import all_pairs, sample_with_differences, with_differences
 from fifthwheel.estimate.identify.doubts import Doubt
 from fifthwheel.estimate.identify.given import applied, with_sensors
 from fifthwheel.estimate.identify.knowledge.information import Labels, Occasion

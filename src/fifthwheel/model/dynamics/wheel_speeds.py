@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.wheel_speeds import all_pairs, with_differences
+from fifthwheel.data.record.derived import all_pairs, with_differences
 from fifthwheel.truck import Vehicle
 
 

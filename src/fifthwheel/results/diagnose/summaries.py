@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import PREDICTED_LOAD_TRANSFER, YAW_RATE, SignalName, names_of
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration, largest_mean
+from fifthwheel.data.record.derived import largest_lateral_acceleration, largest_mean
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.observe import States, Status
 from fifthwheel.results.diagnose.thresholds import MIN_SPEED

@@ -23,7 +23,7 @@ from fifthwheel.data.channels import (
 )
 from fifthwheel.data.checks.samples import without_spikes
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import estimate_noise_variance
+from fifthwheel.data.record.derived import estimate_noise_variance
 from fifthwheel.truck import Vehicle
 
 EVALUATED = (YAW_RATE, ARTICULATION, ROLL, LATERAL_ACCELERATION, SIDESLIP, LATERAL_VELOCITY)

@@ -11,7 +11,7 @@ from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
 from fifthwheel.base.plots.panels import visible_range
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.lateral_acceleration import lateral_acceleration
+from fifthwheel.data.record.derived import lateral_acceleration
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
 from fifthwheel.estimate.identify.result.display import DERIVED
 from fifthwheel.results.assess import Assessment

@@ -8,8 +8,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.checks import Finding
-from fifthwheel.data.logs.mapping.propose import MapProposal
-from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.data.logs.propose import ColumnContent, LogSurvey, MapProposal
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.timestamps import missing_fraction
 

@@ -15,7 +15,7 @@ from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.plots.palette import DARK, rgba
 from fifthwheel.data.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
-from fifthwheel.data.channels.lateral import SIDESLIP
+from fifthwheel.data.channels.table import SIDESLIP
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import States, Status
 from fifthwheel.estimate.observe.states import SHADES

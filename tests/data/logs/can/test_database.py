@@ -1,6 +1,7 @@
-"""Databases: every signal as cantools decodes it; messages by id, then by parameter group."""
+"""Databases: every signal as cantools decodes it, in frames of a log and in single frames."""
 
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import cantools
@@ -12,7 +13,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.data.logs.can.database import Bits, CanSignal, group, load
+from fifthwheel.data.logs.can.database import Bits, CanSignal, Frame, FrameDecoder, Quality, group, load
 
 DBC = """VERSION ""
 BU_: A
@@ -66,10 +67,15 @@ def test_every_signal_is_as_cantools_decodes_it(signal, data):
         floating=signal.is_float,
     )
     mine = CanSignal(name="s", bits=bits, scale=float(signal.scale), offset=float(signal.offset), unit=None)
-    ours = mine.values(np.frombuffer(b"".join(data), np.uint8).reshape(-1, 8), np.full(len(data), 8, np.int32))
+    frames, length = np.frombuffer(b"".join(data), np.uint8).reshape(-1, 8), np.full(len(data), 8, np.int32)
+    ours = mine.values(frames, length)
     theirs = np.array([float(message.decode(one)["s"]) for one in data])
     theirs[np.isinf(theirs)] = np.nan  # no value to us
     assert np.allclose(ours, theirs, rtol=1e-14, atol=1e-12, equal_nan=True)
+    for highest in (None, 1, 250, 0xFAFF):
+        limited = replace(mine, highest=highest)
+        assert all(map(limited.in_payload, data))
+        np.testing.assert_array_equal([limited.value(one) for one in data], limited.values(frames, length))
 
 
 @given(signal=signals(), length=st.integers(0, 8))
@@ -78,6 +84,8 @@ def test_a_short_frame_lacks_just_the_signals_that_cantools_lacks(signal, length
     bits = Bits(start=signal.start, length=signal.length, little=signal.byte_order == "little_endian")
     theirs = Message(1, "m", 8, [signal]).decode(bytes(length), allow_truncated=True)
     assert bits.present(np.array([length], np.int32)).tolist() == ["s" in theirs]
+    single = CanSignal(name="s", bits=bits, scale=1.0, offset=0.0, unit=None)
+    assert single.in_payload(bytes(length)) == ("s" in theirs)
 
 
 def database(tmp_path, text=DBC, name="a.dbc"):
@@ -234,3 +242,58 @@ def test_an_error_does_not_show_the_content_of_a_database(tmp_path: Path, ending
     with pytest.raises(SignalError, match="not a valid CAN database") as caught:
         load([path])
     assert "secret" not in str(caught.value)
+
+
+def test_gates_of_a_multiplexed_signal():
+    gate = ("mux", Bits(start=0, length=8), frozenset({3}))
+    signal = CanSignal(name="s", bits=Bits(start=8, length=8), scale=1.0, offset=0.0, unit=None, gates=(gate,))
+    assert signal.in_payload(b"\x03\x05")
+    assert signal.value(b"\x03\x05") == 5.0
+    assert not signal.in_payload(b"\x02\x05")
+
+
+SPEED = "CCVS.wheel_based_vehicle_speed"
+
+
+def test_a_frame_gives_the_columns_of_the_map():
+    decoder = FrameDecoder(load([]), [SPEED, "VDC2.yaw_rate@0B [rad/s]"])
+    assert decoder.columns == (f"{SPEED} [km/h]", "VDC2.yaw_rate@0B [rad/s]")
+    (reading,) = decoder.decode(Frame(0.0, 0x18FEF100, b"\xff\x00\x50" + b"\xff" * 5, True))
+    assert reading == (f"{SPEED} [km/h]", 80.0, Quality.VALID)
+    assert (
+        decoder.decode(Frame(0.0, 0x18FEF100, b"\xff\xff\xff" + b"\xff" * 5, True))[0].quality is Quality.NOT_AVAILABLE
+    )
+    assert decoder.decode(Frame(0.0, 0x18FEF100, b"\xff\x00", True))[0].quality is Quality.WRONG_LENGTH
+    assert decoder.decode(Frame(0.0, 0x18F0092F, bytes(8), True)) == []  # another source
+    assert len(decoder.decode(Frame(0.0, 0x18F0090B, bytes(8), True))) == 1
+    assert decoder.decode(Frame(0.0, 0x123, bytes(8))) == []
+
+
+def test_the_priority_of_a_message_may_change():
+    decoder = FrameDecoder(load([]), [SPEED])
+    for number in (0x18FEF100, 0x0CFEF100):
+        assert decoder.decode(Frame(0.0, number, bytes(8), True))
+    assert not decoder.other_sources
+
+
+def test_filters_accept_the_mapped_messages_only():
+    decoder = FrameDecoder(load([]), [SPEED])
+    accepted = [
+        number
+        for number in (0x18FEF100, 0x0CFEF1FE, 0x18F0090B, 0x18FEF200)
+        if any(number & f["can_mask"] == f["can_id"] for f in decoder.filters())
+    ]
+    assert accepted == [0x18FEF100, 0x0CFEF1FE]
+
+
+@pytest.mark.parametrize(
+    ("column", "message"),
+    [
+        ("CCVS1.speed", "no database has a message"),
+        ("CCVS.speed", "has no signal 'speed'"),
+        ("VDC2.yaw_rate@XY", "expected a source address"),
+    ],
+)
+def test_a_column_that_does_not_exist_is_refused(column, message):
+    with pytest.raises(SignalError, match=message):
+        FrameDecoder(load([]), [column])

@@ -16,7 +16,8 @@ from pyarrow import parquet
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import read_log
-from fifthwheel.data.logs.readers import isolated, limits, open_log
+from fifthwheel.data.logs.readers import child, isolated, open_log
+from fifthwheel.data.logs.readers.child import TooMuchError, receive, send
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="limits and forks of Linux")
 
@@ -112,7 +113,7 @@ def test_an_error_names_the_file_and_the_cure(log, fault):
 
 @LINUX
 def test_a_file_that_needs_too_much_memory(log, monkeypatch):
-    monkeypatch.setenv(limits.MEMORY, "1000")
+    monkeypatch.setenv(child.MEMORY, "1000")
     with pytest.raises(SignalError, match=r"needs more than 1000 MB; if it is intact, set FIFTHWHEEL_READER_MEMORY to"):
         log("memory")
 
@@ -134,7 +135,7 @@ def test_a_lower_limit_of_the_system_stays(tmp_path):
 @pytest.mark.parametrize("commands", [("hang",), ("", "block")])
 def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
     rows(log())  # the process has started, which is slow on a busy machine
-    monkeypatch.setenv(limits.SECONDS, "0.6")
+    monkeypatch.setenv(child.SECONDS, "0.6")
     with pytest.raises(
         SignalError, match=r"stopped after 1 s without progress.*If it is intact, set FIFTHWHEEL_READER_SECONDS"
     ):
@@ -143,16 +144,16 @@ def test_a_reader_without_progress_is_stopped(log, monkeypatch, commands):
 
 def test_a_reader_that_makes_progress_without_end_is_stopped(log, monkeypatch):
     rows(log())
-    monkeypatch.setattr(limits, "_TOTAL", 2)
-    monkeypatch.setenv(limits.SECONDS, "0.6")
+    monkeypatch.setattr(child, "_TOTAL", 2)
+    monkeypatch.setenv(child.SECONDS, "0.6")
     with pytest.raises(SignalError, match=r"stopped after 1 s\. The file is probably damaged"):
         log("crawl")
 
 
 def test_the_program_may_take_its_time(log, monkeypatch):
     rows(log())
-    monkeypatch.setattr(limits, "_TOTAL", 1)
-    monkeypatch.setenv(limits.SECONDS, "2")
+    monkeypatch.setattr(child, "_TOTAL", 1)
+    monkeypatch.setenv(child.SECONDS, "2")
     with log() as source:
         chunks = source.chunks(["x"])
         next(chunks)
@@ -161,10 +162,10 @@ def test_the_program_may_take_its_time(log, monkeypatch):
 
 
 def test_more_samples_than_permitted(log, monkeypatch):
-    monkeypatch.setenv(limits.SAMPLES, "0.1")
+    monkeypatch.setenv(child.SAMPLES, "0.1")
     with pytest.raises(SignalError, match=r"log\.faulty: its samples need more than 0 MB; map fewer .*SAMPLES to more"):
         rows(log())
-    monkeypatch.setenv(limits.SAMPLES, "0.5")
+    monkeypatch.setenv(child.SAMPLES, "0.5")
     with log() as source:
         assert rows(source) == rows(source) == 10_030  # the limit is that of one reading
 
@@ -178,7 +179,7 @@ def test_a_column_with_a_long_name_is_left_out(log):
         )
 
 
-@pytest.mark.parametrize(("name", "value"), [(limits.SECONDS, "soon"), (limits.MEMORY, "-1")])
+@pytest.mark.parametrize(("name", "value"), [(child.SECONDS, "soon"), (child.MEMORY, "-1")])
 def test_a_limit_that_is_no_number_is_refused(log, monkeypatch, name, value):
     monkeypatch.setenv(name, value)
     with pytest.raises(SignalError, match=f"{name} is '{value}', a positive number expected"):
@@ -275,7 +276,7 @@ def test_the_child_ends_with_its_parent(tmp_path, end, fault):
     code = (
         "import os; from pathlib import Path; from fifthwheel.data.logs.readers.isolated import open_isolated\n"
         "def log(name): return open_isolated(Path(name), 'tests.data.logs.readers.faulty', '', [], lambda done: None)\n"
-        f"log('good').close(); os.environ['{limits.SECONDS}'] = '1'; log('log.faulty')"
+        f"log('good').close(); os.environ['{child.SECONDS}'] = '1'; log('log.faulty')"
     )
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path), "TMPDIR": str(tmp_path)}
     parent = subprocess.Popen([sys.executable, "-c", code], env=environment, stderr=subprocess.DEVNULL, cwd=tmp_path)
@@ -322,3 +323,32 @@ def test_no_file_costs_the_import_of_pandas(tmp_path, monkeypatch, name):
     np.testing.assert_array_equal(chunk.values["speed"], [72, np.nan])
     isolated._end_idle_children()
     assert not (tmp_path / "imported").exists()
+
+
+COLUMNS = (
+    np.array([1.0, np.nan, -np.inf]),
+    np.arange(6.0)[::2],
+    np.zeros(0),
+    np.array([1, 2], np.int16),
+    np.array([True, False]),
+)
+
+
+@pytest.mark.parametrize("column", COLUMNS)
+def test_samples_come_through_bit_for_bit(column: np.ndarray) -> None:
+    reading, writing = os.pipe()
+    sender = threading.Thread(target=send, args=(writing, {"name": "\udcff"}, [column, column]))
+    sender.start()
+    head, samples = receive(reading, 1e6)
+    sender.join()
+    assert head == {"name": "\udcff"}
+    assert samples.dtype == np.float64
+    for array in samples.reshape(2, -1):
+        assert array.tobytes() == column.astype(float).tobytes()
+        array[:] = 0.0  # can be written to
+    send(writing, {}, [column])
+    if column.size:
+        with pytest.raises(TooMuchError):
+            receive(reading, 8 * column.size - 1)
+    os.close(reading)
+    os.close(writing)

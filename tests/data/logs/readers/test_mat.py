@@ -319,10 +319,11 @@ def test_no_other_file_is_read(tmp_path: Path) -> None:
         file.create_dataset("external", (50,), "f8", external=[(str(tmp_path / "secret"), 0, 400)])
         file.create_virtual_dataset("virtual", layout)
         file["link"] = h5py.ExternalLink(tmp_path / "other.h5", "y")
-        assert all((file[name][()] == T).all() for name in ("external", "virtual", "link"))
+        file["other"], file["soft"] = h5py.ExternalLink(tmp_path / "other.h5", "/"), h5py.SoftLink("/other/y")
+        assert all((file[name][()] == T).all() for name in ("external", "virtual", "link", "soft"))
     with open_log(tmp_path / "a.mat") as log:
         assert list(log.columns) == ["a"]
-        assert log.notes == ["3 variables left out, their data is in other files: external, link, virtual"]
+        assert log.notes == ["4 variables left out, their data is in other files: external, link, other, virtual"]
 
 
 def test_objects_that_contain_themselves_end(tmp_path: Path) -> None:

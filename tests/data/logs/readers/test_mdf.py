@@ -1,4 +1,4 @@
-"""ASAM MDF: written by asammdf, expected values computed here; and files of loggers beside asammdf alone."""
+"""ASAM MDF: written by asammdf, expected values computed here; files of loggers beside asammdf alone; formulas."""
 
 import warnings
 from pathlib import Path
@@ -14,8 +14,9 @@ from tests.data.logs.readers.reading import read
 pytest.importorskip("asammdf")
 from asammdf import MDF, Signal, Source
 
-from fifthwheel.data.logs.readers import mdf, sample
-from fifthwheel.data.logs.readers.mdf import open_log
+from fifthwheel.data.logs import source
+from fifthwheel.data.logs.readers import mdf
+from fifthwheel.data.logs.readers.mdf import MAX_FORMULA, evaluate, open_log
 
 T = np.arange(400) / 100
 RAW = (np.arange(400) % 160).astype("u1")
@@ -275,8 +276,8 @@ def test_a_sample_of_a_large_file_is_spread_over_each_group(
         tmp_path / "run.mf4", (signals, "imu"), ([Signal(3 * slow, slow, name="v")], "abs"),
         version=version, compression=compression, **layout,
     )  # fmt: skip
-    monkeypatch.setattr(sample, "_LARGE", 1e3)
-    monkeypatch.setattr(sample, "_PART", 10.0)
+    monkeypatch.setattr(source, "_LARGE", 1e3)
+    monkeypatch.setattr(source, "_PART", 10.0)
     monkeypatch.setattr(mdf, "_FRAGMENT", 1000)
     with open_log(path) as log:
         whole = {name: values for name, (_, values) in read(log).items()}
@@ -298,3 +299,67 @@ def test_a_small_file_is_read_as_a_whole(tmp_path: Path) -> None:
     with open_isolated_log(path, sample=True) as log:
         assert not log.sampled
         assert read(log)["v"][1].size == T.size
+
+
+X = np.linspace(0.0, 2.0, 100)
+
+
+@pytest.mark.parametrize(
+    ("formula", "expected"),
+    [
+        ("3*X1 + sin(X1)", 3 * X + np.sin(X)),
+        ("-(X - 2)**2 / 1e1", -((X - 2) ** 2) / 10),
+        ("pow(X, 3) + abs(-X) + log10(X + 1)", X**3 + X + np.log10(X + 1)),
+        ("P2 * X", 5 * X),
+    ],
+)
+def test_arithmetic_is_evaluated(formula: str, expected: np.ndarray) -> None:
+    assert evaluate(formula, {"X": X, "X1": X, "P2": 5.0}) == pytest.approx(expected)
+
+
+def test_integers_do_not_overflow() -> None:
+    assert evaluate("X**2", {"X": np.array([200], np.uint8)}) == [40000.0]
+
+
+@pytest.mark.parametrize(
+    "formula",
+    [
+        "__import__('os').getpid() + X", "f'{X}'", "X.size", "[X]", "(lambda: X)()", "open('/etc/passwd')", "Y",
+        "X and X", "sin(X, out=X)", "sin(*X)", "1j*X", "True*X", "'a'*9", "X if X else X", "(" * 300 + "X", "1" * 900,
+        "X+" * MAX_FORMULA + "X", "", "\0",
+    ],
+)  # fmt: skip
+def test_anything_else_is_refused(formula: str) -> None:
+    with pytest.raises(ValueError, match="formula"):
+        evaluate(formula, {"X": X})
+
+
+def test_a_tower_of_powers_is_a_float() -> None:
+    assert evaluate("9**9**9**9", {}) == np.inf
+
+
+ESCAPE = (
+    'X+0*len(f\'{[c for c in ().__class__.__base__.__subclasses__() if c.__name__=="catch_warnings"][0]()'
+    '._module.__builtins__["open"]("NAME","w")}\')'
+)
+"""The check of numexpr ignores what is between single quotes."""
+
+
+@pytest.mark.parametrize("version", ["3.30", "4.10"])
+@pytest.mark.parametrize("formula", ["X*0+len(str(open('NAME','w')))", ESCAPE])
+def test_a_formula_in_a_file_runs_no_code(tmp_path: Path, version: str, formula: str) -> None:
+    witness = tmp_path / "written"
+    formula = formula.replace("X", "X1" if version < "4" else "X").replace("NAME", str(witness))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        mdf = MDF(version=version)
+        mdf.append(
+            [Signal(X, T[:100], name="speed", conversion={"formula": formula}), Signal(X, T[:100], name="other")]
+        )
+        path = mdf.save(tmp_path / "log.mf4", overwrite=True)
+        mdf.close()
+    with open_isolated_log(path) as log:
+        assert not list(log.chunks(["speed"]))
+        assert "formula" in log.notes[0]
+        assert sum(chunk.values["other"].size for chunk in log.chunks(["other"])) == X.size
+    assert not witness.exists()

@@ -5,7 +5,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from fifthwheel.data.logs.readers import parquet, sample
+from fifthwheel.data.logs import source
+from fifthwheel.data.logs.readers import parquet
 
 
 @pytest.mark.parametrize("group", [50, 3000, 20_000])
@@ -13,8 +14,8 @@ def test_a_sample_of_a_large_file_is_spread_over_it(tmp_path, monkeypatch, group
     path = tmp_path / "run.parquet"
     rows = np.arange(20_000)
     pq.write_table(pa.table({"t": rows / 100, "r": 0.5 * rows}), path, row_group_size=group)
-    monkeypatch.setattr(sample, "_LARGE", 1e3)
-    monkeypatch.setattr(sample, "_PART", 10.0)
+    monkeypatch.setattr(source, "_LARGE", 1e3)
+    monkeypatch.setattr(source, "_PART", 10.0)
     monkeypatch.setattr(parquet, "_ROWS", 700)
     with parquet.open_log(path) as log:
         log.sample()

@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.data.channels import LATERAL_ACCELERATION
 from fifthwheel.data.record import Record
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.simulate import simulate

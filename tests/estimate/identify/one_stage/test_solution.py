@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.data.record.sensor_noise import article_gyro_variance
+from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.one_stage import solution
 from fifthwheel.model.simulate import simulate

@@ -7,7 +7,7 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.data.channels import SignalName
-from fifthwheel.data.channels.wheels import WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.channels.table import WHEEL_SPEED_DIFFERENCE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, identify

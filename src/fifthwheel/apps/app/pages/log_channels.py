@@ -14,7 +14,7 @@ from fifthwheel.base.errors import printable
 from fifthwheel.base.pages.html import COURSE_POINTS, course
 from fifthwheel.base.plots import Axis, Line, Panel, Plot, Span
 from fifthwheel.base.types import Array
-from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
+from fifthwheel.data.logs.propose import ColumnContent, LogSurvey
 from fifthwheel.data.logs.stored import StoredLog
 from fifthwheel.results.report.log_contents import column_cells
 

@@ -16,8 +16,8 @@ from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.data.checks import Finding
 from fifthwheel.data.logs import SignalMap
-from fifthwheel.data.logs.edited_map import with_channel, without_channel
-from fifthwheel.data.logs.mapping.propose import missing_signals
+from fifthwheel.data.logs.map_text import with_channel, without_channel
+from fifthwheel.data.logs.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
 from fifthwheel.truck import Vehicle
 

@@ -15,7 +15,7 @@ from fifthwheel.apps.live.status import LiveFault, NodeStatus
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.channels import si_unit
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.online import LearnedValue
 

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.extras import require
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 
 LONGEST_QUEUE = 20_000
 """Frames that may wait; further ones are dropped."""

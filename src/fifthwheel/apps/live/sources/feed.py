@@ -12,7 +12,7 @@ from pathlib import Path
 from fifthwheel.apps.live.node import SHOWN, Node, Output
 from fifthwheel.apps.live.sources.bus import Arrival, LiveBus
 from fifthwheel.apps.live.status import LiveFault
-from fifthwheel.data.logs.can.decoder import Frame
+from fifthwheel.data.logs.can.database import Frame
 from fifthwheel.data.logs.readers.can import read_frames
 
 IDLE = 0.003

@@ -1,36 +1,135 @@
-"""The child process that reads logs for a program: it runs the reader of the format, within limits.
+"""The child process that reads logs for a program, within limits: it runs the reader of the format.
 
-On Linux every file is read in a fork of the child, so the libraries are imported once for many files.
+On Linux every file is read in a fork of the child, so the libraries are imported once for many files. Parent and child
+exchange messages: a JSON head and columns of float64.
 """
 
 import contextlib
 import faulthandler
 import gc
 import importlib
+import json
+import math
 import os
 import queue
 import shutil
 import signal
+import struct
 import sys
 import tempfile
 import threading
 import time
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from importlib.abc import MetaPathFinder
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
+
+import numpy as np
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
-from fifthwheel.data.logs.readers.limits import MAX_COLUMNS, MAX_NAME, MEMORY
-from fifthwheel.data.logs.readers.messages import receive, send
 from fifthwheel.data.logs.source import Column, LogSource, reason
 
+SECONDS = "FIFTHWHEEL_READER_SECONDS"
+"""Environment variable: time without progress after which reading stops, s."""
+MEMORY = "FIFTHWHEEL_READER_MEMORY"
+"""Environment variable: memory of the reading process, MB; enforced on Linux."""
+SAMPLES = "FIFTHWHEEL_READER_SAMPLES"
+"""Environment variable: samples of one reading, MB at 8 bytes each."""
+DEFAULTS = {SECONDS: 60.0, MEMORY: 4000.0, SAMPLES: 1000.0}
+MAX_COLUMNS = 100_000
+"""Columns of a log; more are refused."""
+MAX_NAME = 1000
+"""Characters of a name or a description; a column with a longer name is left out, a description is cut."""
+_BYTES_PER_SECOND = 1e6
+"""The time limit grows with the file: a library may read all of it before it answers."""
+_TOTAL = 10
+"""Time limit for a whole reading as a multiple of that without progress."""
+_TOTAL_BYTES_PER_SECOND = 5e4
+"""The former grows with the file too."""
+_EXPANSION = 50
+"""Bytes by which the limit of samples grows for each byte of the file."""
+_HEAD = struct.Struct("<IQ")
 CURE = "copy it again from the logger, or save it again in the tool that wrote it"
 """What to do about a file that cannot be read."""
 _FORK = sys.platform == "linux"
 _PROGRESS_INTERVAL = 0.1
+
+
+@dataclass(frozen=True, kw_only=True)
+class FileLimits:
+    """Limits for one file."""
+
+    seconds: float
+    """Without progress, s."""
+    total_seconds: float
+    """For one reading, without the time that the program itself takes, s."""
+    memory: float
+    """Of the reading process, MB."""
+    samples: float
+    """Of one reading, bytes."""
+    written: float
+    """Size of each temporary file, bytes."""
+
+    @classmethod
+    def of_file(cls, size: int) -> Self:
+        """Limits for a file of this size in bytes; SignalError for an environment variable that is no number."""
+        return cls(
+            seconds=limit(SECONDS) + size / _BYTES_PER_SECOND,
+            total_seconds=_TOTAL * limit(SECONDS) + size / _TOTAL_BYTES_PER_SECOND,
+            memory=limit(MEMORY),
+            samples=1e6 * limit(SAMPLES) + _EXPANSION * size,
+            written=1e6 * limit(MEMORY) + size,
+        )
+
+
+def limit(name: str) -> float:
+    """The value of an environment variable, or its default."""
+    text = os.environ.get(name, "")
+    try:
+        value = float(text or DEFAULTS[name])
+    except ValueError:
+        value = 0.0
+    if not 0 < value < math.inf:
+        raise SignalError(f"{name} is {text!r}, a positive number expected, such as {DEFAULTS[name]:g}")
+    return value
+
+
+class TooMuchError(Exception):
+    """More samples than permitted."""
+
+
+def send(pipe: int, head: Mapping[str, Any], columns: Iterable[Array] = ()) -> None:
+    """Write a message to a pipe; the columns (n,) have the same length."""
+    text = json.dumps(head).encode()
+    samples = [np.ascontiguousarray(column, np.float64).view(np.uint8).data for column in columns]
+    start = memoryview(_HEAD.pack(len(text), sum(map(len, samples))) + text)
+    for rest in (start, *samples):
+        while rest:
+            rest = rest[os.write(pipe, rest) :]
+
+
+def receive(pipe: int, most: float = 0.0) -> tuple[dict[str, Any], Array]:
+    """The next message, its columns one after the other, at most this many bytes of them.
+
+    EOFError where the other process has ended.
+    """
+    text, body = _HEAD.unpack(_read_bytes(pipe, _HEAD.size))
+    head = json.loads(_read_bytes(pipe, text))
+    if body > most:
+        raise TooMuchError
+    return head, np.frombuffer(_read_bytes(pipe, body), np.float64)
+
+
+def _read_bytes(pipe: int, size: int) -> bytearray:
+    data = bytearray()
+    while len(data) < size:
+        part = os.read(pipe, min(size - len(data), 1 << 20))
+        if not part:
+            raise EOFError
+        data += part
+    return data
 
 
 class _WithoutPandas(MetaPathFinder):

@@ -21,9 +21,17 @@ from typing import Any
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
-from fifthwheel.data.logs.readers.child import CURE
-from fifthwheel.data.logs.readers.limits import MEMORY, SAMPLES, SECONDS, FileLimits, limit
-from fifthwheel.data.logs.readers.messages import TooMuchError, receive, send
+from fifthwheel.data.logs.readers.child import (
+    CURE,
+    MEMORY,
+    SAMPLES,
+    SECONDS,
+    FileLimits,
+    TooMuchError,
+    limit,
+    receive,
+    send,
+)
 from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress
 
 _IDLE_CHILDREN = 2
@@ -41,7 +49,7 @@ def start_reader() -> None:
 
     It imports its libraries while the caller does other things.
     """
-    child = _idle_child() or _started_child()
+    child = _waiting_child()
     with _lock:
         _idle.append(child)
 
@@ -61,14 +69,21 @@ def open_isolated(
     than the limit, or if its library is not installed.
     """
     limits = FileLimits.of_file(path.stat().st_size)
-    child = _idle_child() or _started_child()
+    child = _waiting_child()
     child.name, child.format_name, child.ended = path.name, format_name, False
     child.limits, child.folder = limits, tempfile.mkdtemp(prefix="fifthwheel-")
-    request: dict[str, Any] = {"path": str(path.absolute()), "name": path.name, "module": module}
-    request |= {"format": format_name, "sample": sample}
-    files = [str(Path(database).absolute()) for database in databases]
+    request = {
+        "path": str(path.absolute()),
+        "name": path.name,
+        "module": module,
+        "format": format_name,
+        "sample": sample,
+        "limits": asdict(limits),
+        "folder": child.folder,
+        "databases": [str(Path(database).absolute()) for database in databases],
+    }
     try:
-        child.send(request | {"limits": asdict(limits), "folder": child.folder, "databases": files})
+        child.send(request)
         while "columns" not in (head := child.receive()[0]):
             progress(head["done"])
     except BaseException:
@@ -123,7 +138,7 @@ class _Child:
     """File descriptor to write to."""
     replies: int
     """File descriptor to read from."""
-    owner: int
+    owner: int = field(default_factory=os.getpid)
     """Process that has started it; a fork of that one leaves it alone."""
     name: str = ""
     format_name: str = ""
@@ -191,12 +206,9 @@ class _Child:
 
     def kill(self) -> None:
         """End the process with all that it has started."""
-        if self.process.poll() is None:
-            self._signal()
-        self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            if pipe is not None:
-                pipe.close()
+        with self.process:  # closes the pipes, and waits
+            if self.process.poll() is None:
+                self._signal()
 
     def _expire(self) -> None:
         self.expired = True
@@ -231,16 +243,13 @@ _idle: list[_Child] = []
 _lock = threading.Lock()
 
 
-def _idle_child() -> _Child | None:
+def _waiting_child() -> _Child:
+    """A child that waits for a file, else a new one."""
     with _lock:
         while _idle:
             child = _idle.pop()
             if child.process.poll() is None:
                 return child
-    return None
-
-
-def _started_child() -> _Child:
     process = subprocess.Popen(
         [sys.executable, "-P", "-W", "ignore", "-c", _START],
         stdin=subprocess.PIPE,
@@ -252,7 +261,7 @@ def _started_child() -> _Child:
     )
     assert process.stdin is not None
     assert process.stdout is not None
-    return _Child(process, process.stdin.fileno(), process.stdout.fileno(), os.getpid())
+    return _Child(process, process.stdin.fileno(), process.stdout.fileno())
 
 
 @atexit.register

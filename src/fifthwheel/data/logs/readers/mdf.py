@@ -1,8 +1,11 @@
 """ASAM MDF by asammdf, versions 2 to 4.3. Channel groups are clocks; CAN frames in them are decoded."""
 
+import ast
+import operator
 import re
+import sys
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -10,15 +13,23 @@ from typing import Any
 
 import numpy as np
 from asammdf import MDF
+from asammdf.blocks import v2_v3_blocks, v4_blocks
 from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
 from fifthwheel.data.logs.can.database import load
 from fifthwheel.data.logs.can.log import CanLog, Frames, open_can_log
-from fifthwheel.data.logs.readers.mdf_formulas import replace_evaluation
-from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
-from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, damage, no_progress, unused_name
+from fifthwheel.data.logs.source import (
+    Chunk,
+    Column,
+    LogSource,
+    ReadProgress,
+    damage,
+    no_progress,
+    parts_of,
+    unused_name,
+)
 
 _FRAGMENT = 4 << 20
 """Bytes of records that are read at once."""
@@ -36,58 +47,60 @@ _PAYLOAD_SIZES = np.array([0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20, 24, 32, 48, 64
 """Bytes of payload by DLC."""
 _CURE = "copy it again from the logger, or open and save it in the logger's own tool"
 
-replace_evaluation()
-
 Place = tuple[int, int]
 """A channel by its group and its index in it."""
+MAX_FORMULA = 1000
+"""Characters of a formula; a longer one is refused."""
+_VARIABLES = ("X", "X1", "P1", "P2", "P3", "P4", "P5", "P6", "INF", "NaN")
+_OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: operator.pow,
+    ast.UAdd: operator.pos,
+    ast.USub: operator.neg,
+}
+_FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(np, name)
+    for name in (
+        *("sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh"),
+        *("arcsinh", "arccosh", "arctanh", "exp", "expm1", "log", "log10", "log1p", "sqrt", "abs"),
+    )
+} | {"asin": np.arcsin, "acos": np.arccos, "atan": np.arctan, "atan2": np.arctan2, "pow": np.power}
 
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
     """Open an MDF file; SignalError where it has no samples of numbers."""
-    options: Any = {"process_bus_logging": False}  # frames are decoded here
-    mdf = MDF(path, progress=lambda done, steps: progress(0.5 * done / max(steps, 1)), **options)
-    mdf.configure(read_fragment_size=_FRAGMENT)
-    notes: list[str] = []
-    columns, places = _columns(mdf, notes)
-    can = _can_log(path.name, mdf, databases, lambda done: progress(0.5 + 0.5 * done), notes, required=not columns)
-    if not columns and can is None:
-        raise SignalError(f"{path.name}: no channels of numbers with a time{''.join(f'; {n}' for n in notes)}; {_CURE}")
-    if can is None and not any(mdf.groups[group].channel_group.cycles_nr for group, _ in places.values()):
-        raise SignalError(f"{path.name}: {len(columns)} channels but not one sample; {_CURE}")
-    decoded: dict[str, str] = {}
-    clocks = {column.clock for column in columns.values()}
-    for name, column in can.columns.items() if can else ():
-        unused = unused_name(name, columns)
-        decoded[unused] = name
-        columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
-    log = MdfLog(path, mdf, columns, places, can, decoded)
-    log.notes += notes
-    with damage():  # a damaged date is none
-        log.start = mdf.header.start_time.timestamp()
-    return log
+    return MdfLog(path, databases, progress)
 
 
 class MdfLog(LogSource):
     """The channels of an MDF file, and the signals in its CAN frames."""
 
-    def __init__(
-        self,
-        path: Path,
-        mdf: Any,
-        columns: Mapping[str, Column],
-        places: Mapping[str, Place],
-        can: CanLog | None,
-        decoded: Mapping[str, str],
-    ) -> None:
-        super().__init__(path.name, columns)
-        self._mdf, self._places, self._can, self._decoded = mdf, places, can, decoded
-        self._size = path.stat().st_size
-
-    def sample(self) -> None:
-        """Read parts of each group of a large file; one with CAN frames is read as a whole."""
-        self.sampled = is_large(self._size) and self._can is None
-        if self.sampled:
-            self.note(sample_note(self._size))
+    def __init__(self, path: Path, databases: Sequence[str | Path], progress: ReadProgress) -> None:
+        options: Any = {"process_bus_logging": False}  # frames are decoded here
+        mdf = self._mdf = MDF(path, progress=lambda done, steps: progress(0.5 * done / max(steps, 1)), **options)
+        mdf.configure(read_fragment_size=_FRAGMENT)
+        notes: list[str] = []
+        columns, self._places = _columns(mdf, notes)
+        name, required = path.name, not columns
+        can = _can_log(name, mdf, databases, lambda done: progress(0.5 + 0.5 * done), notes, required=required)
+        if not columns and can is None:
+            raise SignalError(f"{name}: no channels of numbers with a time{''.join(f'; {n}' for n in notes)}; {_CURE}")
+        if can is None and not any(mdf.groups[group].channel_group.cycles_nr for group, _ in self._places.values()):
+            raise SignalError(f"{name}: {len(columns)} channels but not one sample; {_CURE}")
+        self._can, self._decoded = can, dict[str, str]()
+        clocks = {column.clock for column in columns.values()}
+        for decoded, column in can.columns.items() if can else ():
+            unused = unused_name(decoded, columns)
+            self._decoded[unused] = decoded
+            columns[unused] = replace(column, name=unused, clock=unused_name(column.clock, clocks))
+        super().__init__(name, columns)
+        self.notes += notes
+        self.size = 0 if can else path.stat().st_size  # one with CAN frames is read as a whole
+        with damage():  # a damaged date is none
+            self.start = mdf.header.start_time.timestamp()
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
         clocks = {c: names for c, names in self.by_clock(columns).items() if names[0] in self._places}
@@ -106,7 +119,7 @@ class MdfLog(LogSource):
         """The samples of one group; where it is damaged, those before and a note."""
         group = self._places[names[0]][0]
         total, count, last = self._mdf.groups[group].channel_group.cycles_nr, 0, 0.0
-        parts: list[tuple[int, int | None]] = [*parts_of(total, self._size)] if self.sampled else [(0, None)]
+        parts: list[tuple[int, int | None]] = [*parts_of(total, self.size)] if self.sampled else [(0, None)]
         with damage() as troubles:
             for begin, end in parts:
                 for first, time, fragment in _fragments(self._mdf, group, begin, end):
@@ -301,3 +314,52 @@ def _frames(mdf: Any, group: int, frame: Mapping[str, int], first: int, time: Ar
         data=data[good],
         length=length[good],
     )
+
+
+def evaluate(formula: str, variables: Mapping[str, Any]) -> Array:
+    """Value of a formula such as "3*X1+sin(X1)": numbers, + - * / **, brackets, elementary functions, and the variables
+    X, X1, P1 to P6, INF and NaN.
+
+    A ValueError for anything else in the formula, or more than `MAX_FORMULA` characters.
+    """
+    if len(formula) > MAX_FORMULA:
+        raise ValueError(f"a formula of {len(formula)} characters; at most {MAX_FORMULA} are supported")
+    try:
+        tree = ast.parse(formula.strip(), mode="eval")
+        with np.errstate(all="ignore"):  # a value outside of a function's domain is NaN
+            return np.asarray(_formula_value(tree.body, variables), dtype=np.float64)
+    except (SyntaxError, TypeError, ValueError, LookupError, RecursionError, MemoryError, OverflowError):
+        raise ValueError(f"the formula {formula[:60]!r} is not supported") from None
+
+
+def _formula_value(node: ast.AST, variables: Mapping[str, Any]) -> Any:
+    match node:
+        case ast.Constant(value=int() | float() as number) if not isinstance(number, bool):
+            return np.float64(number)
+        case ast.Name(id=name) if name in _VARIABLES:
+            return np.asarray(variables[name], dtype=np.float64)
+        case ast.BinOp(left=left, op=sign, right=right):
+            return _OPERATORS[type(sign)](_formula_value(left, variables), _formula_value(right, variables))
+        case ast.UnaryOp(op=sign, operand=operand):
+            return _OPERATORS[type(sign)](_formula_value(operand, variables))
+        case ast.Call(func=ast.Name(id=name), args=arguments, keywords=[]):
+            return _FUNCTIONS[name](*(_formula_value(argument, variables) for argument in arguments))
+    raise ValueError
+
+
+def replace_evaluation() -> None:
+    """Let asammdf evaluate formulas by `evaluate` only; an unsupported one is an error, not a raw value."""
+
+    def evaluate_locally(formula: str) -> Array:
+        return evaluate(formula, sys._getframe(1).f_locals)  # as numexpr does
+
+    def refuse(*_: object, **__: object) -> None:
+        raise ValueError("a formula is not supported")
+
+    modules: tuple[Any, ...] = (v2_v3_blocks, v4_blocks)
+    for blocks in modules:
+        blocks.evaluate = evaluate_locally
+        blocks.symbols = blocks.lambdify = refuse
+
+
+replace_evaluation()

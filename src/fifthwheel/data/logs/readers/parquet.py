@@ -1,6 +1,6 @@
 """Parquet, with units in the names of the columns or in the metadata of its fields."""
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 
 import pyarrow as pa
@@ -9,8 +9,14 @@ import pyarrow.parquet as pq
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.channels import split_header
 from fifthwheel.data.logs.readers.cells import Cells
-from fifthwheel.data.logs.readers.sample import is_large, parts_of, sample_note
-from fifthwheel.data.logs.source import Chunk, Column, LogSource, ReadProgress, no_progress
+from fifthwheel.data.logs.source import (
+    Chunk,
+    Column,
+    LogSource,
+    ReadProgress,
+    no_progress,
+    parts_of,
+)
 
 _ROWS = 1 << 17
 _DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)
@@ -18,48 +24,37 @@ _DAMAGE = (pa.ArrowException, OSError, UnicodeDecodeError)
 
 def open_log(path: Path, databases: Sequence[str | Path] = (), progress: ReadProgress = no_progress) -> LogSource:
     """A Parquet file. Only its footer is read now."""
-    try:
-        file = pq.ParquetFile(path, page_checksum_verification=True)
-        fields = list(file.schema_arrow)
-        names = [split_header(field.name)[0] for field in fields]
-        units = [split_header(field.name)[1] or _metadata(field, "unit") or None for field in fields]
-    except MemoryError:  # a kind of ArrowException too
-        raise
-    except _DAMAGE as error:
-        raise SignalError(
-            f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
-        ) from error
-    if not file.metadata.num_rows:
-        raise SignalError(f"{path.name}: columns but no rows; the log is empty")
-    if len(set(names)) < len(names):
-        raise SignalError(f"{path.name}: columns with the same name; rename all but one")
-    columns = {
-        name: Column(name=name, unit=unit, time_base=_metadata(field, "time_base"), sensor=_metadata(field, "sensor"))
-        for name, unit, field in zip(names, units, fields, strict=True)
-    }
-    headers = {name: field.name for name, field in zip(names, fields, strict=True)}
-    return ParquetLog(path, file, columns, headers)
+    return ParquetLog(path)
 
 
 class ParquetLog(LogSource):
     """A Parquet file, read by batches of rows."""
 
-    def __init__(
-        self, path: Path, file: pq.ParquetFile, columns: Mapping[str, Column], headers: Mapping[str, str]
-    ) -> None:
+    def __init__(self, path: Path) -> None:
+        try:
+            self._file = pq.ParquetFile(path, page_checksum_verification=True)
+            fields = [(*split_header(field.name), field) for field in self._file.schema_arrow]
+            units = [unit or _metadata(field, "unit") or None for _, unit, field in fields]
+        except MemoryError:  # a kind of ArrowException too
+            raise
+        except _DAMAGE as error:
+            raise SignalError(
+                f"{path.name}: a Parquet file that is cut short or damaged; copy it again, or export it as CSV"
+            ) from error
+        if not self._file.metadata.num_rows:
+            raise SignalError(f"{path.name}: columns but no rows; the log is empty")
+        self._headers = {name: field.name for name, _, field in fields}
+        if len(self._headers) < len(fields):
+            raise SignalError(f"{path.name}: columns with the same name; rename all but one")
+        columns = {
+            name: Column(name=name, unit=u, time_base=_metadata(f, "time_base"), sensor=_metadata(f, "sensor"))
+            for (name, _, f), u in zip(fields, units, strict=True)
+        }
         super().__init__(path.name, columns)
-        self._file, self._headers, self._size = file, headers, path.stat().st_size
-        self._notes: list[str] = []
-
-    def sample(self) -> None:
-        """Read parts of a large file; row groups without a part are skipped."""
-        self.sampled = is_large(self._size)
-        if self.sampled:
-            self._notes = [sample_note(self._size)]
-            self.notes[:] = self._notes
+        self.size = path.stat().st_size
 
     def chunks(self, columns: Collection[str]) -> Iterator[Chunk]:
-        self.notes = [*self._notes]
+        self.notes = [*self.opening_notes]
         cells = {name: Cells(source=self.name, name=name) for name in self.columns if name in columns}
         rows, total = 0, self._file.metadata.num_rows
         try:
@@ -80,33 +75,24 @@ class ParquetLog(LogSource):
         self.unusable |= {c.name: c.fault for c in cells.values() if c.fault is not None}
 
     def _batches(self, headers: Sequence[str]) -> Iterator[tuple[int, pa.RecordBatch]]:
-        """Number of the row after the batch, and the batch; of a sampled file those in its parts."""
-        metadata = self._file.metadata
-        if not self.sampled:
-            end = 0
-            for batch in self._file.iter_batches(_ROWS, columns=headers):
-                end += batch.num_rows
-                yield end, batch
-            return
-        parts, row = parts_of(metadata.num_rows, self._size), 0
-        for group in range(metadata.num_row_groups):
-            start, row = row, row + metadata.row_group(group).num_rows
-            inside = [(max(a, start), min(b, row)) for a, b in parts if a < row and b > start]
-            if inside:
-                yield from self._parts_of_group(group, start, inside, headers)
+        """Number of the row after the batch, and the batch; of a sampled file those in its parts.
 
-    def _parts_of_group(
-        self, group: int, start: int, parts: Sequence[tuple[int, int]], headers: Sequence[str]
-    ) -> Iterator[tuple[int, pa.RecordBatch]]:
-        """The same of the parts in one row group, which begins with row `start`; it is decoded up to the last part."""
-        for batch in self._file.iter_batches(_ROWS, row_groups=[group], columns=headers):
-            end = start + batch.num_rows
-            for a, b in ((max(a, start), min(b, end)) for a, b in parts):
-                if a < b:
-                    yield b, batch.slice(a - start, b - a)
-            start = end
-            if start >= parts[-1][1]:
-                return
+        A row group is decoded up to its last part, or not at all.
+        """
+        metadata = self._file.metadata
+        parts = parts_of(metadata.num_rows, self.size) if self.sampled else [(0, metadata.num_rows)]
+        stop = 0
+        for group in range(metadata.num_row_groups):
+            row, stop = stop, stop + metadata.row_group(group).num_rows
+            inside = [(max(a, row), min(b, stop)) for a, b in parts if a < stop and b > row]
+            for batch in self._file.iter_batches(_ROWS, row_groups=[group], columns=headers) if inside else ():
+                end = row + batch.num_rows
+                for a, b in ((max(a, row), min(b, end)) for a, b in inside):
+                    if a < b:
+                        yield b, batch.slice(a - row, b - a)
+                row = end
+                if row >= inside[-1][1]:
+                    break
 
     def close(self) -> None:
         self._file.close()

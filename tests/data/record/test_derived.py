@@ -1,12 +1,36 @@
-"""The noise of a channel, estimated from its high frequencies."""
+"""Wheel speed differences of records and samples; the noise of a channel, from its high frequencies."""
 
 import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
 from fifthwheel import truck as vehicle
-from fifthwheel.data.record.sensor_noise import article_gyro_variance, estimate_noise_variance
+from fifthwheel.data.record.derived import (
+    article_gyro_variance,
+    estimate_noise_variance,
+    sample_with_differences,
+    sides_of,
+    wheel_speed_difference,
+)
 from fifthwheel.model.simulate import simulate
+
+DIFFERENCE = "wheel_speed_difference.semitrailer.middle"
+LEFT, RIGHT = sides_of(DIFFERENCE)
+
+
+def test_it_is_relative_to_the_mean() -> None:
+    assert wheel_speed_difference(20.0, 20.2) == pytest.approx(0.2 / 20.1)
+    assert np.isnan(wheel_speed_difference(0.9, 1.1))
+
+
+def test_the_difference_of_a_sample() -> None:
+    sample = {"time": 0.1, LEFT: 20.0, RIGHT: 20.2}
+    assert sample_with_differences(sample, [DIFFERENCE]) == sample | {DIFFERENCE: pytest.approx(0.2 / 20.1)}
+    assert np.isnan(sample_with_differences(sample | {RIGHT: None}, [DIFFERENCE])[DIFFERENCE])
+    assert np.isnan(sample_with_differences({"time": 0.1}, [DIFFERENCE])[DIFFERENCE])
+    given = {"time": 0.1, DIFFERENCE: 0.01}
+    assert sample_with_differences(given, [DIFFERENCE]) is given
+
 
 RNG = np.random.default_rng(5)
 WHITE = RNG.normal(size=20_000)

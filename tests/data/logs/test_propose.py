@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from fifthwheel.data.logs import SignalMap, read_log
-from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
-from fifthwheel.data.logs.mapping.survey import survey_log
+from fifthwheel.data.logs.map_text import as_toml
+from fifthwheel.data.logs.propose import propose_map, survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.model.plant.driving import DrivenTruck, drive
 from fifthwheel.results.report.log_contents import record_document, survey_document

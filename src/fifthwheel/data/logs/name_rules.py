@@ -154,10 +154,11 @@ def classify_column(column: str, unit: str | None) -> ColumnHint | None:
             continue
         is_steering_wheel = bool(_STEERING_WHEEL.search(words)) and not _ROAD_WHEEL.search(words)
         place, number = f"_{base}_{normalised_name(source)}_", _unit_number(words)
+        is_towed = bool(_TOWED.search(place)) or number == 2
         return ColumnHint(
             column=column,
             channel=channel,
-            trailing=_is_trailing(place, number),
+            trailing=is_towed or (False if _LEADING.search(place) or number == 1 else None),
             words=place,
             number=number,
             unit=ending,
@@ -196,13 +197,6 @@ def _unit_number(words: str) -> int | None:
     if number is None or number["before"] in _NOT_A_UNIT_NUMBER:
         return None
     return int(number["number"] or number["device"])
-
-
-def _is_trailing(place: str, number: int | None) -> bool | None:
-    """Whether a name belongs to a towed unit, by the words of its name and source, or by the number of a unit."""
-    if _TOWED.search(place) or number == 2:
-        return True
-    return False if _LEADING.search(place) or number == 1 else None
 
 
 def named_unit(name: str) -> tuple[str, str | None]:

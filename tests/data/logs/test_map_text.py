@@ -4,7 +4,7 @@ import pytest
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.logs import SignalMap
-from fifthwheel.data.logs.edited_map import with_channel, without_channel
+from fifthwheel.data.logs.map_text import with_channel, without_channel
 
 TEXT = """# by hand
 databases = ["truck.dbc"]

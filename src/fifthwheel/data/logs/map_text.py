@@ -1,14 +1,56 @@
-"""The text of a signals.toml with some entries changed; comments and other entries stay."""
+"""The text of a signals.toml: of a proposal, and with some entries changed, where comments and other entries stay."""
 
-from collections.abc import Mapping
+import json
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import tomlkit
 from tomlkit.items import AbstractTable
 
+from fifthwheel.base.errors import printable, printable_lines
 from fifthwheel.base.units import split_statement
 from fifthwheel.data.channels import SensorErrorName, split_header, split_reference
+from fifthwheel.data.logs.propose import LogSurvey, MapProposal
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource
+
+
+def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
+    """The proposal as a signals.toml for the user to edit, with its reasons as comments."""
+    proposed = proposal.signals
+    lines = _comments([f"Proposed for {printable(survey.name)} by names, units and samples. Check every line."])
+    if proposed.databases:
+        lines.append(f"databases = [{', '.join(_quoted(str(path)) for path in proposed.databases)}]")
+    if proposed.time.column is not None:
+        lines += ["", "[time]", f"column = {_quoted(proposed.time.column)}"]
+    for part, channels in (("signals", proposed.signals), ("reference", proposed.reference)):
+        for signal, channel in channels.items():
+            content = survey.contents.get(channel.column or "")
+            unit = channel.unit or (content.column.unit if content else None)
+            lines += ["", f"[{part}.{_quoted(signal)}]", *_comments(proposal.reasons[signal].split("; "))]
+            lines.append(f"column = {_quoted(channel.column or '')}")
+            lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
+            lines += [f"sensor = {_quoted(channel.sensor)}"] if channel.sensor else []
+            lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
+            lines += [f"gain = {channel.gain_text}"] if channel.gain != 1.0 else []
+            lines += [f"delay = {channel.delay:g}"] if channel.delay else []
+            lines += _comments(f"or column = {_quoted(other)}" for other in proposal.others.get(signal, ()))
+    for signal, columns in proposal.others.items():
+        if signal not in proposed.signals and signal not in proposed.reference:
+            lines += ["", f"# [signals.{_quoted(signal)}], for on-board weighing:"]
+            lines += _comments(f"column = {_quoted(column)}" for column in columns)
+    findings = [line for finding in proposal.findings for line in str(finding).splitlines()]
+    for paragraph in (proposal.missing, findings):
+        lines += ["", *_comments(paragraph)] if paragraph else []
+    return "\n".join(lines) + "\n"
+
+
+def _comments(texts: Iterable[str]) -> list[str]:
+    return [f"# {line}" for text in texts for line in printable_lines(text).split("\n")]
+
+
+def _quoted(text: str) -> str:
+    """A text as a string of TOML."""
+    return printable(json.dumps(text, ensure_ascii=False))
 
 
 def with_channel(text: str, signal: str, **keys: Any) -> str:

@@ -1,13 +1,13 @@
-"""Proposal of a signal map from names, units and samples, and its signals.toml."""
+"""Proposal of a signal map: survey of a log, columns by names and units, corrections by the kinematics of a turn."""
 
-import json
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.base.errors import SignalError, printable, printable_lines
+from fifthwheel.base.errors import SignalError, printable
+from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import (
     AXLE_LOAD,
@@ -22,23 +22,33 @@ from fifthwheel.data.channels import (
     is_of,
     missing_for_mass,
     names_of,
+    si_unit,
 )
-from fifthwheel.data.checks.findings import Finding
-from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation
+from fifthwheel.data.channels.table import UNDERSTEER
+from fifthwheel.data.checks.findings import Fault, Finding
+from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation, relations
+from fifthwheel.data.checks.plausibility import MIN_SPEED, check
 from fifthwheel.data.logs.assemble import assemble
-from fifthwheel.data.logs.mapping.correct import COARSE_RATE, at_coarse_rate, correct_map
-from fifthwheel.data.logs.mapping.name_rules import (
+from fifthwheel.data.logs.name_rules import (
     NO_UNIT,
     ColumnHint,
     classify_columns,
     is_rate_by_unit,
     is_speed_by_unit,
 )
-from fifthwheel.data.logs.mapping.survey import ColumnContent, LogSurvey
 from fifthwheel.data.logs.signal_map import SignalMap, SignalSource, TimeColumn, relative_keys
-from fifthwheel.data.logs.source import LogSource
+from fifthwheel.data.logs.source import Column, LogSource, ReadProgress, no_progress
 from fifthwheel.data.record.record import Record
+from fifthwheel.data.record.timestamps import Renewals, typical_step
 
+COARSE_RATE = 20.0
+"""Hz; sufficient for signs, units and ratios."""
+_MAX_ROUNDS = 4
+"""A fault may hide another one: degrees a wrong sign."""
+_TYPICAL_STEERING_RATIO = 19.0
+"""Of heavy trucks; 15 to 25 are common."""
+_MAX_STEERING_GAIN = 60.0
+"""A larger gain from the road wheels is explained by degrees and a steering ratio together."""
 _MIN_TOWED_LAG = 0.1
 """s; the yaw rate of a towed unit lags that of the leading unit by more."""
 _MAX_LAG = 1.5
@@ -47,6 +57,196 @@ _SIDESLIP = 0.1
 """rad; the sideslip angle of a truck has a smaller standard deviation."""
 _ENGINE_SPEED = 400.0
 """rad/s; the engine of a truck is slower, and one that idles is faster in rpm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ColumnContent:
+    """Statistics of a column over the whole log."""
+
+    column: Column
+    samples: int
+    """Number of cells, empty ones included."""
+    missing: int
+    """Number of cells without a number."""
+    rate: float
+    """Sampling rate, Hz, from the typical step of its time base, or of the new values where it is held; NaN without
+    time."""
+    low: float
+    high: float
+    mean: float
+    sigma: float
+    """low, high, mean and sigma are of the present samples, in the column's unit; NaN if there are none."""
+    fault: str | None = None
+    """Why the column holds no numbers; None if it does."""
+
+    @property
+    def alive(self) -> bool:
+        """Whether it holds numbers that are not all zero; an absent sensor gives zeros."""
+        return self.fault is None and self.missing < self.samples and (self.high > self.low or bool(self.high))
+
+
+@dataclass(frozen=True, kw_only=True)
+class LogSurvey:
+    """The columns of a log and its time span."""
+
+    name: str
+    contents: Mapping[str, ColumnContent]
+    """By name of the column."""
+    start: float
+    """First timestamp, s."""
+    stop: float
+    """Last timestamp, s."""
+    notes: tuple[str, ...]
+
+
+def survey_log(log: LogSource, progress: ReadProgress = no_progress) -> LogSurvey:
+    """The survey of an open log, which is read completely."""
+    moments = {name: _Moments() for name in log.columns}
+    renewals = {name: Renewals() for name in log.columns}
+    steps: dict[str, list[float]] = {}
+    start, stop = np.inf, -np.inf
+    rows = log.row_time
+    for chunk in log.chunks(list(log.columns)):
+        instants = log.times(chunk, rows)
+        time = np.empty(0) if instants is None else instants[np.isfinite(instants)]
+        if time.size:
+            start, stop = min(start, float(time[0])), max(stop, float(time[-1]))
+        if time.size > 1:
+            steps.setdefault(chunk.clock, []).append(typical_step(time))
+        for name, values in chunk.values.items():
+            moments[name].add(values)
+            if instants is not None:
+                renewals[name].push(instants, values)
+        progress(chunk.done)
+    contents = {}
+    for name, column in log.columns.items():
+        step = float(np.median(steps[column.clock])) if column.clock in steps else np.nan
+        held = renewals[name].finish()
+        rate = held.rate if held else 1 / step if step > 0 else np.nan
+        contents[name] = moments[name].content(column, rate, log.unusable.get(name))
+    return LogSurvey(name=log.name, contents=contents, start=start, stop=stop, notes=tuple(map(printable, log.notes)))
+
+
+class _Moments:
+    """Moments of a column, chunk by chunk."""
+
+    def __init__(self) -> None:
+        self.samples = self.present = 0
+        self.low = self.high = np.nan
+        self.mean = self.squares = 0.0
+
+    def add(self, values: Array) -> None:
+        self.samples += values.size
+        present = values[np.isfinite(values)]
+        if not present.size:
+            return
+        self.low, self.high = float(np.fmin(self.low, present.min())), float(np.fmax(self.high, present.max()))
+        with np.errstate(over="ignore", invalid="ignore"):  # damaged values may overflow
+            mean, count = float(present.mean()), present.size
+            self.squares += float(((present - mean) ** 2).sum())
+            between = float(np.square(np.float64(mean - self.mean)))
+            self.squares += between * count * self.present / (count + self.present)
+            self.mean += (mean - self.mean) * count / (count + self.present)
+            self.present += count
+
+    def content(self, column: Column, rate: float, fault: str | None) -> ColumnContent:
+        present = self.present > 0
+        return ColumnContent(
+            column=column,
+            samples=self.samples,
+            missing=self.samples - self.present,
+            rate=rate,
+            low=self.low,
+            high=self.high,
+            mean=self.mean if present else np.nan,
+            sigma=float(np.sqrt(self.squares / self.present)) if present else np.nan,
+            fault=fault,
+        )
+
+
+def correct_map(
+    log: LogSource, proposed: SignalMap, wheelbase: float
+) -> tuple[SignalMap, dict[str, str], tuple[Finding, ...]]:
+    """The map with the signs, units and the steering ratio that the samples show, read at a low rate.
+
+    Also the corrections in words by signal, and the remaining findings. `wheelbase` is that of the leading unit, m.
+    """
+    if not proposed.signals:
+        return proposed, {}, ()
+    try:
+        record = assemble(log, at_coarse_rate(proposed), name=log.name)
+    except SignalError as error:
+        first_line = str(error).partition("\n")[0]
+        return proposed, {}, (Finding(signal="time", fault=Fault.DROPOUT, severity="error", message=first_line),)
+    signals = dict(proposed.signals)
+    corrections: dict[str, str] = {}
+    for _ in range(_MAX_ROUNDS):
+        findings = check(record, wheelbase=wheelbase)
+        corrected = set()
+        for finding in findings:
+            name, channel = finding.signal, signals.get(finding.signal)
+            if channel is None or name in corrected:
+                continue
+            if (correction := _corrected(finding, channel, record, wheelbase)) is None:
+                continue
+            log_unit = log.columns[log.find(channel.column or "")].unit
+            ratio = _scale(name, correction[0], log_unit) / _scale(name, channel, log_unit)
+            record = record.with_signals({name: ratio * record.signals[name]})
+            signals[name] = correction[0]
+            corrected.add(name)
+            corrections[name] = "; ".join(filter(None, [corrections.get(name), correction[1]]))
+        if not corrected:
+            break
+    return proposed.model_copy(update={"signals": signals}), corrections, findings
+
+
+def at_coarse_rate(proposed: SignalMap) -> SignalMap:
+    """The map with a low sampling rate."""
+    return proposed.model_copy(update={"time": proposed.time.model_copy(update={"rate": COARSE_RATE})})
+
+
+def _scale(signal: str, channel: SignalSource, log_unit: str | None) -> float:
+    """SI value of the signal for a column value of one."""
+    si = si_unit(signal) or "1"
+    return channel.sign * channel.gain * factor(channel.unit or log_unit or si, si)
+
+
+def _corrected(
+    finding: Finding, channel: SignalSource, record: Record, wheelbase: float
+) -> tuple[SignalSource, str] | None:
+    """The channel without the fault and the correction in words; None where it takes the user to decide."""
+    match finding.fault:
+        case Fault.SWAPPED_SIGN:
+            return channel.model_copy(update={"sign": -channel.sign}), "sign inverted, it contradicted other signals"
+        case Fault.DEGREES | Fault.UNIT if finding.remedy.get("unit") not in (None, "m/s"):
+            unit = finding.remedy["unit"]
+            return channel.model_copy(update={"unit": unit}), f"unit {unit} by its magnitude"
+        case Fault.STEERING_WHEEL:
+            return _steering_wheel(finding.signal, channel, record, wheelbase)
+        case _:
+            return None
+
+
+def _steering_wheel(
+    name: str, channel: SignalSource, record: Record, wheelbase: float
+) -> tuple[SignalSource, str] | None:
+    """The channel with the gain that wheelbase and yaw rate show, in degrees if the gain is above 60."""
+    every = relations(record, wheelbase=wheelbase, min_speed=MIN_SPEED)
+    relation = next((relation for relation in every if relation.signal == name), None)
+    if relation is None:
+        return None
+    degrees = relation.gain > _MAX_STEERING_GAIN
+    ratio = relation.gain * (np.pi / 180 if degrees else 1.0)
+    u = float(np.nanmedian(record.signals["speed"]))
+    # the understeer gradient is unknown: a uniform distribution of ratios is possible
+    low, high = (ratio * (wheelbase + UNDERSTEER * u**2) / (wheelbase + k * u**2) for k in (2 * UNDERSTEER, 0.0))
+    used = round(float(np.clip(_TYPICAL_STEERING_RATIO, low, high)), 1)
+    unit = "deg" if degrees else channel.unit
+    source = channel.model_copy(update={"unit": unit, "sensor": "steering wheel"})
+    return source.with_uncertain_gain(1 / used, (high - low) / (np.sqrt(12) * used)), (
+        f"this is the steering-wheel angle: yaw rate and a wheelbase of {wheelbase:g} m give a steering ratio of "
+        f"{low:.0f} to {high:.0f}, the map uses {used:g}; if you know the steering ratio, set gain to 1 / ratio"
+    )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,45 +319,6 @@ def propose_map(
         ),
         findings=findings,
     )
-
-
-def as_toml(proposal: MapProposal, survey: LogSurvey) -> str:
-    """The proposal as a signals.toml for the user to edit, with its reasons as comments."""
-    proposed = proposal.signals
-    lines = _comments([f"Proposed for {printable(survey.name)} by names, units and samples. Check every line."])
-    if proposed.databases:
-        lines.append(f"databases = [{', '.join(_quoted(str(path)) for path in proposed.databases)}]")
-    if proposed.time.column is not None:
-        lines += ["", "[time]", f"column = {_quoted(proposed.time.column)}"]
-    for part, channels in (("signals", proposed.signals), ("reference", proposed.reference)):
-        for signal, channel in channels.items():
-            content = survey.contents.get(channel.column or "")
-            unit = channel.unit or (content.column.unit if content else None)
-            lines += ["", f"[{part}.{_quoted(signal)}]", *_comments(proposal.reasons[signal].split("; "))]
-            lines.append(f"column = {_quoted(channel.column or '')}")
-            lines += [f"unit = {_quoted(unit)}"] if unit is not None else []
-            lines += [f"sensor = {_quoted(channel.sensor)}"] if channel.sensor else []
-            lines += [f"sign = {channel.sign}"] if channel.sign != 1 else []
-            lines += [f"gain = {channel.gain_text}"] if channel.gain != 1.0 else []
-            lines += [f"delay = {channel.delay:g}"] if channel.delay else []
-            lines += _comments(f"or column = {_quoted(other)}" for other in proposal.others.get(signal, ()))
-    for signal, columns in proposal.others.items():
-        if signal not in proposed.signals and signal not in proposed.reference:
-            lines += ["", f"# [signals.{_quoted(signal)}], for on-board weighing:"]
-            lines += _comments(f"column = {_quoted(column)}" for column in columns)
-    findings = [line for finding in proposal.findings for line in str(finding).splitlines()]
-    for paragraph in (proposal.missing, findings):
-        lines += ["", *_comments(paragraph)] if paragraph else []
-    return "\n".join(lines) + "\n"
-
-
-def _comments(texts: Iterable[str]) -> list[str]:
-    return [f"# {line}" for text in texts for line in printable_lines(text).split("\n")]
-
-
-def _quoted(text: str) -> str:
-    """A text as a string of TOML."""
-    return printable(json.dumps(text, ensure_ascii=False))
 
 
 def _candidates(
