@@ -18,7 +18,7 @@ from fifthwheel.results.export.fmu.variables import FmuModel, Role
 from fifthwheel.results.export.fmu.variables import table as variable_table
 from fifthwheel.truck import Vehicle
 
-_COMMON = ("fmu.h", "fmu.c", "fmu_export.h")
+_COMMON = ("fmu.h", "fmu.c", "fmi.h")
 _DATE = (1980, 1, 1, 0, 0, 0)
 """Of all files in the archive: equal models give equal files."""
 
