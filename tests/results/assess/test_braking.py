@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.results.assess.braking import DECELERATION, measure
+from fifthwheel.results.assess.longitudinal import DECELERATION, measure_braking
 from fifthwheel.results.assess.truck import Body, Truck
 from fifthwheel.truck import get
 from fifthwheel.truck.payload import unit_cog_height
@@ -62,12 +62,12 @@ def test_a_rigid_truck_uses_less_friction_behind():
     unit = truck.vehicle.units[0]
     height = unit_cog_height(truck.vehicle.parameters(), unit)
     rear = 1 - DECELERATION * height / abs(unit.cog)
-    assert measure(truck)["braking_efficiency"] == pytest.approx(rear)
+    assert measure_braking(truck)["braking_efficiency"] == pytest.approx(rear)
 
 
 def test_a_truck_that_would_tip_has_no_efficiency():
     high = Truck(vehicle=rigid()).changed({"tractor.sprung.cog_height": 9.0})
-    assert measure(high)["braking_efficiency"] == 0.0
+    assert measure_braking(high)["braking_efficiency"] == 0.0
 
 
 @pytest.mark.parametrize("rear", [0.3, 0.6])
@@ -79,14 +79,15 @@ def test_stated_brakes_of_a_rigid_truck(rear):
     front, drive = (group.position for group in unit.axle_groups)
     height = unit_cog_height(truck.vehicle.parameters(), unit)
     on_rear = (front - unit.cog - DECELERATION * height) / (front - drive)
-    assert measure(truck)["braking_efficiency"] == pytest.approx(min((1 - on_rear) / (1 - rear), on_rear / rear))
+    expected = min((1 - on_rear) / (1 - rear), on_rear / rear)
+    assert measure_braking(truck)["braking_efficiency"] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_brakes_in_proportion_to_the_static_loads_are_the_default(name):
     vehicle = get(name)
     stated = Truck(vehicle=vehicle, body=Body(brakes=vehicle.axle_loads()))
-    assert measure(stated) == pytest.approx(measure(Truck(vehicle=vehicle)))
+    assert measure_braking(stated) == pytest.approx(measure_braking(Truck(vehicle=vehicle)))
 
 
 def test_brakes_name_axle_groups():

@@ -9,7 +9,7 @@ from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.summary import summarize
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.diagnose.assumptions import assumed_numbers
+from fifthwheel.results.diagnose.predictions import assumed_numbers
 from fifthwheel.results.report.identification import assumed_numbers as assumed_section
 from fifthwheel.results.report.vehicle import vehicle_document
 from fifthwheel.truck import Vehicle, get

@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import SensorError
 from fifthwheel.estimate.observe import States
-from fifthwheel.results.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
+from fifthwheel.results.diagnose.residuals import FitQuality, fit_quality, predicted_logs, white_noise_sigma
 from fifthwheel.results.diagnose.summaries import (
     innovation_size,
     summarise_records,

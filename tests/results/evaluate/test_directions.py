@@ -6,7 +6,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.data.record import Record
 from fifthwheel.model.dynamics import steady_steer
-from fifthwheel.results.evaluate.directions import directions, gradients
+from fifthwheel.results.evaluate.steady_state import directions, gradients
 from tests.results.evaluate.conftest import U
 from tests.results.evaluate.test_steady_state import STEER, YAW_RATE, steady_turns
 

@@ -14,7 +14,7 @@ from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import Advice
 from fifthwheel.results.report import Conclusion, StateConditions, conclude_identification, conclude_states
-from fifthwheel.results.report.words import counted
+from fifthwheel.results.report.conclusion import counted
 from tests.results.report.conftest import NASTY
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel import truck as vehicle
-from fifthwheel.results.report.evidence import SHOWN_FILES, TruckEvidence, write_evidence
+from fifthwheel.results.report.assessment import SHOWN_FILES, TruckEvidence, write_evidence
 from fifthwheel.results.report.provenance import FileUsed, Provenance
 from tests.results.report.conftest import Page
 from tests.results.report.test_browser import CHROMIUM, browse

@@ -17,9 +17,9 @@ from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.observe.states import SHADES
 from fifthwheel.results.report import write_report, write_states_report
-from fifthwheel.results.report.consistency import innovation_figure
+from fifthwheel.results.report.conclusion import MARKS, spoken_verdict
 from fifthwheel.results.report.identification import _uncertain_numbers
-from fifthwheel.results.report.words import MARKS, spoken_verdict
+from fifthwheel.results.report.states import innovation_figure
 from fifthwheel.truck import changes
 from tests.results.report.conftest import NASTY, Page
 

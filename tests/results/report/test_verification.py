@@ -7,8 +7,7 @@ import pytest
 
 from fifthwheel.base.atomic import result_folder
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.results.report.provenance import Provenance, gather_provenance
-from fifthwheel.results.report.verification import verify
+from fifthwheel.results.report.provenance import Provenance, gather_provenance, verify
 
 
 def run(out, inputs):

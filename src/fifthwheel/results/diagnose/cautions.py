@@ -30,7 +30,7 @@ from fifthwheel.results.diagnose.doubt_cautions import (
     unstable_cautions,
     validation_cautions,
 )
-from fifthwheel.results.diagnose.fit_quality import fit_quality
+from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.truck.quantities import FRICTION, quantity_of

@@ -9,7 +9,7 @@ from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import open_log
 from fifthwheel.model.plant.driving import DrivenTruck, drive
-from fifthwheel.results.report.log_contents import record_document, survey_document
+from fifthwheel.results.report.logs import record_document, survey_document
 
 DEGREE = np.pi / 180
 COLUMNS = {
