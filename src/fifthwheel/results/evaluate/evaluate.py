@@ -6,8 +6,8 @@ load and tyres.
 """
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
-from types import ModuleType
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,14 +18,7 @@ from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.checks import Fault, raise_errors
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases import check_signals
-from fifthwheel.results.evaluate import (
-    frequency_response,
-    lane_change,
-    pulse,
-    sine_with_dwell,
-    steady_state,
-    step_input,
-)
+from fifthwheel.results.evaluate import frequency_response, manoeuvres, steady_state
 from fifthwheel.results.evaluate.evaluation import Condition, Evaluation, MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion, motion
 from fifthwheel.results.evaluate.repetitions import ENTRY, smoothed
@@ -76,28 +69,25 @@ def _entry(motion: MeasuredMotion, start: float | None) -> list[Condition]:
     ]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Method:
+class Method(NamedTuple):
     """A test method."""
 
     title: str
     standard: str
     shortest: float
-    """Least duration of a log, s."""
+    """Least duration of a log, s; in 30 s a frequency response is no parabola within the 12 nearest frequencies."""
     evaluate: Callable[[MeasuredMotion], MethodResult]
 
 
-def _method(title: str, standard: str, module: ModuleType) -> Method:
-    return Method(title=title, standard=standard, shortest=module.SHORTEST, evaluate=module.evaluate)
-
-
 METHODS: Mapping[str, Method] = {
-    "steady_state": _method("Steady-state circular test", "ISO 14792:2011", steady_state),
-    "frequency_response": _method("Frequency response", "ISO 14793:2011 and ISO 14791:2000", frequency_response),
-    "step": _method("Step input", "ISO 14793:2011", step_input),
-    "lane_change": _method("Single lane change", "ISO 14791:2000", lane_change),
-    "pulse": _method("Pulse input", "ISO 14791:2000", pulse),
-    "sine_with_dwell": _method("Sine with dwell", "ISO 18375:2016", sine_with_dwell),
+    "steady_state": Method("Steady-state circular test", "ISO 14792:2011", 15.0, steady_state.evaluate),
+    "frequency_response": Method(
+        "Frequency response", "ISO 14793:2011 and ISO 14791:2000", 50.0, frequency_response.evaluate
+    ),
+    "step": Method("Step input", "ISO 14793:2011", 5.0, manoeuvres.step),
+    "lane_change": Method("Single lane change", "ISO 14791:2000", 5.0, manoeuvres.lane_change),
+    "pulse": Method("Pulse input", "ISO 14791:2000", 5.0, manoeuvres.pulse),
+    "sine_with_dwell": Method("Sine with dwell", "ISO 18375:2016", 6.0, manoeuvres.sine_with_dwell),
 }
 """Test methods by name."""
 

@@ -166,8 +166,6 @@ def gradient_measure(
     return EvaluatedMeasure(name, title, GRADIENT, value, sigma, (signal,), reason)
 
 
-SHORTEST = 15.0
-"""Least duration of a log, s."""
 BLOCK = 1.0
 """Time over which the signals are averaged, s."""
 CHANGE = 0.8
