@@ -7,8 +7,8 @@ import pytest
 
 from fifthwheel.estimate.identify import SensorError
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
-from fifthwheel.results.diagnose.caution import ranked
-from fifthwheel.results.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
+from fifthwheel.results.diagnose.cautions import fit_cautions, identification_cautions, state_cautions
+from fifthwheel.results.diagnose.messages import CautionKind, ranked
 from fifthwheel.results.diagnose.residuals import white_noise_sigma
 from fifthwheel.results.diagnose.summaries import RunSummary
 from fifthwheel.truck.masses import unusual_masses

@@ -8,8 +8,9 @@ import pytest
 from fifthwheel.estimate.identify import Estimate, SensorError, Verdict
 from fifthwheel.results.diagnose import residuals
 from fifthwheel.results.diagnose.advice import next_steps
-from fifthwheel.results.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
+from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.results.diagnose.information_summary import dominant_terms, information_summary
+from fifthwheel.results.diagnose.messages import CautionKind
 from fifthwheel.results.diagnose.residuals import FitQuality, predicted_logs
 from fifthwheel.results.diagnose.summaries import RunSummary
 

@@ -18,9 +18,9 @@ from fifthwheel.estimate.identify.design.assess import InformationAssessment
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.observe import States, Status
 from fifthwheel.results.diagnose.advice import Advice, has_roll_rate, is_unused_friction, next_steps
-from fifthwheel.results.diagnose.caution import CautionKind, ranked
 from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.results.diagnose.doubt_cautions import describe_cause
+from fifthwheel.results.diagnose.messages import CautionKind, ranked
 from fifthwheel.results.diagnose.residuals import PredictedLog, predicted_logs
 from fifthwheel.results.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.results.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
