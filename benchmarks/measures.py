@@ -19,9 +19,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from tests.results.assess.test_braking import balanced
-from tests.results.assess.test_longitudinal import RATIO, N, simulated
-from tests.results.assess.test_swings import rolled
+from tests.results.assess.test_longitudinal import RATIO, N, balanced, simulated
+from tests.results.assess.test_low_speed_turn import rolled
 from tests.results.assess.trucks import CATALOGUE, with_engine
 
 from fifthwheel.base.errors import FifthwheelError

@@ -42,6 +42,7 @@ def test_the_quality_of_a_fit():
     assert fit_of(0.05 * BELOW, 9.0).unrelated
     assert fit_of(0.0, 1.0, noise=3.0).unrelated
     assert not fit_of(0.0, 1.0, noise=3.0 * ABOVE).unrelated
+    assert not fit_of(0.8, 1.3, noise=np.nan).noise_limited
     assert fit_of(0.0, 9.0, noise=4.0).unrelated  # larger than the noise explains
 
 
