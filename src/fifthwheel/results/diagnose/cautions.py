@@ -7,11 +7,8 @@ import numpy as np
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with, split_log
 from fifthwheel.data.channels import (
-    LATERAL_ACCELERATION,
     LOAD_TRANSFER,
-    SPEED,
     STEER,
-    WHEEL_SPEED_DIFFERENCE,
     SensorErrorName,
     SignalName,
     is_of,
@@ -28,7 +25,7 @@ from fifthwheel.results.diagnose.doubt_cautions import (
     unstable_cautions,
     validation_cautions,
 )
-from fifthwheel.results.diagnose.messages import OTHER_SENSOR_ERROR, SENSOR_ERRORS, Caution, CautionKind, Message
+from fifthwheel.results.diagnose.messages import Caution, CautionKind, Message, is_filtered, sensor_error_words
 from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.truck.masses import unusual_masses
@@ -128,21 +125,15 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        filtered = is_of(signal, SPEED, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
         expected = identification.prior_of_sensor_error(error.name)[0]
-        delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
+        delayed = kind == "delay" and not is_filtered(signal) and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]
         tested = identification.covariance is not None  # then a doubt says whether it is unusual
         if not doubts and (tested or not (delayed or is_unusual(identification, error))):
             continue
-        case = kind
-        if kind == "delay" and filtered:
-            case = "delay of a filtered signal"
-        elif kind == "gain" and is_of(signal, STEER):
-            case = "gain of a steer angle"
-        text, cure = SENSOR_ERRORS.get(case, OTHER_SENSOR_ERROR)
+        words = sensor_error_words(signal, kind)
         of = CautionKind(kind) if kind in list(CautionKind) else CautionKind.OFFSET
-        yield Message(of, f"{{place}}: {text}", cure).of(
+        yield Message(of, f"{{place}}: {words.caution}", words.cure).of(
             error.value,
             log=error.log,
             place=f"{signal} in {error.log}" if error.log else signal,

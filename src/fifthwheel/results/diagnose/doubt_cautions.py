@@ -7,7 +7,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import ParameterPath, split_log
-from fifthwheel.data.channels import STEER, SensorErrorName, is_of
+from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.identify import Identification, Verdict
 from fifthwheel.estimate.identify.doubts import Cause, DoubtKind
 from fifthwheel.estimate.identify.knowledge.history import changes_in_words
@@ -15,7 +15,7 @@ from fifthwheel.estimate.identify.knowledge.information import LogKnowledge
 from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
 from fifthwheel.model.dynamics import TIME_SCALE, critical_speed
 from fifthwheel.results.diagnose import messages
-from fifthwheel.results.diagnose.messages import Caution
+from fifthwheel.results.diagnose.messages import Caution, sensor_error_words
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, STIFFNESS_SENSITIVITY, quantity_of
 from fifthwheel.truck.spoken_names import FIRST_UNITS, named_unit
@@ -101,21 +101,18 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
 
 def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | None) -> str:
     """What an error of a sensor is, with its prior mean: "yaw_rate.tractor is 52 ms late"."""
-    signal, kind = error.signal, error.kind
-    value = change + (float(kind == "gain") if mean is None else mean)
-    size = with_sigma(abs(value), None, error.unit or "")
-    if kind == "delay":
-        return f"{signal} is {size} {'late' if value > 0 else 'early'}"
-    if kind == "gain" and is_of(signal, STEER):
-        return f"the road wheels turn by {digits(value, 3)} times {signal}"
-    if kind == "gain":
-        return f"{signal} is {digits(value, 3)} times the true value"
-    if kind == "offset":
-        return f"{signal} has an offset of {with_sigma(value, None, error.unit or '')}"
-    if kind == "misalignment":
-        return f"the gyro of {signal} is turned by {size}, so that it measures another axis too"
-    difference = with_sigma(abs(change), None, error.unit or "")
-    return f"the {kind.replace('_', ' ')} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
+    value = change + (float(error.kind == "gain") if mean is None else mean)
+    unit = error.unit or ""
+    return sensor_error_words(error.signal, error.kind).cause.format(
+        signal=error.signal,
+        kind=error.kind.replace("_", " "),
+        value=with_sigma(value, None, unit),
+        size=with_sigma(abs(value), None, unit),
+        late="late" if value > 0 else "early",
+        factor=digits(value, 3),
+        difference=with_sigma(abs(change), None, unit),
+        larger="larger" if change > 0 else "smaller",
+    )
 
 
 def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:

@@ -9,7 +9,15 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from fifthwheel.base.names import split_log
-from fifthwheel.data.channels import PLACE_KINDS, SensorErrorName
+from fifthwheel.data.channels import (
+    LATERAL_ACCELERATION,
+    PLACE_KINDS,
+    SPEED,
+    STEER,
+    WHEEL_SPEED_DIFFERENCE,
+    SensorErrorName,
+    is_of,
+)
 from fifthwheel.data.checks.findings import Severity
 from fifthwheel.estimate.identify.doubts import Doubt
 
@@ -203,45 +211,77 @@ LARGE_INNOVATIONS_OF_A_FILE = LARGE_INNOVATIONS._replace(
     cure="Check the vehicle file, or identify this truck from {log}. If the vehicle file comes from an identification, "
     "also give its identification.json (-i); it contains the sensor errors."
 )
-_PLACE = (
+
+
+class SensorErrorWords(NamedTuple):
+    """A row: the sentences on a kind of sensor error, with the names of their data in braces."""
+
+    caution: str
+    """What is unusual, behind the name of the signal."""
+    cure: str
+    cause: str = "the {kind} of {signal} is {difference} {larger}"
+    """What contradicts the logs."""
+
+
+_PLACE = SensorErrorWords(
     "the estimated {kind} is {value}; {expected} is expected.",
     "Check the {kind} of the accelerometer in the vehicle file, and which point the signal belongs to.",
 )
-SENSOR_ERRORS: Mapping[str, tuple[str, str]] = {
-    "delay": (
-        "the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too.",
-        "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-        "(--set 'steer.*.delay=+- 5 ms') and identify again.",
+_DELAY = SensorErrorWords(
+    "the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too.",
+    "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
+    "(--set 'steer.*.delay=+- 5 ms') and identify again.",
+    "{signal} is {size} {late}",
+)
+_OTHER = SensorErrorWords(
+    "the estimated {kind} is {value}, more than such a sensor usually has.",
+    "Check the mounting and the calibration of the sensor.",
+)
+SENSOR_ERRORS: Mapping[str, SensorErrorWords] = {
+    "delay": _DELAY,
+    "delay of a filtered signal": _DELAY._replace(
+        caution="the estimated delay is {value}.",
+        cure="Check its timestamps, or set its delay in the signal map.",
     ),
-    "delay of a filtered signal": (
-        "the estimated delay is {value}.",
-        "Check its timestamps, or set its delay in the signal map.",
-    ),
-    "gain": (
+    "gain": SensorErrorWords(
         "the estimated gain is {value}; 1 is expected.",
         "Check the unit, calibrate the sensor, and correct its gain in the signal map.",
+        "{signal} is {factor} times the true value",
     ),
-    "gain of a steer angle": (
+    "gain of a steer angle": SensorErrorWords(
         "the road wheels turn by {value} times the logged angle. A wrong steering ratio has the same effect as wrong "
         "tyre stiffnesses, so the stiffness estimates depend on this gain.",
         "Measure the ratio of the road-wheel angle to the logged angle, and correct it in the signal map.",
+        "the road wheels turn by {factor} times {signal}",
     ),
-    "play": (
+    "offset": _OTHER._replace(cause="{signal} has an offset of {value}"),
+    "play": SensorErrorWords(
         "the estimated play between this angle and the road wheels is {value}.",
         "Check the steering linkage, or measure the angle at the wheels.",
     ),
-    "misalignment": (
+    "misalignment": SensorErrorWords(
         "the estimated misalignment is {value}: the gyro also measures another axis.",
         "Check how the gyro is mounted, and whether its axes are exchanged.",
+        "the gyro of {signal} is turned by {size}, so that it measures another axis too",
     ),
-    "load_sensitivity": (
+    "load_sensitivity": SensorErrorWords(
         "the estimated load sensitivity is {value}: wheel speeds change with the load transfer.",
         "Check that both wheel speeds are of the same axle, and the tyre pressures.",
     ),
     **dict.fromkeys(PLACE_KINDS, _PLACE),
 }
-"""Kind of a sensor error -> what it is, behind the name of its signal, and its cure."""
-OTHER_SENSOR_ERROR = (
-    "the estimated {kind} is {value}, more than such a sensor usually has.",
-    "Check the mounting and the calibration of the sensor.",
-)
+"""By the kind of an error; two kinds depend on the signal too."""
+
+
+def is_filtered(signal: str) -> bool:
+    """Whether a signal is filtered, so that it is always late."""
+    return is_of(signal, SPEED, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)
+
+
+def sensor_error_words(signal: str, kind: str) -> SensorErrorWords:
+    """The row of an error of a signal."""
+    if kind == "delay" and is_filtered(signal):
+        kind = "delay of a filtered signal"
+    elif kind == "gain" and is_of(signal, STEER):
+        kind = "gain of a steer angle"
+    return SENSOR_ERRORS.get(kind, _OTHER)
