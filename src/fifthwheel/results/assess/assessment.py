@@ -54,6 +54,26 @@ from fifthwheel.truck.spoken_names import spoken
 
 _UNITS = {"m/s": DisplayUnit("km/h", 3.6), "s": DisplayUnit("s", 1.0)}
 """Units in which measures are shown, where others are shown otherwise."""
+FAMILIES: tuple[Family, ...] = (
+    rollover.measure,
+    rollover.measure_effective_track,
+    lane_change.measure,
+    lane_change.measure_peak,
+    yaw_damping.measure,
+    yaw_damping.measure_pulse,
+    yaw_damping.measure_zero_damping_speed,
+    steady_motion.measure_understeer,
+    steady_motion.measure_turn,
+    steady_motion.measure_straight_path,
+    low_speed_turn.measure,
+    low_speed_turn.measure_circle,
+    longitudinal.measure,
+    longitudinal.measure_braking,
+)
+CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
+"""Families without a simulation of a manoeuvre, for the report of an identification."""
+SPEED = 88 / 3.6
+"""Of the high-speed measures, m/s."""
 
 
 def display_unit(unit: str) -> DisplayUnit:
@@ -227,29 +247,6 @@ class Assessment(Displayed):
 
     def _document(self) -> pages.Document:
         return pages.Document(self.title, [self.table(), pages.Items([*filter(None, [self.instability]), *self.notes])])
-
-
-FAMILIES: tuple[Family, ...] = (
-    rollover.measure,
-    rollover.measure_effective_track,
-    lane_change.measure,
-    lane_change.measure_peak,
-    yaw_damping.measure,
-    yaw_damping.measure_pulse,
-    yaw_damping.measure_zero_damping_speed,
-    steady_motion.measure_understeer,
-    steady_motion.measure_turn,
-    steady_motion.measure_straight_path,
-    low_speed_turn.measure,
-    low_speed_turn.measure_circle,
-    longitudinal.measure,
-    longitudinal.measure_braking,
-)
-
-CHEAP: tuple[Family, ...] = (rollover.measure, lane_change.measure_peak, yaw_damping.measure)
-"""Families without a simulation of a manoeuvre, for the report of an identification."""
-SPEED = 88 / 3.6
-"""Of the high-speed measures, m/s."""
 
 
 def assess(

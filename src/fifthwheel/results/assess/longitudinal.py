@@ -61,6 +61,8 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 """Keys of `[driveline]` that each measure needs; `DRIVELINE` has the others."""
 OF_SENSORS = ("torque_scale", "speed_scale")
 """Keys of `[driveline]` that belong to the sensors of a log."""
+DECELERATION = 0.4
+"""Of the stop, g."""
 
 
 def numbers(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
@@ -251,10 +253,6 @@ def _weight(vehicle: Vehicle) -> float:
 def _driven(vehicle: Vehicle) -> str:
     first = vehicle.units[0]
     return first.group_path(first.axle_groups[-1])
-
-
-DECELERATION = 0.4
-"""Of the stop, g."""
 
 
 def measure_braking(truck: Truck) -> Values:

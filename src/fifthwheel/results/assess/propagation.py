@@ -41,6 +41,16 @@ ASSUMED: Mapping[str, float] = {
 }
 """Sigma of parameters on which a vehicle file states nothing, as a fraction of the value, by the end of their path: as
 a guess, or that of the height of a load that somebody measured."""
+NONLINEAR = 0.3
+"""Shift of the mean, in standard deviations, from which a family is sampled."""
+DRAWS = 200
+"""Random trucks; half of them are the mirror images of the others."""
+QUANTILE = 1.6448536269514722
+"""Of the normal distribution, for an interval of 90 %."""
+Order = Literal["linear", "sampled"]
+Family = Callable[[Truck], Values]
+"""Measures of a truck that are computed together; a FifthwheelError where the truck, such as an unstable one, does not
+have them."""
 
 
 def assumed(vehicle: Vehicle) -> dict[str, float]:
@@ -89,19 +99,6 @@ def complete(
     for name, sigma in sigmas.items():
         kept = kept.with_independent(name, sigma) if sigma else kept
     return kept
-
-
-NONLINEAR = 0.3
-"""Shift of the mean, in standard deviations, from which a family is sampled."""
-DRAWS = 200
-"""Random trucks; half of them are the mirror images of the others."""
-QUANTILE = 1.6448536269514722
-"""Of the normal distribution, for an interval of 90 %."""
-
-Order = Literal["linear", "sampled"]
-Family = Callable[[Truck], Values]
-"""Measures of a truck that are computed together; a FifthwheelError where the truck, such as an unstable one, does not
-have them."""
 
 
 @dataclass(frozen=True, kw_only=True)

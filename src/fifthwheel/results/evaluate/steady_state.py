@@ -41,6 +41,23 @@ SEGMENTS = 10
 """Of the jackknife."""
 SPAN = 0.8
 """Least range of the lateral acceleration without any one of the segments, m/s^2."""
+TURNING = 0.3
+"""Least lateral acceleration of a turn to one side, m/s^2: about straight ahead, play hides the direction."""
+LEAST_PLAY = math.radians(0.02)
+"""A smaller difference of the offsets is no play: the curve of the tyre forces makes one of 0.01 degrees."""
+SIGNIFICANT = 3.0
+"""Standard deviations by which left and right differ significantly: with 9 degrees of freedom 1.5 % by chance."""
+GRADIENT = "rad s^2/m"
+BLOCK = 1.0
+"""Time over which the signals are averaged, s."""
+CHANGE = 0.8
+"""Largest change of the lateral acceleration from block to block, m/s^2."""
+RECOMMENDED = 0.2
+"""Rate of the lateral acceleration above which a note says that the turn is not steady, m/s^3."""
+LINEAR = 2.0
+"""Lateral acceleration up to which the gradients are fitted, m/s^2."""
+CONSTANT = 0.05
+"""Relative standard deviation of a quantity that counts as constant."""
 
 
 def suffices(acceleration: Array) -> bool:
@@ -81,15 +98,6 @@ def jackknife(X: Array, y: Array) -> tuple[float, float]:
     left_out = np.array([first(segment != k) for k in range(SEGMENTS)])
     sigma = np.sqrt((SEGMENTS - 1) / SEGMENTS * np.sum((left_out - left_out.mean()) ** 2))
     return first(np.ones(len(y), dtype=bool)), float(sigma)
-
-
-TURNING = 0.3
-"""Least lateral acceleration of a turn to one side, m/s^2: about straight ahead, play hides the direction."""
-LEAST_PLAY = math.radians(0.02)
-"""A smaller difference of the offsets is no play: the curve of the tyre forces makes one of 0.01 degrees."""
-SIGNIFICANT = 3.0
-"""Standard deviations by which left and right differ significantly: with 9 degrees of freedom 1.5 % by chance."""
-GRADIENT = "rad s^2/m"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,18 +172,6 @@ def gradient_measure(
 ) -> EvaluatedMeasure:
     """A gradient over the lateral acceleration, rad s^2/m."""
     return EvaluatedMeasure(name, title, GRADIENT, value, sigma, (signal,), reason)
-
-
-BLOCK = 1.0
-"""Time over which the signals are averaged, s."""
-CHANGE = 0.8
-"""Largest change of the lateral acceleration from block to block, m/s^2."""
-RECOMMENDED = 0.2
-"""Rate of the lateral acceleration above which a note says that the turn is not steady, m/s^3."""
-LINEAR = 2.0
-"""Lateral acceleration up to which the gradients are fitted, m/s^2."""
-CONSTANT = 0.05
-"""Relative standard deviation of a quantity that counts as constant."""
 
 
 @dataclass(frozen=True, kw_only=True)

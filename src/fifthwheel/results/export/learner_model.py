@@ -44,6 +44,8 @@ from fifthwheel.truck.quantities import unit_of
 
 LARGEST_GATE = 1e15
 """Limit of a squared gate, so that it fits into single precision."""
+NO_CHANNEL, ABSENT_CHANNEL = -1, -2
+"""In place of the index of a channel: none is needed; it is not measured."""
 
 
 class Slopes(NamedTuple):
@@ -130,10 +132,6 @@ def _steady(live: LiveFilter) -> tuple[ca.SX, ca.SX, ca.SX, SteadyEquations]:
 
 def _numbers(*values: Array) -> list[ca.SX]:
     return [ca.SX(ca.DM(value)) for value in values]
-
-
-NO_CHANNEL, ABSENT_CHANNEL = -1, -2
-"""In place of the index of a channel: none is needed; it is not measured."""
 
 
 def reported(learner: Learner) -> list[Unknown]:

@@ -19,6 +19,32 @@ from fifthwheel.model.dynamics.chain import equations, state_names
 from fifthwheel.results.export import c_text, learner_model
 from fifthwheel.results.export.c_text import definitions, stream_definitions, stream_tables, table, with_constant
 
+SHARED = ("fw_samples.h", "fw_math.h", "fw_algebra.h", "fw_stream.h", "fw_step_length.h", "replay_log.h")
+OBSERVER_SOURCES = ("fw_observer.c",)
+LEARNER_SOURCES = (
+    "fw_learner.c",
+    "fw_excitation.c",
+    "fw_learner_model.c",
+    "fw_joint.c",
+    "fw_start.c",
+    "fw_segment.c",
+    "fw_estimates.c",
+    "fw_storage.c",
+)
+FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", *OBSERVER_SOURCES, "fw_model.h", *SHARED, "replay.c")
+"""The files of an exported observer."""
+LEARNER_FILES = (
+    "README.md",
+    "CMakeLists.txt",
+    "fw_learner.h",
+    *LEARNER_SOURCES,
+    "fw_learner_model.h",
+    "fw_private.h",
+    *SHARED,
+    "replay.c",
+)
+"""The files of an exported learner."""
+
 
 def observer_header(observer: Observer) -> str:
     """Names and sizes for the public header."""
@@ -73,33 +99,6 @@ def _matrices(observer: Observer) -> ca.Function:
     A, B = equations(values, vehicle, roll=roll, bank=True).state_space(inputs[0])
     results = [c_code.by_rows(A[:n, :n]), c_code.by_rows(B[:n, :]), c_code.by_rows(A[:n, n]), angles, slopes]
     return c_code.step("matrices", [inputs], results)
-
-
-SHARED = ("fw_samples.h", "fw_math.h", "fw_algebra.h", "fw_stream.h", "fw_step_length.h", "replay_log.h")
-OBSERVER_SOURCES = ("fw_observer.c",)
-LEARNER_SOURCES = (
-    "fw_learner.c",
-    "fw_excitation.c",
-    "fw_learner_model.c",
-    "fw_joint.c",
-    "fw_start.c",
-    "fw_segment.c",
-    "fw_estimates.c",
-    "fw_storage.c",
-)
-FILES = ("README.md", "CMakeLists.txt", "fw_observer.h", *OBSERVER_SOURCES, "fw_model.h", *SHARED, "replay.c")
-"""The files of an exported observer."""
-LEARNER_FILES = (
-    "README.md",
-    "CMakeLists.txt",
-    "fw_learner.h",
-    *LEARNER_SOURCES,
-    "fw_learner_model.h",
-    "fw_private.h",
-    *SHARED,
-    "replay.c",
-)
-"""The files of an exported learner."""
 
 
 def export_c(estimator: Observer | Learner, folder: str | Path) -> list[Path]:

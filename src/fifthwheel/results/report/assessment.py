@@ -37,6 +37,9 @@ SHOWN = 15.0
 """Distance that the last coupling drives beyond the circle in the picture, m."""
 OUTLINES = 7
 """Drawn positions of the truck in the low-speed turn."""
+PARAMETERS = ("Parameter|name", "Value ± sigma>", "Verdict|w")
+SHOWN_PARAMETERS, SHOWN_FILES = 20, 8
+"""Rows on the page; the JSON file has all."""
 
 
 def write_assessment_report(
@@ -261,11 +264,6 @@ def roll_by_acceleration(sets: tuple[Rollover, ...]) -> Panel:
     lifts = [lift for s in sets for lift in s.lifts.values()]
     items += [Guide(x=lift, colour="#bbbbbb", width=1, dash="solid") for lift in lifts]
     return Panel(items=items, x=Axis(label="lateral acceleration", unit="g"), y=Axis(label="roll", unit="deg"))
-
-
-PARAMETERS = ("Parameter|name", "Value ± sigma>", "Verdict|w")
-SHOWN_PARAMETERS, SHOWN_FILES = 20, 8
-"""Rows on the page; the JSON file has all."""
 
 
 class AssessedParameter(NamedTuple):

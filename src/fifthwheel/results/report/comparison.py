@@ -17,6 +17,17 @@ OF_A_COMPARISON = (
     "that both runs share cancel. CoG height and rollover threshold follow from the parameters; their sigma has these "
     "errors too, so that their differences are at least so many sigma."
 )
+OF_AN_EVALUATION = (
+    "Sigma is that of the log: sensor noise, and the scatter of segments or repetitions. Scale errors of sensors are "
+    "not in it. A log does not show track, wind, load and tyres, which ISO 15037-2 requires to be reported too."
+)
+OF_A_VALIDATION = (
+    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma; "
+    "for the points of curves, three sigma, and 95 % of them. "
+    "Undecided: sigma is too large, the histories have other steer angles, or the results cover less than half of a "
+    "curve. The default tolerances are ours, and of no standard: state those of your standard or contract. "
+    "Sigma is that of noise and repetitions; scale errors of sensors are not in it."
+)
 
 
 def comparison_page(comparison: Comparison) -> pages.Document:
@@ -68,20 +79,6 @@ def comparison_headline(comparison: Comparison) -> str:
     others = counted(len(clear) - 1, "other difference")
     more = f" {others} {'is' if len(clear) == 2 else 'are'} beyond chance too." if clear[1:] else ""
     return f"Differs most from {comparison.runs[0]}: {difference}, {size} ({parameter.in_sigmas(k)}).{more}"
-
-
-OF_AN_EVALUATION = (
-    "Sigma is that of the log: sensor noise, and the scatter of segments or repetitions. Scale errors of sensors are "
-    "not in it. A log does not show track, wind, load and tyres, which ISO 15037-2 requires to be reported too."
-)
-
-OF_A_VALIDATION = (
-    "Outside: the difference is larger than the tolerance by more than two sigma. Inside: it is smaller by two sigma; "
-    "for the points of curves, three sigma, and 95 % of them. "
-    "Undecided: sigma is too large, the histories have other steer angles, or the results cover less than half of a "
-    "curve. The default tolerances are ours, and of no standard: state those of your standard or contract. "
-    "Sigma is that of noise and repetitions; scale errors of sensors are not in it."
-)
 
 
 def write_evaluation_report(

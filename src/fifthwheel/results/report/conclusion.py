@@ -49,6 +49,13 @@ STATUSES = {
     "SETTLING": "settling (too few samples since the start of the filter)",
 }
 """Status of a sample of states -> words."""
+CONSEQUENCES = "Probably explained by the cautions"
+HEAVIER = 0.1
+"""Error of a mass whose effect is shown."""
+SIGNIFICANT_CHANGE = 0.015
+"""Smaller effects of it are not listed."""
+SHOWN = 3
+"""Steps and cautions that are not folded away."""
 
 
 def mark(estimate: Estimate) -> str:
@@ -69,15 +76,6 @@ def counted(count: int, noun: str) -> str:
 def sentence(text: str) -> str:
     """A text with a capital letter and a full stop."""
     return text[0].upper() + text[1:] + "."
-
-
-CONSEQUENCES = "Probably explained by the cautions"
-HEAVIER = 0.1
-"""Error of a mass whose effect is shown."""
-SIGNIFICANT_CHANGE = 0.015
-"""Smaller effects of it are not listed."""
-SHOWN = 3
-"""Steps and cautions that are not folded away."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -33,6 +33,19 @@ LINE_HEIGHT, CHARACTER = 16.0, 7.3
 TYRES = ".cornering_stiffness"
 SHOWN = {"yaw_inertia": "Yaw inertia", "cog_height": "CoG height", "height": "Payload height"}
 """Quantities beside a unit."""
+ESTIMATES = (
+    *("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Verdict|full"),
+    "Prior, vehicle file, estimate|full",
+)
+PRIORS = ("Parameter|name", "Prior>", "Vehicle file>", "Settled after>")
+WIDTH, HEIGHT, MARGIN = 260, 18, 6
+"""Of the picture of an estimate, pixels."""
+LEAST_RANGE = 0.3
+"""Half of the smallest range of a picture, as a fraction of the estimate, so that an accurate estimate looks it."""
+LOGS = (DARK, ORANGE, SKY, VERMILLION)
+"""Colours of the runs of the first logs; others are not drawn."""
+LEAST_SPEED_RANGE = 5.0
+"""Half of the smallest range of speeds that is drawn, km/h."""
 
 
 class _Words(NamedTuple):
@@ -79,10 +92,6 @@ def truck_drawing(vehicle: Vehicle, estimates: Iterable[Estimate]) -> pages.Mark
     total = ground + max((y + LINE_HEIGHT * len(w.lines) for w, y in under), default=0.0) + LINE_HEIGHT
     box = f'viewBox="0 0 {TRUCK_WIDTH:.0f} {total:.0f}" role="img" aria-label="{text(vehicle.name)}"'
     return pages.Markup(f'<svg class="truck" {box}>{drawn}</svg>')
-
-
-def _quantity(e: Estimate) -> str:
-    return e.name.rpartition(".")[2]
 
 
 def _number(e: Estimate) -> str:
@@ -133,21 +142,6 @@ def _shapes(panel: Panel, across: Callable[[float], float], up: Callable[[float]
         else:
             path, style = f"M{'L'.join(corners)}", f'fill="none" stroke-width="{item.width}"'
         yield f'<path d="{path}" stroke="{colour}" {style}/>'
-
-
-ESTIMATES = (
-    *("Parameter|name", "Value>|main", "± sigma>|main|± ", "Unit|w main", "Relative>", "Verdict|full"),
-    "Prior, vehicle file, estimate|full",
-)
-PRIORS = ("Parameter|name", "Prior>", "Vehicle file>", "Settled after>")
-WIDTH, HEIGHT, MARGIN = 260, 18, 6
-"""Of the picture of an estimate, pixels."""
-LEAST_RANGE = 0.3
-"""Half of the smallest range of a picture, as a fraction of the estimate, so that an accurate estimate looks it."""
-LOGS = (DARK, ORANGE, SKY, VERMILLION)
-"""Colours of the runs of the first logs; others are not drawn."""
-LEAST_SPEED_RANGE = 5.0
-"""Half of the smallest range of speeds that is drawn, km/h."""
 
 
 def main_numbers(identification: Identification, performance: Assessment | None) -> pages.Markup:

@@ -26,6 +26,8 @@ HEADS = (
     *("Parameter|name", "Value>|wide", "Prior\nsigma>|wide", "Predicted\nsigma>", "Prior and predicted sigma"),
     "Verdict",
 )
+ROAD_NOTE = "It includes the noise of an uneven road."
+"""Follows the note on the prediction."""
 
 
 def information_document(outlook: InformationAssessment) -> pages.Document:
@@ -158,10 +160,6 @@ def _notes(outlook: InformationAssessment) -> Iterator[str]:
     sigmas = [f"{name} {approximate(float(np.sqrt(np.mean(v))), si_unit(name))}" for name, v in variances.items()]
     yield f"Noise of one sample (one sigma): {', '.join(sigmas)}."
     yield PREDICTION_NOTE
-
-
-ROAD_NOTE = "It includes the noise of an uneven road."
-"""Follows the note on the prediction."""
 
 
 def design_document(plan: ExperimentDesign) -> pages.Document:

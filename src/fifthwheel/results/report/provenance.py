@@ -31,6 +31,7 @@ LOGS = (
 FILES = ("File|name", "Bytes>", "SHA-256|full hash")
 PACKAGES = ("numpy", "scipy", "casadi", "llvmlite", "pyarrow", "asammdf", "python-can", "cantools", "h5py", "mcap")
 """The packages that the numbers depend on."""
+State = Literal["same", "differs", "missing", "replaced"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -188,9 +189,6 @@ def _table(records: Sequence[Record], runs: Sequence[RunSummary], identification
         )
         rows.append(cells if identification else cells[:-1])
     return pages.Table(LOGS if identification else LOGS[:-1], rows)
-
-
-State = Literal["same", "differs", "missing", "replaced"]
 
 
 @dataclass(frozen=True, kw_only=True)

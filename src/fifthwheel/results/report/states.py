@@ -51,6 +51,8 @@ HISTOGRAM_LIMIT = 4.0
 MAX_MARKS = 1000
 """The largest number of marks of rejected samples."""
 TIME = Axis(label="time", unit="s")
+MAIN_STATES = (SIDESLIP, ARTICULATION, ROLL)
+"""Those that are drawn before the appendix."""
 
 
 def consistency_section(states: Sequence[States], fits: Sequence[Fit]) -> Iterator[pages.Block]:
@@ -169,10 +171,6 @@ def _rms_by_segment(segments: SegmentRms) -> Panel:
         Line(segments.time, segments.rms, name="innovation rms", colour=VERMILLION),
     ]
     return Panel(items=items, x=TIME, y=Axis(unit="sigma", from_zero=True))
-
-
-MAIN_STATES = (SIDESLIP, ARTICULATION, ROLL)
-"""Those that are drawn before the appendix."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,6 +25,18 @@ from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.spoken_names import spoken
 
 NOTHING_ASSUMED = "No number is assumed."
+SOURCES = {"driving": "ordinary driving", "weights": "axle loads and weights"}
+"""Name of each measurement of a gross mass."""
+PARTS_OF_MASS = {
+    "driving": "the log: grade, wind, noise",
+    "torque_scale": "scale of the torque or force",
+    "efficiency": "efficiency of the driveline",
+    "speed_scale": "scale of the speed",
+    "weights": "scales on board",
+    "vehicle_file": "positions and unladen masses in the file",
+}
+LEAST_SPAN = 600e3
+"""Of the axis of dates, ms, so that its ticks are whole minutes."""
 
 
 def vehicle_document(vehicle: Vehicle, summary: VehicleSummary, assumed: Sequence[AssumedNumber]) -> pages.Document:
@@ -110,18 +122,6 @@ def mass_document(
     )
 
 
-SOURCES = {"driving": "ordinary driving", "weights": "axle loads and weights"}
-"""Name of each measurement of a gross mass."""
-PARTS_OF_MASS = {
-    "driving": "the log: grade, wind, noise",
-    "torque_scale": "scale of the torque or force",
-    "efficiency": "efficiency of the driveline",
-    "speed_scale": "scale of the speed",
-    "weights": "scales on board",
-    "vehicle_file": "positions and unladen masses in the file",
-}
-
-
 def changed_table(changed: Mapping[str, Mapping[str, float | None]], label: str = "") -> pages.Table:
     """The numbers that a measurement has set, by path: of the new vehicle file, of the former one, and their change."""
     rows = []
@@ -137,10 +137,6 @@ def changed_table(changed: Mapping[str, Mapping[str, float | None]], label: str 
 def roll_test_document(vehicle: Vehicle, changed: Mapping[str, Mapping[str, float | None]]) -> pages.Document:
     """The numbers that a roll test has set: before it, by the vehicle file, and after it."""
     return pages.Document(vehicle.name, [changed_table(changed)])
-
-
-LEAST_SPAN = 600e3
-"""Of the axis of dates, ms, so that its ticks are whole minutes."""
 
 
 def knowledge_document(estimates: Sequence[SharedEstimate], logs: int, *, everything: bool = False) -> pages.Document:

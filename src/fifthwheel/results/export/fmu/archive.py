@@ -33,6 +33,21 @@ from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export.fmu.models import FmuModel, Role, Variable, observer_model, truck_model, variable_table
 from fifthwheel.truck import Vehicle
 
+_OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared", "-s")
+_WITHOUT_C_LIBRARY = ("-nostdlib", "-rtlib=compiler-rt", "-Ifreestanding")
+VARIABILITY = {
+    Role.TIME: ("independent", "continuous"),
+    Role.INPUT: ("input", "continuous"),
+    Role.FIXED: ("parameter", "fixed"),
+    Role.TUNABLE: ("parameter", "tunable"),
+    Role.OUTPUT: ("output", "continuous"),
+    Role.INTEGER_OUTPUT: ("output", "discrete"),
+}
+"""Causality and variability by role."""
+_COMMON = ("fmu.h", "fmu.c", "fmi.h")
+_DATE = (1980, 1, 1, 0, 0, 0)
+"""Of all files in the archive: equal models give equal files."""
+
 
 class Platform(NamedTuple):
     """A platform for which FMUs are compiled."""
@@ -48,9 +63,6 @@ PLATFORMS = {
     "x86_64-windows": Platform("x86_64-windows-gnu", "win64", ".dll", ("windows.c", "-lkernel32")),
 }
 """Platforms by their names in FMI 3.0."""
-
-_OPTIONS = ("-std=c99", "-O2", "-ffp-contract=off", "-fPIC", "-fvisibility=hidden", "-shared", "-s")
-_WITHOUT_C_LIBRARY = ("-nostdlib", "-rtlib=compiler-rt", "-Ifreestanding")
 
 
 def libraries(sources: Mapping[str, str], identifier: str, platforms: Iterable[str]) -> dict[str, bytes]:
@@ -92,17 +104,6 @@ def _library(folder: Path, sources: Iterable[str], identifier: str, platform: Pl
     if done.returncode or not result.is_file():
         raise FifthwheelError(f"{platform.target}: the compiler failed; install ziglang again: {done.stderr[-1000:]}")
     return result.read_bytes()
-
-
-VARIABILITY = {
-    Role.TIME: ("independent", "continuous"),
-    Role.INPUT: ("input", "continuous"),
-    Role.FIXED: ("parameter", "fixed"),
-    Role.TUNABLE: ("parameter", "tunable"),
-    Role.OUTPUT: ("output", "continuous"),
-    Role.INTEGER_OUTPUT: ("output", "discrete"),
-}
-"""Causality and variability by role."""
 
 
 def token(sources: Mapping[str, str]) -> str:
@@ -228,11 +229,6 @@ def _structure(variables: Iterable[Variable], fmi: int) -> ET.Element:
 def _text(root: ET.Element) -> str:
     ET.indent(root)
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{ET.tostring(root, encoding="unicode")}\n'
-
-
-_COMMON = ("fmu.h", "fmu.c", "fmi.h")
-_DATE = (1980, 1, 1, 0, 0, 0)
-"""Of all files in the archive: equal models give equal files."""
 
 
 def export_fmu(

@@ -27,6 +27,21 @@ from fifthwheel.results.export.c_text import table
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import quantity_of
 
+MEASURED = "measured."
+"""Prefix of the inputs that are also estimated, such as yaw rates."""
+SAMPLE_TIME = 0.01
+"""s; default of the parameter."""
+SAMPLE_TIMES = (0.0, 10.0)
+"""Limits of the parameter, s."""
+SPEED_LIMITS = (0.1, MAX_SPEED)
+"""Of the input, m/s."""
+START_SPEED = 20.0
+"""m/s."""
+BANK_LIMIT = 0.5
+"""Of the magnitude of the input, rad."""
+STEP = 0.01
+"""Recommended communication step, s."""
+
 
 class Role(StrEnum):
     """Role of a variable; the value is its name in C."""
@@ -100,14 +115,6 @@ def _row(variable: Variable) -> str:
     return f"{variable.role}, {variable.start!r}, {least!r}, {most!r}, {expected if variable.limits else 'NULL'}"
 
 
-MEASURED = "measured."
-"""Prefix of the inputs that are also estimated, such as yaw rates."""
-SAMPLE_TIME = 0.01
-"""s; default of the parameter."""
-SAMPLE_TIMES = (0.0, 10.0)
-"""Limits of the parameter, s."""
-
-
 def observer_model(observer: Observer) -> FmuModel:
     """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status."""
     inputs = [of_signal(name, Role.INPUT, "measured") for name in observer.inputs]
@@ -162,16 +169,6 @@ def observer_model(observer: Observer) -> FmuModel:
             "Before the first sample, and if status is 2 or 3, the states are not numbers (NaN).",
         ),
     )
-
-
-SPEED_LIMITS = (0.1, MAX_SPEED)
-"""Of the input, m/s."""
-START_SPEED = 20.0
-"""m/s."""
-BANK_LIMIT = 0.5
-"""Of the magnitude of the input, rad."""
-STEP = 0.01
-"""Recommended communication step, s."""
 
 
 def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
