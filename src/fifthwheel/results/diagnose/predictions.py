@@ -111,7 +111,7 @@ class LogPrediction:
         >>> prediction = LogPrediction.of(fw.simulate(truck, count=1), truck)
         >>> softer = prediction.fits({"semitrailer.cornering_stiffness": 1.0e6})
         >>> softer[-1].signal
-        'yaw_rate.semitrailer'
+        'roll_rate.semitrailer'
     """
 
     vehicle: Vehicle
