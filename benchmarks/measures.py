@@ -19,9 +19,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from tests.results.assess.test_braking import balanced
-from tests.results.assess.test_longitudinal import RATIO, N, simulated
-from tests.results.assess.test_swings import rolled
+from tests.results.assess.test_longitudinal import RATIO, N, balanced, simulated
+from tests.results.assess.test_low_speed_turn import rolled
 from tests.results.assess.trucks import CATALOGUE, with_engine
 
 from fifthwheel.base.errors import FifthwheelError
@@ -29,12 +28,11 @@ from fifthwheel.base.formatting import percent
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.estimate.observe.uncertainty import displaced
 from fifthwheel.model.dynamics import linear_system
-from fifthwheel.results.assess import assess, braking, lane_change, longitudinal, low_speed_turn
-from fifthwheel.results.assess.assess import FAMILIES
+from fifthwheel.results.assess import assess, lane_change, longitudinal, low_speed_turn
+from fifthwheel.results.assess.assessment import FAMILIES
 from fifthwheel.results.assess.low_speed_turn import RADIUS
-from fifthwheel.results.assess.propagation import Neighbourhood
+from fifthwheel.results.assess.propagation import Neighbourhood, complete, of_vehicle
 from fifthwheel.results.assess.truck import Body, Truck, Values
-from fifthwheel.results.assess.uncertainty import complete, of_vehicle
 from fifthwheel.truck import get
 
 
@@ -112,7 +110,12 @@ def print_comparison() -> None:
     """The table of five vehicles: fifthwheel, and the independent calculation."""
     print("| measure | " + " | ".join(f"`{name}`" for name in CATALOGUE) + " |", "|---" * 6 + "|", sep="\n")
     trucks = [subject(name) for name in CATALOGUE]
-    families = (low_speed_turn.measure, low_speed_turn.measure_circle, longitudinal.measure, braking.measure)
+    families = (
+        low_speed_turn.measure,
+        low_speed_turn.measure_circle,
+        longitudinal.measure,
+        longitudinal.measure_braking,
+    )
     families = (*families, lane_change.measure)
     ours = [{k: v for family in families for k, v in family(truck).items()} for truck in trucks]
     theirs = [independent(truck) for truck in trucks]

@@ -17,7 +17,7 @@ from fifthwheel.base.lazy import lazy_names
 if TYPE_CHECKING:
     from fifthwheel.estimate.identify.identify import identify as identify
     from fifthwheel.model.simulate import simulate as simulate
-    from fifthwheel.results.assess.assess import assess as assess
+    from fifthwheel.results.assess.assessment import assess as assess
     from fifthwheel.results.evaluate.evaluate import evaluate as evaluate
     from fifthwheel.truck.catalogue import get
 

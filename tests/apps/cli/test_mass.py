@@ -13,8 +13,8 @@ from fifthwheel.apps import cli
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.mass import mass_findings
 from fifthwheel.model.plant.driving import DrivenTruck, drive
-from fifthwheel.results.diagnose.caution import CautionKind
 from fifthwheel.results.diagnose.cautions import signal_cautions
+from fifthwheel.results.diagnose.messages import CautionKind
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GROSS = sum(unit.mass for unit in TRUCK.units)

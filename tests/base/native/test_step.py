@@ -128,7 +128,7 @@ print(len(built))
         return int(run.stdout)
 
     assert [builds(), builds()] == [1, 0]
-    for changed, expected in (("results/report/words.py", 0), ("base/native/llvm_ir.py", 1)):
+    for changed, expected in (("results/report/conclusion.py", 0), ("base/native/llvm_ir.py", 1)):
         (copy / changed).write_text((copy / changed).read_text() + "# a comment\n")
         assert builds() == expected
 

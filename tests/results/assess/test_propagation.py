@@ -7,9 +7,18 @@ import pytest
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.estimate.observe import Uncertainty
-from fifthwheel.results.assess.propagation import DRAWS, Neighbourhood, Spread, samples
+from fifthwheel.results.assess.propagation import (
+    ASSUMED,
+    DRAWS,
+    Neighbourhood,
+    Spread,
+    assumed,
+    complete,
+    of_identification,
+    of_vehicle,
+    samples,
+)
 from fifthwheel.results.assess.truck import HALF_TRACK, Body, Truck
-from fifthwheel.results.assess.uncertainty import ASSUMED, assumed, complete, of_identification, of_vehicle
 from fifthwheel.truck import get
 
 TRUCK = Truck(vehicle=get("cheng_cebon_2011"))

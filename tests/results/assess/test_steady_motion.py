@@ -5,7 +5,7 @@ import pytest
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
-from fifthwheel.results.assess.propagation import Neighbourhood, samples
+from fifthwheel.results.assess.propagation import Neighbourhood, of_vehicle, samples
 from fifthwheel.results.assess.steady_motion import (
     CROSSFALL,
     lateral_positions,
@@ -15,7 +15,6 @@ from fifthwheel.results.assess.steady_motion import (
     off_tracking,
 )
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.results.assess.uncertainty import of_vehicle
 from fifthwheel.truck import get
 from tests.results.assess.trucks import single_axles
 

@@ -10,7 +10,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.plant import Plant
 from fifthwheel.model.plant.rough_road import STEP, tracks
-from fifthwheel.results.assess import braking, nonlinear, steady_motion
+from fifthwheel.results.assess import longitudinal, nonlinear, steady_motion
 from fifthwheel.results.assess.measures import STOP, STRAIGHT, TRACKING
 from fifthwheel.results.assess.truck import Body, Truck
 from tests.model.plant.golden_car import roughness_index
@@ -50,7 +50,7 @@ def test_other_roads_of_this_roughness_add_nearly_the_same(name: str) -> None:
 @pytest.fixture
 def simulated(monkeypatch: pytest.MonkeyPatch) -> None:
     """Fixed widths of the nonlinear truck, and two measures of the linear one."""
-    module = importlib.import_module("fifthwheel.results.assess.assess")
+    module = importlib.import_module("fifthwheel.results.assess.assessment")
     monkeypatch.setattr(module, "FAMILIES", (steady_motion.measure_straight_path, steady_motion.measure_understeer))
     monkeypatch.setattr(nonlinear, "measures", lambda truck: ({STRAIGHT: 2.61, TRACKING: 2.91, STOP: 2.71}, {}, ()))
 
@@ -104,7 +104,7 @@ def test_the_wheels_lock_that_need_more_friction_than_there_is(name: str, brakes
     """
     pytest.importorskip("mujoco")
     truck = Truck(vehicle=fw.vehicle(name), body=Body(brakes=brakes))
-    needed = braking.DECELERATION / braking.measure(truck)["braking_efficiency"]
+    needed = longitudinal.DECELERATION / longitudinal.measure_braking(truck)["braking_efficiency"]
     factor = needed / 0.74  # of the peak friction
     widths, locked = nonlinear.stop(truck, 1.15 * factor)
     assert locked == ()

@@ -7,9 +7,9 @@ import pytest
 
 from fifthwheel.estimate.identify import SensorError
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind
-from fifthwheel.results.diagnose.caution import ranked
-from fifthwheel.results.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
-from fifthwheel.results.diagnose.fit_quality import white_noise_sigma
+from fifthwheel.results.diagnose.cautions import fit_cautions, identification_cautions, state_cautions
+from fifthwheel.results.diagnose.messages import CautionKind, ranked
+from fifthwheel.results.diagnose.residuals import white_noise_sigma
 from fifthwheel.results.diagnose.summaries import RunSummary
 from fifthwheel.truck.masses import unusual_masses
 from tests.results.report.conftest import NASTY
@@ -91,21 +91,6 @@ def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):
     assert caution.parameters == ()  # without a doubt
 
 
-@pytest.mark.parametrize(
-    ("name", "value", "sigma"),
-    [
-        (f"{STEER}.gain", 1.08, 0.01),
-        (f"{STEER}.gain", 1.25, 0.2),
-        (f"{STEER}.delay", 0.015, 0.001),
-        ("lateral_acceleration.tractor.delay", 0.05, 0.001),
-        ("lateral_acceleration.tractor.position", -1.6, 0.1),
-    ],
-)
-def test_usual_sensor_errors(result, name, value, sigma):
-    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit="1", log=None))
-    assert not [c for c in identification_cautions(identification) if c.signals == (STEER,)]
-
-
 def test_an_unrelated_channel_is_an_error_unless_the_run_is_straight(result):
     first, *rest = result.identification.fits
     unrelated = replace(result.identification, fits=(replace(first, explained=0.0), *rest))
@@ -147,19 +132,6 @@ def test_noise_without_the_predicted_motion_is_unrelated(result):
     wrong = replace(wrong, measured=measured, rms=rms, explained=1 - rms**2 / float(np.var(measured)))
     caution = only(fit_cautions(replace(result.identification, fits=(wrong, *rest))), CautionKind.UNRELATED_CHANNEL)
     assert caution.signals == (first.signal,)
-
-
-def test_a_poor_prediction(result):
-    first, *rest = result.identification.fits
-    poor = replace(first, explained=0.3, rms=10 * first.rms)
-    caution = only(identification_cautions(replace(result.identification, fits=(poor, *rest))), CautionKind.POOR_FIT)
-    assert "the model explains 30.0 % of the variance" in caution.message
-
-
-def test_rejected_samples(result):
-    log = replace(result.identification.logs[0], rejected={"yaw_rate.tractor": 0.07, "roll_rate.tractor": 0.01})
-    caution = only(identification_cautions(replace(result.identification, logs=(log,))), CautionKind.REJECTED_SAMPLES)
-    assert (caution.signals, caution.value) == (("yaw_rate.tractor",), 0.07)
 
 
 def test_runs_outside_the_range(result):

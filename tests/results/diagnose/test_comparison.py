@@ -9,9 +9,9 @@ from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import OneStage, Verdict, identify
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.assess import assess
+from fifthwheel.results.assess import assessment as assess
 from fifthwheel.results.diagnose import compare, spoken
-from fifthwheel.results.report.comparison import headline
+from fifthwheel.results.report.comparison import comparison_headline
 from fifthwheel.truck.quantities import quantity_of
 from tests.results.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 
@@ -131,7 +131,9 @@ def test_cog_height_and_rollover_threshold_of_each_run_follow_the_parameters(res
 def test_derived_quantities_do_not_count_in_the_headline(result):
     a, b = (run(result, log, estimate(FRONT, sigma=0.03)) for log in "12")
     other = replace(b, derived=tuple(replace(e, value=2 * e.value) for e in b.derived))
-    assert headline(compare({"a": a, "b": other})).startswith("No difference beyond chance. Largest: Front tyres")
+    assert comparison_headline(compare({"a": a, "b": other})).startswith(
+        "No difference beyond chance. Largest: Front tyres"
+    )
 
 
 @pytest.mark.parametrize("value", [1.0, 1.0 - 1e-4])
@@ -146,7 +148,7 @@ def test_parameters_that_one_run_does_not_have(result):
     assert [p.name for p in estimated(comparison)] == [FRONT, HEIGHT]
     assert [p.differences for p in estimated(comparison)] == [(None, None), (None, None)]
     assert comparison.rows()[1][2:] == ("–", "", "", "")
-    assert headline(comparison) == "No difference from a has a sigma."
+    assert comparison_headline(comparison) == "No difference from a has a sigma."
 
 
 def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):
@@ -161,7 +163,7 @@ def test_differences_in_the_unit_in_per_cent_and_in_sigmas(result):
 def test_the_headline_names_what_differs_most(result):
     a = run(result, "1", estimate(FRONT, sigma=0.03), estimate(REAR, sigma=0.03))
     b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), estimate(REAR, value=1.4, sigma=0.04))
-    assert headline(compare({"a": a, "b": b})) == (
+    assert comparison_headline(compare({"a": a, "b": b})) == (
         f"Differs most from a: {spoken(REAR)} of b, +40.0 ± 5.0 % (+8.0 sigma). "
         "1 other difference is beyond chance too."
     )
@@ -172,8 +174,8 @@ def test_the_headline_omits_what_a_run_does_not_identify(result):
     unknown = estimate(REAR, value=1.4, sigma=0.04, verdict=Verdict.NOT_IDENTIFIABLE)
     b = run(result, "2", estimate(FRONT, value=0.8, sigma=0.04), unknown)
     for first, second in ((a, b), (b, a)):
-        assert f"{spoken(FRONT)} of" in headline(compare({"a": first, "b": second}))
-        assert spoken(REAR) not in headline(compare({"a": first, "b": second}))
+        assert f"{spoken(FRONT)} of" in comparison_headline(compare({"a": first, "b": second}))
+        assert spoken(REAR) not in comparison_headline(compare({"a": first, "b": second}))
 
 
 def test_chance_takes_the_number_of_differences_into_account(result):
@@ -182,7 +184,7 @@ def test_chance_takes_the_number_of_differences_into_account(result):
     c = run(result, "3", estimate(FRONT, sigma=0.05 / 2**0.5))
     assert len(compare({"a": a, "b": b}).beyond_chance()) == 1
     assert compare({"a": a, "b": b, "c": c}).beyond_chance() == []
-    assert headline(compare({"a": a, "b": b, "c": c})).startswith(
+    assert comparison_headline(compare({"a": a, "b": b, "c": c})).startswith(
         f"No difference beyond chance. Largest: {spoken(FRONT)} of b, +10.5 ± 5.0 % (+2.1 sigma)"
     )
 

@@ -17,6 +17,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns,
 from fifthwheel.model.dynamics import TIME_SCALE
 from fifthwheel.results.diagnose.doubt_cautions import _options, describe_cause
 from fifthwheel.truck import unit_of
+from tests.model.dynamics.test_steered_axles import with_axle
 
 OUTPUTS = (
     *("yaw_rate.tractor", "yaw_rate.semitrailer", "roll_rate.tractor", "roll_rate.semitrailer"),
@@ -133,3 +134,20 @@ def test_an_uncertain_length_has_the_option_that_estimates_it():
         ("x.delay", {"yaw_rate.tractor.delay": 0.1}),
     ):
         assert _options(Cause(name=name, changes=changes, prior_sigmas=5.0), vehicle) == ""
+
+
+TRUCK, PATH = with_axle({}), "semitrailer.rear.self_steering"
+
+
+def cause(change: float) -> Cause:
+    return Cause(name=PATH, changes={PATH: change}, prior_sigmas=change / 0.015)
+
+
+def test_an_axle_that_is_not_stated_to_steer_itself():
+    text = describe_cause(cause(0.78), TRUCK)
+    assert text.startswith("semitrailer.rear steers itself, as a castor axle does: give it self_steering = 0.8 in the")
+    assert "self_steering = 1.0 " in describe_cause(cause(1.3), TRUCK)
+
+
+def test_a_stated_self_steering_that_is_wrong():
+    assert describe_cause(cause(-0.2), TRUCK.replace({PATH: 0.8})).startswith(f"{PATH} is 25 % smaller")

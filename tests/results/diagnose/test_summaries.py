@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import SensorError
 from fifthwheel.estimate.observe import States
-from fifthwheel.results.diagnose.fit_quality import FitQuality, fit_quality, predicted_logs, white_noise_sigma
+from fifthwheel.results.diagnose.residuals import fit_quality, predicted_logs, white_noise_sigma
 from fifthwheel.results.diagnose.summaries import (
     innovation_size,
     summarise_records,
@@ -43,13 +43,6 @@ def test_white_noise_sigma():
     noise = 0.02 * np.random.default_rng(0).standard_normal(5000)
     assert white_noise_sigma(np.sin(time) + noise) == pytest.approx(0.02, rel=0.05)
     assert np.isnan(white_noise_sigma(time[:5]))
-
-
-def test_a_fit_is_good_if_noise_limits_it():
-    assert FitQuality(explained=0.2, rms=1.2, noise=1.0, motion=1.0).good
-    assert FitQuality(explained=0.95, rms=5.0, noise=1.0, motion=1.0).good
-    assert not FitQuality(explained=0.8, rms=1.3, noise=1.0, motion=1.0).good
-    assert not FitQuality(explained=0.8, rms=1.3, noise=np.nan, motion=1.0).noise_limited
 
 
 def test_the_stated_noise_of_a_filtered_sensor(result):

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from fifthwheel.estimate.identify import Estimate, SensorError, Verdict
-from fifthwheel.results.diagnose import whiteness
+from fifthwheel.results.diagnose import residuals
 from fifthwheel.results.diagnose.advice import next_steps
-from fifthwheel.results.diagnose.cautions import CautionKind, has_wide_sigma, identification_cautions, state_cautions
-from fifthwheel.results.diagnose.fit_quality import FitQuality, predicted_logs
+from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, state_cautions
 from fifthwheel.results.diagnose.information_summary import dominant_terms, information_summary
+from fifthwheel.results.diagnose.messages import CautionKind
+from fifthwheel.results.diagnose.residuals import FitQuality, predicted_logs
 from fifthwheel.results.diagnose.summaries import RunSummary
 
 BELOW, ABOVE = 1 - 1e-9, 1 + 1e-9
@@ -41,6 +42,7 @@ def test_the_quality_of_a_fit():
     assert fit_of(0.05 * BELOW, 9.0).unrelated
     assert fit_of(0.0, 1.0, noise=3.0).unrelated
     assert not fit_of(0.0, 1.0, noise=3.0 * ABOVE).unrelated
+    assert not fit_of(0.8, 1.3, noise=np.nan).noise_limited
     assert fit_of(0.0, 9.0, noise=4.0).unrelated  # larger than the noise explains
 
 
@@ -218,7 +220,7 @@ def test_a_run_up_to_half_a_metre_per_second_squared_is_straight(result):
     ],
 )
 def test_innovations_in_words(rms, count, text):
-    assert text in whiteness.describe_innovation_rms(rms, count)
+    assert text in residuals.describe_innovation_rms(rms, count)
 
 
 def test_outliers():
@@ -227,12 +229,12 @@ def test_outliers():
     sigma = 1.0
     for outlier, expected in ((3.05 * sigma, 2e-4), (2.95 * sigma, 0.0)):
         values[[0, 5000]] = outlier, -outlier
-        assert whiteness.outlier_fraction(values) == pytest.approx(expected)
-    correlation = whiteness.autocorrelation(np.arange(100.0), np.random.default_rng(0).normal(size=100))
+        assert residuals.outlier_fraction(values) == pytest.approx(expected)
+    correlation = residuals.autocorrelation(np.arange(100.0), np.random.default_rng(0).normal(size=100))
     for fraction, mentioned in ((4 * 0.0027 * ABOVE, True), (4 * 0.0027 * BELOW, False)):
-        assert ("outliers" in whiteness.describe_whiteness(correlation, fraction, free_run=True)) == mentioned
-    assert np.isnan(whiteness.outlier_fraction(values[:29]))
-    assert whiteness.outlier_fraction(values[1:31]) == 0.0
+        assert ("outliers" in residuals.describe_whiteness(correlation, fraction, free_run=True)) == mentioned
+    assert np.isnan(residuals.outlier_fraction(values[:29]))
+    assert residuals.outlier_fraction(values[1:31]) == 0.0
 
 
 def test_a_wheel_lifts_at_a_load_transfer_ratio_of_095(result):

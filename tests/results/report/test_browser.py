@@ -11,8 +11,8 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.results.report import write_assessment_report, write_report
-from fifthwheel.results.report.evaluation import write_evaluation_report
-from fifthwheel.results.report.evidence import TruckEvidence, write_evidence
+from fifthwheel.results.report.assessment import TruckEvidence, write_evidence
+from fifthwheel.results.report.comparison import write_evaluation_report
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = [

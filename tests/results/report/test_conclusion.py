@@ -8,13 +8,12 @@ import pytest
 from fifthwheel import truck as vehicle
 from fifthwheel.base import pages
 from fifthwheel.data.checks import Fault, Finding
-from fifthwheel.estimate.identify import Estimate, SensorError, identify
+from fifthwheel.estimate.identify import Estimate, identify
 from fifthwheel.estimate.identify.doubts import Doubt, DoubtKind
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import Advice
 from fifthwheel.results.report import Conclusion, StateConditions, conclude_identification, conclude_states
-from fifthwheel.results.report.words import counted
 from tests.results.report.conftest import NASTY
 
 
@@ -171,20 +170,6 @@ def test_everything_fixed(result):
     assert conclusion.headline == "All parameters are fixed: nothing was estimated."
 
 
-def test_cautions_come_with_their_cure(result):
-    error = SensorError(name="steer.tractor.front.gain", value=1.25, sigma=0.05, unit="1", log=None)
-    conclusion = conclude_identification(replace(result.identification, covariance=None, sensors=(error,)))
-    (caution,) = [line for line in conclusion.cautions if line.startswith("steer.tractor.front: ")]
-    assert "1.250 ± 0.050 times the logged angle" in caution
-    assert caution.endswith("correct it in the signal map.")
-
-
-def test_states_that_do_not_fit_are_a_caution(result):
-    large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
-    conclusion = conclude_identification(result.identification, result.records, states=[large])
-    assert any("sigma of the states may be too small" in line for line in conclusion.cautions)
-
-
 def test_a_poor_prediction_does_not_validate(result):
     identification = result.identification
     assert any("(validation log)" in line for line in conclude_identification(identification).results)
@@ -216,7 +201,9 @@ def test_conclusion_of_states(result):
     assert any("sideslip.semitrailer" in line and "deg" in line for line in conclusion.results)
     large = replace(result.states[0], innovation={n: 3 * v for n, v in result.states[0].innovation.items()})
     conclusion = conclude_states([large], result.records)
-    assert any("sigma of the states may be too small" in line for line in conclusion.cautions)
+    of_truck = conclude_identification(result.identification, result.records, states=[large])
+    for cautions in (conclusion.cautions, of_truck.cautions):
+        assert any("sigma of the states may be too small" in line for line in cautions)
     assert conclusion.headline.endswith("do not rely on these states.")
     assert not any("reliable" in line for line in conclusion.results)
 
@@ -237,7 +224,3 @@ def test_what_the_bands_include():
     text = StateConditions(smoothed=True, uncertain=names).in_words()
     assert "1 vehicle parameter and 2 sensor errors" in text
     assert "Smoothed" in text
-
-
-def test_words():
-    assert (counted(1, "log"), counted(2, "log")) == ("1 log", "2 logs")

@@ -15,7 +15,7 @@ from fifthwheel.data.record.derived import largest_lateral_acceleration, lateral
 from fifthwheel.estimate.identify import Verdict
 from fifthwheel.results.diagnose.summaries import summarise_runs
 from fifthwheel.results.report import Provenance, front_page, write_report
-from fifthwheel.results.report.truck_drawing import CHARACTER, WIDTH, truck_drawing
+from fifthwheel.results.report.front_page import CHARACTER, TRUCK_WIDTH, truck_drawing
 from fifthwheel.truck.spoken_names import spoken
 from tests.results.report.conftest import Page
 
@@ -120,7 +120,7 @@ def test_no_texts_of_a_drawing_overlap(result, name):
     for k, (x, y, line) in enumerate(texts):
         half = CHARACTER * len(line) / 2
         assert int(x) - half >= -1
-        assert int(x) + half <= WIDTH + 1
+        assert int(x) + half <= TRUCK_WIDTH + 1
         for x2, y2, other in texts[k + 1 :]:
             apart = abs(int(x) - int(x2)) >= half + CHARACTER * len(other) / 2 - 1
             assert apart or abs(int(y) - int(y2)) >= 15, (line, other)

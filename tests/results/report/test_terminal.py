@@ -11,7 +11,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import plain_ascii, with_sigma
 from fifthwheel.base.pages.terminal import COLOURS, show
 from fifthwheel.results.report import identification_document, states_document
-from fifthwheel.results.report.words import MARKS, spoken_verdict
+from fifthwheel.results.report.conclusion import MARKS, spoken_verdict
 from tests.results.report.conftest import NASTY
 
 

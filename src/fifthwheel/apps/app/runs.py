@@ -34,7 +34,7 @@ from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.results.diagnose import Comparison, LogPrediction
 from fifthwheel.results.report import provenance_of_run
-from fifthwheel.results.report.knowledge import truck_history_document
+from fifthwheel.results.report.vehicle import truck_history_document
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.spoken_names import spoken
 

@@ -65,7 +65,7 @@ def evaluate(
     """
     from fifthwheel.apps.workflow import EVALUATION_FILES, read_vehicle
     from fifthwheel.results.evaluate import evaluate as run_evaluation
-    from fifthwheel.results.report.evaluation import evaluation_document
+    from fifthwheel.results.report.comparison import evaluation_document
 
     options.require_figures(figures, out)
     truck = read_vehicle(vehicle) if vehicle else None
@@ -125,7 +125,7 @@ def validate(
     from fifthwheel.apps.workflow.settings import named_texts
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.evaluate import validate as run_validation
-    from fifthwheel.results.report.evaluation import validation_document
+    from fifthwheel.results.report.comparison import validation_document
 
     options.require_figures(figures, out)
     stated = named_texts("--tolerance", tolerance or (), "NAME=VALUE, such as yaw_rate=5%")

@@ -57,7 +57,7 @@ def history(result: Result, as_json: options.JsonOption = False) -> None:
     A remark says what changed before a log, such as its tyres; why a log is not used; and the doubts about it.
     """
     from fifthwheel.estimate.identify.knowledge.history import history as entries_of
-    from fifthwheel.results.report.knowledge import history_document
+    from fifthwheel.results.report.vehicle import history_document
 
     entries = entries_of(_read(result))
     contents = {"logs": [entry.as_dict() for entry in entries]}
@@ -161,7 +161,7 @@ def _read(result: Path) -> "Knowledge":
 def _estimates(knowledge: "Knowledge", *, everything: bool = False) -> "tuple[dict[str, Any], Callable[[], Document]]":
     """The logs that are used and the estimates from them, and the same for people."""
     from fifthwheel.estimate.identify.knowledge.history import shared_estimates
-    from fifthwheel.results.report.knowledge import knowledge_document
+    from fifthwheel.results.report.vehicle import knowledge_document
 
     estimates = shared_estimates(knowledge)
     shown = [estimate.as_dict() for estimate in estimates if everything or estimate.estimated]

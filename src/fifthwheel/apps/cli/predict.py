@@ -62,7 +62,7 @@ def check(
         print_load_differences(truck, records)
         require_signals(settings, *records)
         if plot is not None:
-            from fifthwheel.results.report.time_offsets import write_time_offsets
+            from fifthwheel.results.report.logs import write_time_offsets
 
             write_time_offsets(plot, records, truck)
     assessment = predict_sigmas(records, truck, settings, earlier=start.earlier)
@@ -159,7 +159,7 @@ def design(
         print(result.to_json(**({"files": {out.name: str(out)}} if out else {})))
     else:
         from fifthwheel.base.pages.terminal import show
-        from fifthwheel.results.report.design import design_document
+        from fifthwheel.results.report.information import design_document
 
         show(design_document(result))
         if out:

@@ -157,7 +157,7 @@ def verify(
     Compares the SHA-256 of each file with the one recorded in run.json and in the JSON files of the result. The exit
     code is 1 if a file differs or is missing. docs/assess.md shows how to sign a result.
     """
-    from fifthwheel.results.report.verification import verify as run_verification
+    from fifthwheel.results.report.provenance import verify as run_verification
 
     verification = run_verification(result, files or ())
     if as_json:

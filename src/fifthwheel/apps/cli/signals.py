@@ -58,7 +58,7 @@ def signals(
     if save is not None:
         raise FifthwheelError("--save: needs --signals; propose a map with --out first, and check it")
     from fifthwheel.base.pages.terminal import show
-    from fifthwheel.results.report.log_contents import survey_document
+    from fifthwheel.results.report.logs import survey_document
 
     with reserved(out, force=force), terminal.reading_bar([log]) as progress:
         contents = survey_file(log, truck, databases=database or [], map_file=out, whole=whole, progress=progress)
@@ -89,7 +89,7 @@ def _show_record(
         terminal.print_json(contents | {"findings": [str(finding) for finding in findings]})
         return
     from fifthwheel.base.pages.terminal import show
-    from fifthwheel.results.report.log_contents import record_document
+    from fifthwheel.results.report.logs import record_document
 
     show(record_document(record, findings))
     if save is not None:

@@ -17,7 +17,7 @@ from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Po
 from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
-from fifthwheel.results.report.words import counted
+from fifthwheel.results.report.conclusion import counted
 from fifthwheel.truck.spoken_names import named, spoken
 
 MAX_HISTORIES = 40

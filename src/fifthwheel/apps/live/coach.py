@@ -25,7 +25,7 @@ from fifthwheel.estimate.design.next_manoeuvre import (
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.online import LearnedValue
 from fifthwheel.estimate.stream import VALID
-from fifthwheel.results.report.words import STATUSES, counted, spoken_verdict
+from fifthwheel.results.report.conclusion import STATUSES, counted, spoken_verdict
 from fifthwheel.truck.spoken_names import named
 
 PERIOD = 1.0

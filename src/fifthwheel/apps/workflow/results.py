@@ -29,8 +29,8 @@ from fifthwheel.results.report import (
     write_report,
     write_states_report,
 )
-from fifthwheel.results.report.evaluation import write_evaluation_report
-from fifthwheel.results.report.evidence import TruckEvidence, write_evidence
+from fifthwheel.results.report.assessment import TruckEvidence, write_evidence
+from fifthwheel.results.report.comparison import write_evaluation_report
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.edited_file import edited
 

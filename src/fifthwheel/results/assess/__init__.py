@@ -4,8 +4,7 @@ A family of measures is a function of a `Truck`, one module each. `propagation` 
 around it, and gives each measure its sigma.
 """
 
-from fifthwheel.results.assess.assess import assess
-from fifthwheel.results.assess.assessment import Assessment, MeasureResult, Threshold
+from fifthwheel.results.assess.assessment import Assessment, MeasureResult, Threshold, assess
 from fifthwheel.results.assess.measures import MEASURES, Limit, Measure
 from fifthwheel.results.assess.truck import Body
 

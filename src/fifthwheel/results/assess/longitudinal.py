@@ -1,6 +1,7 @@
-"""Startability, gradeability and acceleration, from the engine and the gears that `[driveline]` states.
+"""Startability, gradeability, acceleration and braking.
 
-The force at the driven wheels in a gear is that of the engine, and at most the friction of the road:
+The first three follow from the engine and the gears that `[driveline]` states. The force at the driven wheels in a gear
+is that of the engine, and at most the friction of the road:
 
     F = efficiency * torque * gear * final drive / tyre radius,        F <= mu N of the driven group,
 
@@ -18,6 +19,11 @@ number of gears, that take the least time. Turbo lag and the torque that the gea
 
 National Transport Commission, Performance-Based Standards Scheme, The Standards and Vehicle Assessment Rules (2008).
 The driven group is the last one of the first unit.
+
+Braking efficiency: a group with the braking force F_x needs the friction -F_x / N, and the efficiency is the
+deceleration z over the largest of them: the fraction of the friction that a stop without locked wheels can use. The
+brakes are those that are stated, else F_x = -z N_0, in proportion to the static loads. R. D. Ervin and Y. Guy, The
+influence of weights and dimensions on the stability and control of heavy-duty trucks in Canada, UMTRI-86-35 (1986).
 """
 
 import math
@@ -55,6 +61,8 @@ NEEDED: Mapping[str, tuple[str, ...]] = {
 """Keys of `[driveline]` that each measure needs; `DRIVELINE` has the others."""
 OF_SENSORS = ("torque_scale", "speed_scale")
 """Keys of `[driveline]` that belong to the sensors of a log."""
+DECELERATION = 0.4
+"""Of the stop, g."""
 
 
 def numbers(vehicle: Vehicle) -> dict[str, tuple[float, float]]:
@@ -245,3 +253,14 @@ def _weight(vehicle: Vehicle) -> float:
 def _driven(vehicle: Vehicle) -> str:
     first = vehicle.units[0]
     return first.group_path(first.axle_groups[-1])
+
+
+def measure_braking(truck: Truck) -> Values:
+    """The braking efficiency; 0 if an axle group lifts."""
+    static = truck.vehicle.axle_loads()
+    shares = static
+    if stated := truck.body.brakes:
+        per_fraction = sum(static.values()) / sum(stated.values())
+        shares = {path: fraction * per_fraction for path, fraction in stated.items() if fraction}
+    braked = truck.vehicle.axle_loads(-DECELERATION, {path: -DECELERATION * share for path, share in shares.items()})
+    return {"braking_efficiency": max(0.0, min(braked[path] / share for path, share in shares.items()))}

@@ -27,7 +27,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.model.manoeuvres import Course, OpenLoop, Path, constant_radius, straight
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.results.assess import braking, lane_change, rollover, steady_motion, yaw_damping
+from fifthwheel.results.assess import lane_change, longitudinal, rollover, steady_motion, yaw_damping
 from fifthwheel.results.assess.lane_change import LaneChangeRun
 from fifthwheel.results.assess.measures import STOP, STRAIGHT, TRACKING, title
 from fifthwheel.results.assess.truck import Series, Truck, Values
@@ -202,7 +202,7 @@ def stop(truck: Truck, friction: float = 1.0) -> tuple[Values, tuple[str, ...]]:
 
 def stop_course() -> Path:
     """A straight path of which the demanded speed falls after `SETTLED`, so that the truck decelerates at once."""
-    deceleration = braking.DECELERATION * STANDARD_GRAVITY
+    deceleration = longitudinal.DECELERATION * STANDARD_GRAVITY
     course = straight(speed=STOP_SPEED, duration=SETTLED + STOP_TIME)
     distance = np.maximum(course.arc - STOP_SPEED * SETTLED, 0.0)
     demanded = np.sqrt(np.maximum(STOP_SPEED**2 - 2 * deceleration * distance, 0.0))

@@ -7,30 +7,26 @@ import numpy as np
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with, split_log
 from fifthwheel.data.channels import (
-    LATERAL_ACCELERATION,
     LOAD_TRANSFER,
-    PLACE_KINDS,
-    SPEED,
     STEER,
-    WHEEL_SPEED_DIFFERENCE,
     SensorErrorName,
     SignalName,
     is_of,
     si_unit,
 )
-from fifthwheel.data.checks.findings import Fault, Finding, Severity
+from fifthwheel.data.checks.findings import Fault, Finding
 from fifthwheel.estimate.identify import Estimate, Identification, SensorError, Verdict
 from fifthwheel.estimate.identify.doubts import NONLINEAR_ACCELERATION, Doubt, DoubtKind
 from fifthwheel.estimate.observe import States
-from fifthwheel.results.diagnose import thresholds
-from fifthwheel.results.diagnose.caution import Caution, CautionKind
+from fifthwheel.results.diagnose import messages, thresholds
 from fifthwheel.results.diagnose.doubt_cautions import (
     assumption_cautions,
     contradiction_cautions,
     unstable_cautions,
     validation_cautions,
 )
-from fifthwheel.results.diagnose.fit_quality import fit_quality
+from fifthwheel.results.diagnose.messages import Caution, CautionKind, Message, is_filtered, sensor_error_words
+from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.truck.quantities import FRICTION, quantity_of
@@ -60,7 +56,7 @@ def identification_cautions(
         *unstable_cautions(identification),
         *contradiction_cautions(identification),
         *validation_cautions(validated),
-        *[Caution(CautionKind.MASS, f"{text}.", "", 0.0) for text in unusual_masses(identification.initial_vehicle)],
+        *[messages.UNUSUAL_MASSES.of(masses=text) for text in unusual_masses(identification.initial_vehicle)],
         *assumption_cautions(identification),
         *estimate_cautions(identification),
         *sensor_cautions(identification),
@@ -82,15 +78,12 @@ def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
         if not is_repaired(finding):
             groups.setdefault((finding.severity, finding.signal, finding.fault), []).append(finding)
     for first, *more in groups.values():
-        logs = enumerated([str(finding.log) for finding in (first, *more)])
-        yield Caution(
-            _KINDS.get(first.fault, CautionKind.SIGNAL),
-            f"{logs}: {first.message}.",
-            "",
-            0.0,
-            severity=first.severity,
-            signals=(first.signal, *first.others),
+        row = Message(_KINDS.get(first.fault, CautionKind.SIGNAL), "{logs}: {fault}.", severity=first.severity)
+        yield row.of(
             log=first.log if not more else None,
+            signals=(first.signal, *first.others),
+            logs=enumerated([str(finding.log) for finding in (first, *more)]),
+            fault=first.message,
         )
 
 
@@ -122,11 +115,9 @@ def estimate_cautions(identification: Identification) -> Iterator[Caution]:
         prior = e.prior / abs(e.initial) if e.prior and e.initial else quantity_of(e.name).guess
         ratio = e.value / e.initial
         if ratio > 0 and abs(np.log(ratio)) > thresholds.UNUSUAL_DEVIATION * prior:
-            message = (
-                f"{e.name} is {digits(ratio, 2)} times the value of the vehicle file; ±{percent(prior)} was assumed."
+            yield messages.UNUSUAL_ESTIMATE.of(
+                ratio, parameters=(e.name,), parameter=e.name, ratio=digits(ratio, 2), prior=percent(prior)
             )
-            cure = "Check masses, axle positions and the steer angle. Confirm the estimate with another log."
-            yield Caution(CautionKind.UNUSUAL_ESTIMATE, message, cure, ratio, parameters=(e.name,))
 
 
 def sensor_cautions(identification: Identification) -> Iterator[Caution]:
@@ -134,51 +125,24 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
     for error in identification.sensors:
         signal, kind = SensorErrorName.of(error.name) or (error.name, "")
         significant = max(thresholds.SIGNIFICANT * error.sigma, thresholds.NEGLIGIBLE_DELAY)
-        filtered = is_of(signal, SPEED, LATERAL_ACCELERATION, WHEEL_SPEED_DIFFERENCE)  # always late
         expected = identification.prior_of_sensor_error(error.name)[0]
-        delayed = kind == "delay" and not filtered and abs(error.value - expected) > significant
+        delayed = kind == "delay" and not is_filtered(signal) and abs(error.value - expected) > significant
         doubts = [d for d in identification.doubts if d.kind is DoubtKind.SENSOR and _concerns(d, error.name)]
         tested = identification.covariance is not None  # then a doubt says whether it is unusual
         if not doubts and (tested or not (delayed or is_unusual(identification, error))):
             continue
-        steer_gain = kind == "gain" and is_of(signal, STEER)
-        value = with_sigma(error.value, error.sigma, error.unit)
-        if kind == "delay" and filtered:
-            text, cure = f"the estimated delay is {value}.", "Check its timestamps, or set its delay in the signal map."
-        elif kind in PLACE_KINDS:
-            text = f"the estimated {kind} is {value}; {with_sigma(expected, None, error.unit)} is expected."
-            cure = f"Check the {kind} of the accelerometer in the vehicle file, and which point the signal belongs to."
-        elif kind == "delay":
-            text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
-            cure = (
-                "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-                "(--set 'steer.*.delay=+- 5 ms') and identify again."
-            )
-        elif steer_gain:
-            text = (
-                f"the road wheels turn by {value} times the logged angle. A wrong steering ratio has the same effect "
-                "as wrong tyre stiffnesses, so the stiffness estimates depend on this gain."
-            )
-            cure = "Measure the ratio of the road-wheel angle to the logged angle, and correct it in the signal map."
-        elif kind == "play":
-            text = f"the estimated play between this angle and the road wheels is {value}."
-            cure = "Check the steering linkage, or measure the angle at the wheels."
-        elif kind == "misalignment":
-            text = f"the estimated misalignment is {value}: the gyro also measures another axis."
-            cure = "Check how the gyro is mounted, and whether its axes are exchanged."
-        elif kind == "load_sensitivity":
-            text = f"the estimated load sensitivity is {value}: wheel speeds change with the load transfer."
-            cure = "Check that both wheel speeds are of the same axle, and the tyre pressures."
-        elif kind == "gain":
-            text = f"the estimated gain is {value}; 1 is expected."
-            cure = "Check the unit, calibrate the sensor, and correct its gain in the signal map."
-        else:
-            text = f"the estimated {kind.replace('_', ' ')} is {value}, more than such a sensor usually has."
-            cure = "Check the mounting and the calibration of the sensor."
-        message = f"{signal} in {error.log}: {text}" if error.log else f"{signal}: {text}"
-        parameters = tuple(dict.fromkeys(name for doubt in doubts for name in doubt.parameters))
+        words = sensor_error_words(signal, kind)
         of = CautionKind(kind) if kind in list(CautionKind) else CautionKind.OFFSET
-        yield Caution(of, message, cure, error.value, parameters=parameters, signals=(signal,), log=error.log)
+        yield Message(of, f"{{place}}: {words.caution}", words.cure).of(
+            error.value,
+            log=error.log,
+            place=f"{signal} in {error.log}" if error.log else signal,
+            parameters=tuple(dict.fromkeys(name for doubt in doubts for name in doubt.parameters)),
+            signals=(signal,),
+            kind=kind.replace("_", " "),
+            value=with_sigma(error.value, error.sigma, error.unit),
+            expected=with_sigma(expected, None, error.unit),
+        )
 
 
 def _concerns(doubt: Doubt, name: str) -> bool:
@@ -191,21 +155,21 @@ def fit_cautions(identification: Identification) -> Iterator[Caution]:
     excited = {fit.log for fit in identification.fits if fit.explained > thresholds.EXCITED_CHANNEL}
     for fit in identification.fits:
         quality, unit = fit_quality(fit, identification.settings.stated_noise), si_unit(fit.signal)
-        place = f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}"
-        severity: Severity = "warning"
         if fit.log in excited and quality.unrelated:
-            kind, severity = CautionKind.UNRELATED_CHANNEL, "error"
-            text = "speed and steer angle explain almost none of this channel."
-            cure = "Check that the column is mapped to the right signal. Do not use results that depend on it."
+            row = messages.UNRELATED_CHANNEL
         elif not quality.good:
-            kind, explained = CautionKind.POOR_FIT, percent(max(fit.explained, 0.0), round_down=True)
-            noise = f", sensor noise about {approximate(quality.noise, unit)}" if np.isfinite(quality.noise) else ""
-            text = f"the model explains {explained} of the variance; residual {approximate(fit.rms, unit)} rms{noise}."
-            cure = "Check sign, unit and position of the sensor, and the vehicle file."
+            row = messages.POOR_FIT
         else:
             continue
-        message = f"{place}: {text}"
-        yield Caution(kind, message, cure, fit.explained, severity=severity, signals=(fit.signal,), log=fit.log)
+        yield row.of(
+            fit.explained,
+            log=fit.log,
+            signals=(fit.signal,),
+            place=f"{fit.signal} in {fit.log}" if fit.identified_on else f"{fit.signal}, validation log {fit.log}",
+            explained=percent(max(fit.explained, 0.0), round_down=True),
+            rms=approximate(fit.rms, unit),
+            noise=f", sensor noise about {approximate(quality.noise, unit)}" if np.isfinite(quality.noise) else "",
+        )
     for log in identification.logs:
         yield from _rejected_samples(log.name, log.rejected, thresholds.REJECTED_SAMPLES, "identification")
 
@@ -214,12 +178,9 @@ def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
     """Runs outside the range of the linear model."""
     for run in runs:
         if run.acceleration > NONLINEAR_ACCELERATION:
-            message = (
-                f"{run.name}: the lateral acceleration reaches {run.acceleration:.1f} m/s². The model of tyres and "
-                f"suspensions is linear, which holds up to about {NONLINEAR_ACCELERATION:g} m/s²."
+            yield messages.NONLINEAR_RANGE.of(
+                run.acceleration, log=run.name, acceleration=run.acceleration, limit=NONLINEAR_ACCELERATION
             )
-            cure = "Use tyres that saturate (--tyres saturating), or a log with a smaller lateral acceleration."
-            yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)
 
 
 def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
@@ -232,19 +193,10 @@ def state_cautions(states: States, blamed: str) -> Iterator[Caution]:
     sizes = {name: innovation_size(states, name) for name in states.innovation}
     large = {name: size.rms for name, size in sizes.items() if size.rms > thresholds.LARGE_INNOVATION}
     if large:
+        is_file = blamed == "vehicle file"
+        row = messages.LARGE_INNOVATIONS_OF_A_FILE if is_file else messages.LARGE_INNOVATIONS
         channels = enumerated([f"{name} ({rms:.1f})" for name, rms in large.items()])
-        cure = "Check the vehicle file against this truck, and the noise of these channels."
-        if blamed == "vehicle file":
-            cure = (
-                f"Check the vehicle file, or identify this truck from {states.name}. If the vehicle file comes from an "
-                "identification, also give its identification.json (-i); it contains the sensor errors."
-            )
-        message = (
-            f"{states.name}: the rms of the normalised innovations is above 1: {channels}. The {blamed} or the assumed "
-            "noise is wrong, and the sigma of the states may be too small."
-        )
-        value = max(large.values())
-        yield Caution(CautionKind.LARGE_INNOVATIONS, message, cure, value, signals=tuple(large), log=states.name)
+        yield row.of(max(large.values()), log=states.name, signals=tuple(large), channels=channels, blamed=blamed)
     rejected = {name: size.rejected for name, size in sizes.items()}
     yield from _rejected_samples(states.name, rejected, thresholds.REJECTED_INNOVATIONS, "state filter")
 
@@ -255,22 +207,16 @@ def _wheel_lifts(states: States) -> Iterator[Caution]:
     starts = {name: float(states.time[rows.argmax()]) for name, rows in lifted.items() if rows.any()}
     if starts:
         first = min(starts, key=starts.__getitem__)
-        largest = float(np.nanmax(ratios[first]))
-        message = (
-            f"{states.name}: a wheel of {SignalName.of(first).place} lifts at {starts[first]:.1f} s, where the load "
-            f"transfer ratio exceeds {thresholds.LIFTED}; it reaches {largest:.2f}. In the model no wheel lifts."
+        largest, group = float(np.nanmax(ratios[first])), SignalName.of(first).place
+        yield messages.WHEEL_LIFT.of(
+            largest, log=states.name, group=group, time=starts[first], limit=thresholds.LIFTED, largest=largest
         )
-        cure = "Do not rely on what follows: end the log there, with stop in [time] of signals.toml."
-        yield Caution(CautionKind.WHEEL_LIFT, message, cure, largest, log=states.name)
 
 
 def _rejected_samples(log: str, rejected: Mapping[str, float], limit: float, stage: str) -> Iterator[Caution]:
     """Channels of a log of which a larger fraction than the limit was rejected."""
     for signal, fraction in rejected.items():
         if fraction > limit:
-            message = (
-                f"{signal} in {log}: the {stage} rejected {percent(fraction)} of the samples as outliers, because "
-                "their innovation is larger than the gate."
+            yield messages.REJECTED_SAMPLES.of(
+                fraction, log=log, signals=(signal,), signal=signal, stage=stage, fraction=percent(fraction)
             )
-            cure = "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong."
-            yield Caution(CautionKind.REJECTED_SAMPLES, message, cure, fraction, signals=(signal,), log=log)

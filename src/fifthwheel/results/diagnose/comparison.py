@@ -26,7 +26,7 @@ from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Guide, Item, Panel, Plot, Points
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
-from fifthwheel.results.assess.assess import rollover_threshold
+from fifthwheel.results.assess.assessment import rollover_threshold
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.spoken_names import spoken
 

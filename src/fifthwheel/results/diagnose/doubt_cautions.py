@@ -7,14 +7,15 @@ import numpy as np
 
 from fifthwheel.base.formatting import digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import ParameterPath, split_log
-from fifthwheel.data.channels import STEER, SensorErrorName, is_of
+from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.identify import Identification, Verdict
 from fifthwheel.estimate.identify.doubts import Cause, DoubtKind
 from fifthwheel.estimate.identify.knowledge.history import changes_in_words
 from fifthwheel.estimate.identify.knowledge.information import LogKnowledge
 from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
 from fifthwheel.model.dynamics import TIME_SCALE, critical_speed
-from fifthwheel.results.diagnose.caution import Caution, CautionKind
+from fifthwheel.results.diagnose import messages
+from fifthwheel.results.diagnose.messages import Caution, sensor_error_words
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, STIFFNESS_SENSITIVITY, quantity_of
 from fifthwheel.truck.spoken_names import FIRST_UNITS, named_unit
@@ -30,19 +31,8 @@ INSENSITIVE = 0.7
 def contradiction_cautions(identification: Identification) -> Iterator[Caution]:
     """Logs that differ from the information of earlier logs."""
     for log, changes in _contradicting(identification):
-        name = log.name
-        if changes:
-            message = f"{name} differs from the earlier logs: {changes}. What this alters begins again there."
-            cure = (
-                "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was "
-                f"changed, check {name}."
-            )
-        else:
-            message = f"{name} {log.set_aside}. It is set aside, and these estimates are of it alone."
-            cure = (
-                "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load)."
-            )
-        yield Caution(CautionKind.CONTRADICTION, message, cure, 0.0, parameters=log.changed, log=name)
+        row = messages.LOG_DIFFERS if changes else messages.LOG_SET_ASIDE
+        yield row.of(log=log.name, parameters=log.changed, changes=changes, reason=log.set_aside)
 
 
 def validation_cautions(validated: Sequence[Identification]) -> Iterator[Caution]:
@@ -50,9 +40,7 @@ def validation_cautions(validated: Sequence[Identification]) -> Iterator[Caution
     for result in validated:
         for log, changes in _contradicting(result):
             what = changes or "no single change of tyres, load or sensor explains the difference"
-            message = f"{log.name} (validation log) contradicts the identified truck: {what}."
-            cure = "Check whether it is of this truck and trailer with this load, and its signals."
-            yield Caution(CautionKind.CONTRADICTION, message, cure, 0.0, parameters=log.changed, log=log.name)
+            yield messages.VALIDATION_CONTRADICTS.of(log=log.name, parameters=log.changed, changes=what)
 
 
 def _contradicting(identification: Identification) -> Iterator[tuple[LogKnowledge, str]]:
@@ -67,34 +55,23 @@ def _contradicting(identification: Identification) -> Iterator[tuple[LogKnowledg
 
 def assumption_cautions(identification: Identification) -> Iterator[Caution]:
     """Numbers of the vehicle file and assumptions on the sensors that the residuals contradict, or all of them."""
+    logs = [log.name for log in identification.logs]
     for doubt in identification.doubts:
         if doubt.kind is DoubtKind.NOISE:
-            message = (
-                "The vehicle file or the signal map does not fit the logs: no single number of the file and no error "
-                "of one sensor explains them."
-            )
-            cure = (
-                "Check that the vehicle file is of this truck and trailer with this load: wheelbases, masses, steered "
-                "axles. Then check column, unit and sign of each signal."
-            )
-            yield Caution(CautionKind.ASSUMPTION, message, cure, doubt.statistic, parameters=doubt.parameters)
+            yield messages.NOTHING_EXPLAINS.of(doubt.statistic, parameters=doubt.parameters)
         if doubt.kind is not DoubtKind.ASSUMPTION:
             continue
-        logs = [log.name for log in identification.logs]
         texts = [describe_cause(cause, identification.initial_vehicle, logs) for cause in doubt.causes]
         one = len(texts) == 1
-        cause = f"They imply that {texts[0]}" if one else f"One of these is the likely cause: {'; '.join(texts)}"
-        message = f"The logs contradict the vehicle file or an assumption on a sensor. {cause}."
-        cure = f"Check {'this' if one else 'them'}, correct the vehicle file or the signal map, and identify again."
-        if options := _options(doubt.causes[0], identification.initial_vehicle):
-            cure += f" If you cannot measure it, state how uncertain it is, so that it is estimated: {options}."
-        yield Caution(
-            CautionKind.ASSUMPTION,
-            message,
-            cure,
+        options = _options(doubt.causes[0], identification.initial_vehicle)
+        uncertain = " If you cannot measure it, state how uncertain it is, so that it is estimated: "
+        yield messages.WRONG_ASSUMPTION.of(
             doubt.statistic,
             parameters=doubt.parameters,
             signals=tuple(error.signal for c in doubt.causes if (error := SensorErrorName.of(split_log(c.name)[0]))),
+            cause=f"They imply that {texts[0]}" if one else f"One of these is the likely cause: {'; '.join(texts)}",
+            these="this" if one else "them",
+            options=f"{uncertain}{options}." if options else "",
         )
 
 
@@ -119,31 +96,23 @@ def unstable_cautions(identification: Identification) -> Iterator[Caution]:
         vehicle, name = identification.vehicle, "The identified truck"
     critical = critical_speed(vehicle, highest=NEARLY * highest) if highest > 0 else None
     if critical is not None:
-        message = f"{name} is unstable above {3.6 * critical:.0f} km/h, and the logs reach {3.6 * highest:.0f} km/h."
-        cure = (
-            "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
-            "prediction errors (--form prediction-error)."
-        )
-        yield Caution(CautionKind.UNSTABLE, message, cure, critical)
+        yield messages.UNSTABLE.of(critical, truck=name, critical=3.6 * critical, highest=3.6 * highest)
 
 
 def _describe_sensor_error(error: SensorErrorName, change: float, mean: float | None) -> str:
     """What an error of a sensor is, with its prior mean: "yaw_rate.tractor is 52 ms late"."""
-    signal, kind = error.signal, error.kind
-    value = change + (float(kind == "gain") if mean is None else mean)
-    size = with_sigma(abs(value), None, error.unit or "")
-    if kind == "delay":
-        return f"{signal} is {size} {'late' if value > 0 else 'early'}"
-    if kind == "gain" and is_of(signal, STEER):
-        return f"the road wheels turn by {digits(value, 3)} times {signal}"
-    if kind == "gain":
-        return f"{signal} is {digits(value, 3)} times the true value"
-    if kind == "offset":
-        return f"{signal} has an offset of {with_sigma(value, None, error.unit or '')}"
-    if kind == "misalignment":
-        return f"the gyro of {signal} is turned by {size}, so that it measures another axis too"
-    difference = with_sigma(abs(change), None, error.unit or "")
-    return f"the {kind.replace('_', ' ')} of {signal} is {difference} {'larger' if change > 0 else 'smaller'}"
+    value = change + (float(error.kind == "gain") if mean is None else mean)
+    unit = error.unit or ""
+    return sensor_error_words(error.signal, error.kind).cause.format(
+        signal=error.signal,
+        kind=error.kind.replace("_", " "),
+        value=with_sigma(value, None, unit),
+        size=with_sigma(abs(value), None, unit),
+        late="late" if value > 0 else "early",
+        factor=digits(value, 3),
+        difference=with_sigma(abs(change), None, unit),
+        larger="larger" if change > 0 else "smaller",
+    )
 
 
 def _relative_change(change: float, compared: str = "", reference: str = "the value of the vehicle file") -> str:

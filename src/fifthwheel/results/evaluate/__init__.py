@@ -1,6 +1,6 @@
 """Evaluation of a measured log by a test method of ISO: measures with sigma, conditions of the test, diagrams.
 
-A test method is a function of a `MeasuredMotion` that gives `MethodResult`, one module each; `METHODS` lists them.
+A test method is a row of `METHODS`, with a function of a `MeasuredMotion` that gives `MethodResult`.
 """
 
 from fifthwheel.results.evaluate.curves import ComparedCurve

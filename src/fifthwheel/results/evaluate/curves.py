@@ -17,8 +17,7 @@ from fifthwheel.base.names import split_kind
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, STEER, is_of
-from fifthwheel.results.evaluate.diagrams import AXES, TITLES
-from fifthwheel.results.evaluate.evaluation import Evaluation
+from fifthwheel.results.evaluate.evaluation import AXES, TITLES, Evaluation
 from fifthwheel.results.evaluate.motion import gain_unit
 from fifthwheel.results.evaluate.repetitions import ACTIVE, ENTRY
 from fifthwheel.results.evaluate.tolerances import DEFAULTS, Tolerance, tolerance_of

@@ -18,7 +18,7 @@ from fifthwheel.base.units import factor
 from fifthwheel.data.channels import SPEED, STEER, is_of, si_unit
 from fifthwheel.data.record import Record
 from fifthwheel.results.evaluate.motion import EVALUATED, first_steer
-from fifthwheel.results.export.fmu.observer import MEASURED
+from fifthwheel.results.export.fmu.models import MEASURED
 
 if TYPE_CHECKING:
     from fifthwheel.truck import Vehicle

@@ -1,53 +1,93 @@
-"""The evaluation of a log by a test method of ISO."""
+"""The evaluation of a log by a test method of ISO, and the general conditions of a test that the log shows.
+
+Conditions after ISO 15037-2:2002: the standard gives a frequency range of 0 to 2 Hz and a bandwidth of the measuring
+system of at least 5 Hz. The limits of speed, yaw rate and steer angle below are ours. A log does not show track, wind,
+load and tyres.
+"""
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
-from types import ModuleType
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from fifthwheel.base.arguments import expect, expect_optional
 from fifthwheel.base.errors import SignalError, suggestion
+from fifthwheel.base.formatting import approximate
 from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.checks import Fault, raise_errors
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.time_bases import check_signals
-from fifthwheel.results.evaluate import (
-    frequency_response,
-    lane_change,
-    pulse,
-    sine_with_dwell,
-    steady_state,
-    step_input,
-)
-from fifthwheel.results.evaluate.conditions import conditions
-from fifthwheel.results.evaluate.evaluation import Evaluation, MethodResult
+from fifthwheel.results.evaluate import frequency_response, manoeuvres, steady_state
+from fifthwheel.results.evaluate.evaluation import Condition, Evaluation, MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion, motion
+from fifthwheel.results.evaluate.repetitions import ENTRY, smoothed
 from fifthwheel.truck import Vehicle
 
+SAMPLING = 20.0
+"""Sampling rate, Hz: four times the bandwidth of 5 Hz."""
+SPEED = 2 / 3.6
+"""Largest deviation of the speed from its mean, m/s."""
+STRAIGHT = float(np.radians(0.5))
+"""Largest mean and standard deviation of the yaw rate before the first steering, rad/s; and mean steer angle, rad."""
 
-@dataclass(frozen=True, kw_only=True)
-class Method:
+
+def conditions(motion: MeasuredMotion, findings: MethodResult) -> tuple[Condition, ...]:
+    """The conditions, met or not."""
+    deviation = float(np.abs(motion.speed - motion.speed.mean()).max())
+    constant = findings.has_constant_speed
+    needed, found = f"at least {SAMPLING:g} Hz", f"{motion.rate:.3g} Hz"
+    result = [Condition("sampling rate", needed, found, motion.rate >= 0.99 * SAMPLING)]
+    needed = f"within {3.6 * SPEED:g} km/h of its mean" if constant else "not in this test"
+    found = f"{3.6 * motion.speed.mean():.1f} km/h, within {3.6 * deviation:.1f} km/h"
+    result.append(Condition("steady speed", needed, found, deviation <= SPEED if constant else None))
+    for values in list(motion.outputs("yaw_rate").values())[:1]:
+        largest = float(np.abs(motion.speed * smoothed(values, motion.rate)).max())
+        found = f"up to {approximate(largest, 'm/s^2')}, speed × yaw rate of the first unit"
+        result.append(Condition("lateral acceleration", "to be reported", found, None))
+    return (*result, *_entry(motion, findings.start))
+
+
+def _entry(motion: MeasuredMotion, start: float | None) -> list[Condition]:
+    """Straight entry and offsets before the first steering."""
+    rates = motion.outputs("yaw_rate")
+    needed = f"{ENTRY:g} s, yaw rate of {approximate(STRAIGHT, 'rad/s')} at most"
+    offset = f"steer angle and yaw rate of {approximate(STRAIGHT, 'rad')} and {approximate(STRAIGHT, 'rad/s')} at most"
+    if start is None or not rates:
+        return [Condition("straight entry", "not in this test", "–", None)]
+    before = (motion.time >= start - ENTRY) & (motion.time < start)
+    duration = start - motion.time[0]
+    if before.sum() < 3:
+        return [Condition("straight entry", needed, "no samples before the steering", False)]
+    rate = smoothed(next(iter(rates.values())), motion.rate)[before]
+    mean, spread, steer = float(rate.mean()), float(rate.std()), round(float(motion.steer[before].mean()), 6)
+    found = f"{min(duration, ENTRY):.1f} s, {approximate(spread, 'rad/s')} rms about its mean"
+    offsets = f"{approximate(steer, 'rad')} and {approximate(mean, 'rad/s')}"
+    return [
+        Condition("straight entry", needed, found, bool(duration >= 0.95 * ENTRY) and spread <= STRAIGHT),
+        Condition("offsets before the test", offset, offsets, max(abs(mean), abs(steer)) <= STRAIGHT),
+    ]
+
+
+class Method(NamedTuple):
     """A test method."""
 
     title: str
     standard: str
     shortest: float
-    """Least duration of a log, s."""
+    """Least duration of a log, s; in 30 s a frequency response is no parabola within the 12 nearest frequencies."""
     evaluate: Callable[[MeasuredMotion], MethodResult]
 
 
-def _method(title: str, standard: str, module: ModuleType) -> Method:
-    return Method(title=title, standard=standard, shortest=module.SHORTEST, evaluate=module.evaluate)
-
-
 METHODS: Mapping[str, Method] = {
-    "steady_state": _method("Steady-state circular test", "ISO 14792:2011", steady_state),
-    "frequency_response": _method("Frequency response", "ISO 14793:2011 and ISO 14791:2000", frequency_response),
-    "step": _method("Step input", "ISO 14793:2011", step_input),
-    "lane_change": _method("Single lane change", "ISO 14791:2000", lane_change),
-    "pulse": _method("Pulse input", "ISO 14791:2000", pulse),
-    "sine_with_dwell": _method("Sine with dwell", "ISO 18375:2016", sine_with_dwell),
+    "steady_state": Method("Steady-state circular test", "ISO 14792:2011", 15.0, steady_state.evaluate),
+    "frequency_response": Method(
+        "Frequency response", "ISO 14793:2011 and ISO 14791:2000", 50.0, frequency_response.evaluate
+    ),
+    "step": Method("Step input", "ISO 14793:2011", 5.0, manoeuvres.step),
+    "lane_change": Method("Single lane change", "ISO 14791:2000", 5.0, manoeuvres.lane_change),
+    "pulse": Method("Pulse input", "ISO 14791:2000", 5.0, manoeuvres.pulse),
+    "sine_with_dwell": Method("Sine with dwell", "ISO 18375:2016", 6.0, manoeuvres.sine_with_dwell),
 }
 """Test methods by name."""
 

@@ -28,13 +28,11 @@ from fifthwheel.base.formatting import percent
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import ARTICULATION, LATERAL_ACCELERATION, ROLL, YAW_RATE, SignalName
 from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
-from fifthwheel.results.evaluate.lane_change import amplified, compared
+from fifthwheel.results.evaluate.manoeuvres import amplified, compared
 from fifthwheel.results.evaluate.motion import MeasuredMotion, gain_unit
 from fifthwheel.results.evaluate.repetitions import ACTIVE
 from fifthwheel.truck.spoken_names import named
 
-SHORTEST = 50.0
-"""Least duration of a log, s; in 30 s a response is no parabola within the 12 nearest frequencies."""
 RESOLUTION = 1 / 30
 """Least distance of evaluated frequencies, Hz."""
 NEIGHBOURS = 6

@@ -9,6 +9,7 @@ noise causes in a largest value. It is removed; it is as uncertain as it is larg
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -76,29 +77,26 @@ def crossing(time: Array, values: Array, level: float) -> float:
     return float(time[k] + (level - values[k]) / (values[k + 1] - values[k]) * (time[k + 1] - time[k]))
 
 
-@dataclass(frozen=True)
-class Words:
+class Words(NamedTuple):
     """Title and unit of a measure; the unit None is that of a gain."""
 
     title: str
     unit: str | None
 
 
-def findings(
-    motion: MeasuredMotion,
-    outputs: Sequence[str],
-    measure: Callable[[Response], Mapping[str, float]],
-    fault: Callable[[Response], str],
-    words: Mapping[str, Words],
-) -> MethodResult:
-    """The measures of all manoeuvres of a log that have no fault.
+class Manoeuvre(NamedTuple):
+    """A manoeuvre that a test repeats."""
 
-    Args:
-        motion: the log.
-        outputs: that the measures need, by name.
-        measure: values by name, the first word of which is a key of `words`; NaN where a manoeuvre does not have one.
-        fault: why a manoeuvre is not that of the test; "" if it is.
-        words: title and unit of the measures.
+    fault: Callable[[Response], str]
+    """Why a response is not of this manoeuvre; "" if it is."""
+    measures: Callable[[Response], Mapping[str, float]]
+    """Values by name, the first word of which is a key of `words`; NaN where a response does not have one."""
+    words: Mapping[str, Words]
+    """Title and unit of the measures."""
+
+
+def findings(motion: MeasuredMotion, outputs: Sequence[str], manoeuvre: Manoeuvre) -> MethodResult:
+    """The measures of all manoeuvres of a log that have no fault, from these outputs.
 
     Raises:
         SignalError: most manoeuvres of the log have a fault, or it does not begin straight ahead.
@@ -107,6 +105,7 @@ def findings(
     noise = {name: sigma or 0.0 for name, sigma in stated.items()}
     times = _manoeuvres(motion)
     responses = [_smoothed(response, noise) for response in _raw(motion, times, outputs)]
+    fault, measure, words = manoeuvre
     faults = [fault(response) for response in responses]
     good = [k for k, text in enumerate(faults) if not text]
     if not good:

@@ -8,10 +8,17 @@ K is the understeer gradient, L the equivalent wheelbase (`dynamics.steady_steer
 changes slowly. One least-squares fit of steer - L k on a holds for all three methods: constant radius (k is constant),
 constant speed (k = a / u^2) and constant steer angle. Sideslip and roll angle are fitted on a in the same way.
 
-Data are means over `BLOCK`, while the lateral acceleration changes slowly. Sigma is that of a jackknife; that of K
-contains the uncertainty of the wheelbase in the vehicle file. It is without a scale error of the steer angle or speed.
+Data are means over `BLOCK`, while the lateral acceleration changes slowly. Sigma is that of a jackknife over segments
+of consecutive data, which road and wind affect together; that of K contains the uncertainty of the wheelbase in the
+vehicle file. It is without a scale error of the steer angle or speed.
+
+Left and right turns also have their own fits of equation (1), each with a steer_0. The offset of the sensor and a
+constant bank are in both steer_0 alike; play of the steering and bends that are banked inwards are their difference.
+Neither changes the gradient of one direction. So a difference of the gradients is a property of the truck or of the
+sensor of its steer angle.
 """
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,22 +26,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.formatting import approximate, percent
+from fifthwheel.base.formatting import approximate, percent, with_sigma
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import ROLL, SIDESLIP, SignalName
 from fifthwheel.model.dynamics import steady_steer
-from fifthwheel.results.assess.propagation import Neighbourhood, samples
+from fifthwheel.results.assess.propagation import Neighbourhood, of_vehicle, samples
 from fifthwheel.results.assess.truck import Truck
-from fifthwheel.results.assess.uncertainty import of_vehicle
-from fifthwheel.results.evaluate.directions import GRADIENT, directions, gradient_measure, gradients, offset_notes
 from fifthwheel.results.evaluate.evaluation import EvaluatedMeasure, MethodResult
-from fifthwheel.results.evaluate.jackknife import SEGMENTS, SPAN, jackknife, span, suffices
 from fifthwheel.results.evaluate.motion import MeasuredMotion
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.spoken_names import named_unit
 
-SHORTEST = 15.0
-"""Least duration of a log, s."""
+SEGMENTS = 10
+"""Of the jackknife."""
+SPAN = 0.8
+"""Least range of the lateral acceleration without any one of the segments, m/s^2."""
+TURNING = 0.3
+"""Least lateral acceleration of a turn to one side, m/s^2: about straight ahead, play hides the direction."""
+LEAST_PLAY = math.radians(0.02)
+"""A smaller difference of the offsets is no play: the curve of the tyre forces makes one of 0.01 degrees."""
+SIGNIFICANT = 3.0
+"""Standard deviations by which left and right differ significantly: with 9 degrees of freedom 1.5 % by chance."""
+GRADIENT = "rad s^2/m"
 BLOCK = 1.0
 """Time over which the signals are averaged, s."""
 CHANGE = 0.8
@@ -45,6 +58,120 @@ LINEAR = 2.0
 """Lateral acceleration up to which the gradients are fitted, m/s^2."""
 CONSTANT = 0.05
 """Relative standard deviation of a quantity that counts as constant."""
+
+
+def suffices(acceleration: Array) -> bool:
+    """Whether blocks with this lateral acceleration determine a gradient."""
+    return acceleration.size >= SEGMENTS + 2 and span(acceleration) >= SPAN
+
+
+def span(acceleration: Array) -> float:
+    """Least range of the lateral acceleration (n,) without one segment, m/s^2: one turn has one acceleration only."""
+    if acceleration.size < SEGMENTS:
+        return 0.0
+    segment = segments(acceleration.size)
+    return float(min(np.ptp(acceleration[segment != k]) for k in range(SEGMENTS)))
+
+
+def segments(size: int) -> NDArray[np.int_]:
+    """The segment of each block, (n,)."""
+    return np.arange(size) * SEGMENTS // size
+
+
+def jackknife(X: Array, y: Array) -> tuple[float, float]:
+    """First coefficient of the least squares of y (n,) by X (n, k), and its sigma by leaving out each segment.
+
+    Example:
+        >>> import numpy as np
+        >>> x = np.arange(40.0)
+        >>> value, sigma = jackknife(np.column_stack([x, np.ones(40)]), 2 * x + 1)
+        >>> round(value, 9), sigma < 1e-9
+        (2.0, True)
+    """
+    scale = np.linalg.norm(X, axis=0)
+    scaled = X / np.where(scale > 0, scale, 1.0)
+
+    def first(rows: NDArray[np.bool_]) -> float:
+        return float(np.linalg.lstsq(scaled[rows], y[rows], rcond=1e-6)[0][0]) / float(scale[0])
+
+    segment = segments(len(y))
+    left_out = np.array([first(segment != k) for k in range(SEGMENTS)])
+    sigma = np.sqrt((SEGMENTS - 1) / SEGMENTS * np.sum((left_out - left_out.mean()) ** 2))
+    return first(np.ones(len(y), dtype=bool)), float(sigma)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Direction:
+    """The turns to one side; value and sigma without the uncertainty of the wheelbase."""
+
+    gradient: tuple[float, float]
+    offset: tuple[float, float]
+    """Steer angle at no lateral acceleration, rad."""
+    by_wheelbase: float
+    """Change of the gradient by the wheelbase, rad s^2/m per m."""
+
+
+def directions(X: Array, steer: Array, curvature: Array) -> dict[str, Direction]:
+    """Left and right turns; none if the log does not suffice for both.
+
+    Args:
+        X: columns of equation (1), (n, 3): lateral acceleration, its rate, offset.
+        steer: steer angle less L times the curvature, (n,), rad.
+        curvature: (n,), 1/m.
+    """
+    found = dict[str, Direction]()
+    for name, sign in (("left", 1.0), ("right", -1.0)):
+        rows = sign * X[:, 0] > TURNING
+        if not suffices(X[rows, 0]):
+            return {}
+        found[name] = Direction(
+            gradient=jackknife(X[rows], steer[rows]),
+            offset=jackknife(X[rows][:, ::-1], steer[rows]),
+            by_wheelbase=-jackknife(X[rows], curvature[rows])[0],
+        )
+    return found
+
+
+def gradients(apart: dict[str, Direction], wheelbase_sigma: float, yaw_rate: str) -> Iterator[EvaluatedMeasure]:
+    """The understeer gradients to the left and to the right, and their difference; the sigma of the wheelbase in m."""
+    for name, found in apart.items():
+        value, sigma = found.gradient
+        total = float(np.hypot(sigma, found.by_wheelbase * wheelbase_sigma))
+        yield gradient_measure(f"understeer_gradient.{name}", f"understeer gradient, {name}", value, total, yaw_rate)
+    if apart:
+        (left, sigma_left), (right, sigma_right) = (found.gradient for found in apart.values())
+        change = apart["left"].by_wheelbase - apart["right"].by_wheelbase
+        sigma = float(np.linalg.norm([sigma_left, sigma_right, change * wheelbase_sigma]))
+        differs = abs(left - right) > SIGNIFICANT * sigma
+        reason = "significant: uneven steering, load to one side, or the steer angle of one wheel" if differs else ""
+        title = "understeer gradient, left less right"
+        yield gradient_measure("understeer_gradient.difference", title, left - right, sigma, yaw_rate, reason)
+
+
+def offset_notes(apart: dict[str, Direction]) -> Iterator[str]:
+    """Causes of a steer angle at no lateral acceleration, if it is significant."""
+    if not apart:
+        return
+    (left, sigma_left), (right, sigma_right) = (found.offset for found in apart.values())
+    sigma = float(np.hypot(sigma_left, sigma_right))
+    if abs(left + right) > SIGNIFICANT * sigma:
+        yield (
+            f"At no lateral acceleration the steer angle is {with_sigma((left + right) / 2, sigma / 2, 'rad')}: the "
+            "offset of its sensor, or the bank of the road. No gradient contains it."
+        )
+    if left - right > max(SIGNIFICANT * sigma, LEAST_PLAY):
+        yield (
+            f"At no lateral acceleration the steer angle is larger after turns to the left than to the right by "
+            f"{with_sigma(left - right, sigma, 'rad')}: play of the steering, or bends that are banked inwards. The "
+            "gradient of both directions contains it; those of one direction do not."
+        )
+
+
+def gradient_measure(
+    name: str, title: str, value: float, sigma: float, signal: str, reason: str = ""
+) -> EvaluatedMeasure:
+    """A gradient over the lateral acceleration, rad s^2/m."""
+    return EvaluatedMeasure(name, title, GRADIENT, value, sigma, (signal,), reason)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -26,9 +26,8 @@ from fifthwheel.data.channels import ARTICULATION, ROLL, YAW_RATE, names_of
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.checks.kinematics import at_common_time, common_time, correlation
 from fifthwheel.data.record import Record
-from fifthwheel.results.evaluate.conditions import SPEED
 from fifthwheel.results.evaluate.curves import ComparedCurve, Judgement, compared_curves, curve_names, judged
-from fifthwheel.results.evaluate.evaluate import method_of, with_references, without_sigma
+from fifthwheel.results.evaluate.evaluate import SPEED, method_of, with_references, without_sigma
 from fifthwheel.results.evaluate.evaluation import Evaluation
 from fifthwheel.results.evaluate.tolerances import Tolerance, require_used, tolerance_of
 from fifthwheel.truck import Vehicle

@@ -1,11 +1,9 @@
 """Estimators in other languages: C99 for a control unit; functional mock-up units for simulation tools.
 
-observer_model     the generated C of one observer: its step, matrices, names and constants
-learner_functions  the symbolic functions of one learner
-learner_model      the generated C of one learner: these functions, names and constants
-c_text             signals, numbers and tables as C
-project            the folder with library, build file and test program
-fmu                functional mock-up units of an observer and of the linear truck
+learner_model  the generated C of one learner: functions, names and constants
+c_text         signals, numbers and tables as C
+project        the folder with library, build file and test program, and the generated C of one observer
+fmu            functional mock-up units of an observer and of the linear truck
 """
 
 from fifthwheel.results.export.fmu import PLATFORMS, export_fmu

@@ -1,4 +1,7 @@
-"""The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences."""
+"""The conclusion of an identification or of a state estimation: result, cautions and next steps in sentences.
+
+Verdicts, statuses and counts have the same words on the page and on a terminal.
+"""
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -15,16 +18,37 @@ from fifthwheel.estimate.identify import Estimate, Identification, Verdict
 from fifthwheel.estimate.identify.doubts import DoubtKind
 from fifthwheel.estimate.observe import States, Status
 from fifthwheel.results.diagnose.advice import Advice, has_roll_rate, is_unused_friction, next_steps
-from fifthwheel.results.diagnose.caution import CautionKind, ranked
 from fifthwheel.results.diagnose.cautions import has_wide_sigma, identification_cautions, is_repaired, state_cautions
 from fifthwheel.results.diagnose.doubt_cautions import describe_cause
-from fifthwheel.results.diagnose.fit_quality import PredictedLog, predicted_logs
+from fifthwheel.results.diagnose.messages import CautionKind, ranked
+from fifthwheel.results.diagnose.residuals import PredictedLog, predicted_logs
 from fifthwheel.results.diagnose.summaries import StateSummary, summarise_runs, summarise_states, valid_fraction
 from fifthwheel.results.diagnose.thresholds import RELIABLE, SIGNIFICANT, USABLE, WIDE_SIGMA
-from fifthwheel.results.report.words import STATUSES, counted, sentence, spoken_verdict
 from fifthwheel.truck.quantities import FRICTION, quantity_of
 from fifthwheel.truck.spoken_names import named, named_unit, spoken
 
+MARKS = {
+    Verdict.CONVERGED: "✓",
+    Verdict.DOUBTFUL: "‽",
+    Verdict.NOT_CONVERGED: "…",
+    Verdict.NOT_EXCITED: "?",
+    Verdict.NOT_IDENTIFIABLE: "∥",
+    Verdict.AT_BOUND: "!",
+    Verdict.STATED: "=",
+    Verdict.FIXED: "=",
+}
+"""Verdict -> mark."""
+WIDE_MARK = "≈"
+"""Mark of a converged estimate with a wide sigma."""
+STATUSES = {
+    "OK": "measured",
+    "COASTING": "coasting (no recent measurement)",
+    "TOO_SLOW": "too slow for the model",
+    "INPUT_MISSING": "speed or steer angle missing",
+    "INCONSISTENT": "inconsistent (the measurements contradict the vehicle, the speed or the steer angle)",
+    "SETTLING": "settling (too few samples since the start of the filter)",
+}
+"""Status of a sample of states -> words."""
 CONSEQUENCES = "Probably explained by the cautions"
 HEAVIER = 0.1
 """Error of a mass whose effect is shown."""
@@ -32,6 +56,26 @@ SIGNIFICANT_CHANGE = 0.015
 """Smaller effects of it are not listed."""
 SHOWN = 3
 """Steps and cautions that are not folded away."""
+
+
+def mark(estimate: Estimate) -> str:
+    """The mark of an estimate's verdict."""
+    return WIDE_MARK if has_wide_sigma(estimate) else MARKS[estimate.verdict]
+
+
+def spoken_verdict(verdict: Verdict, *, predicted: bool = False) -> str:
+    """A verdict in words, such as "not excited"; a predicted "converged" is "identifiable"."""
+    return "identifiable" if predicted and verdict is Verdict.CONVERGED else verdict.replace("_", " ")
+
+
+def counted(count: int, noun: str) -> str:
+    """A number with its noun: "1 log", "2 logs"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
+
+
+def sentence(text: str) -> str:
+    """A text with a capital letter and a full stop."""
+    return text[0].upper() + text[1:] + "."
 
 
 @dataclass(frozen=True, kw_only=True)

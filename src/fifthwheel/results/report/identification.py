@@ -25,14 +25,13 @@ from fifthwheel.estimate.identify.unknowns.parameters import softening_priors
 from fifthwheel.estimate.observe import States
 from fifthwheel.results.assess import Assessment
 from fifthwheel.results.diagnose.cautions import is_unusual
-from fifthwheel.results.diagnose.fit_quality import fit_quality
 from fifthwheel.results.diagnose.information_summary import ParameterInformation, information_summary
+from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import summarise_runs
-from fifthwheel.results.report import assessment, consistency, front_page
-from fifthwheel.results.report.conclusion import Conclusion, conclude_identification
+from fifthwheel.results.report import assessment, front_page
+from fifthwheel.results.report.conclusion import Conclusion, conclude_identification, counted
 from fifthwheel.results.report.provenance import Provenance, logs_and_origin
-from fifthwheel.results.report.states import StateConditions, all_states, states_section
-from fifthwheel.results.report.words import counted
+from fifthwheel.results.report.states import StateConditions, all_states, consistency_section, states_section
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import MASS_SCALE, TIME_BASE
 from fifthwheel.truck.spoken_names import spoken
@@ -116,7 +115,7 @@ def write_report(
         *pages.folded(_histories(identification)),
         *pages.folded(_residuals(identification)),
         *pages.folded(all_states(states, records)),
-        *pages.folded(consistency.section(states, identification.fits)),
+        *pages.folded(consistency_section(states, identification.fits)),
         *pages.folded(logs_and_origin(records, runs, provenance, identification)),
         pages.Folded("Settings", settings),
         *([pages.Folded("Notes", [pages.Items(conclusion.notes)])] if conclusion.notes else []),

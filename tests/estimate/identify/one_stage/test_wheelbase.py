@@ -12,7 +12,7 @@ from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.model.manoeuvres import lane_changes, slow_turns
 from fifthwheel.model.plant import Plant, article_sensors
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.assess.uncertainty import of_vehicle
+from fifthwheel.results.assess.propagation import of_vehicle
 from fifthwheel.results.report import conclude_identification
 from fifthwheel.truck import Vehicle, get
 

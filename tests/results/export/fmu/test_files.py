@@ -18,7 +18,7 @@ from fifthwheel.base.atomic import clean_up
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export import export_fmu
-from fifthwheel.results.export.fmu import binaries
+from fifthwheel.results.export.fmu import archive as fmu_archive
 from fifthwheel.truck import Vehicle
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
@@ -194,7 +194,7 @@ def test_a_signal_leaves_no_folder_of_the_compiler(
         return b""
 
     monkeypatch.setitem(sys.modules, "ziglang", ModuleType("ziglang"))
-    monkeypatch.setattr(binaries, "_library", interrupted)
+    monkeypatch.setattr(fmu_archive, "_library", interrupted)
     export_fmu(truck, tmp_path / "truck.fmu", platforms=["x86_64-linux"])
     assert [folder.exists() for folder in folders] == [False]
 

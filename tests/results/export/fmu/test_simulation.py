@@ -20,7 +20,7 @@ from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import PLATFORMS, export_fmu
-from fifthwheel.results.export.fmu.truck import default_outputs
+from fifthwheel.results.export.fmu.models import default_outputs
 from fifthwheel.truck import Vehicle
 from tests.results.export.fmu import Unit
 from tests.results.export.test_c_observer import missing_inputs, missing_measurements

@@ -26,7 +26,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameter
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.results import plot
 from fifthwheel.results.diagnose import LogPrediction
-from fifthwheel.results.report.words import counted
+from fifthwheel.results.report.conclusion import counted
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.edited_file import edited
 from fifthwheel.truck.spoken_names import named_unit, spoken

@@ -16,7 +16,7 @@ from fifthwheel.base.plots import Axis, Line, Panel, Plot, Span
 from fifthwheel.base.types import Array
 from fifthwheel.data.logs.propose import ColumnContent, LogSurvey
 from fifthwheel.data.logs.stored import StoredLog
-from fifthwheel.results.report.log_contents import column_cells
+from fifthwheel.results.report.logs import column_cells
 
 ROWS = 25
 """Channels of one page of the table."""

@@ -15,7 +15,7 @@ from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, Question, desc
 from fifthwheel.base.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.base.input_files import MAX_TOML_SIZE
 from fifthwheel.model.dynamics.summary import summarize
-from fifthwheel.results.diagnose.assumptions import assumed_numbers
+from fifthwheel.results.diagnose.predictions import assumed_numbers
 from fifthwheel.results.report.vehicle import NOTHING_ASSUMED, assumed_blocks
 from fifthwheel.truck import Vehicle, catalogue
 from fifthwheel.truck.masses import unusual_masses

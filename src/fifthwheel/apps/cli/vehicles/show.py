@@ -72,7 +72,7 @@ def show(
     """
     from fifthwheel.apps.workflow import read_vehicle
     from fifthwheel.model.dynamics.summary import summarize
-    from fifthwheel.results.diagnose.assumptions import assumed_numbers
+    from fifthwheel.results.diagnose.predictions import assumed_numbers
     from fifthwheel.results.report.vehicle import vehicle_document
 
     truck = read_vehicle(vehicle)

@@ -11,7 +11,7 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.session import Session
 from fifthwheel.base.formatting import shown, with_sigma
 from fifthwheel.estimate.online import LearnedValue
-from fifthwheel.results.report.words import spoken_verdict
+from fifthwheel.results.report.conclusion import spoken_verdict
 from fifthwheel.truck import unit_of
 from fifthwheel.truck.spoken_names import spoken
 

@@ -1,21 +1,9 @@
-/* The functions of FMI 3.0 for co-simulation. */
+/* The functions of FMI 3.0 for co-simulation. FMI3_FUNCTION_PREFIX, defined for the compiler, goes before each name, so
+   that several models can be linked statically. */
 
 #include "fmi3.h"
 
 #include "fmu.h"
-#include "fmu_export.h"
-
-#include <stdlib.h>
-
-#if defined(__GNUC__) /* the standard passes more than this FMU uses */
-#pragma GCC diagnostic ignored "-Wunused-parameter"
-#endif
-
-#if defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
-#define FMI3(type, name) FMU_EXPORT type FMU_JOIN(FMI3_FUNCTION_PREFIX, name)
-#else
-#define FMI3(type, name) FMU_EXPORT type name
-#endif
 
 typedef struct {
     fmu_instance fmu;
@@ -23,41 +11,39 @@ typedef struct {
     fmi3LogMessageCallback log;
 } component;
 
-static fmi3Status report(const component *c, const char *message)
+static void log_error(const component *c, const char *message)
 {
-    if (message == NULL) {
-        return fmi3OK;
-    }
     if (c->log != NULL) {
         c->log(c->environment, fmi3Error, "logStatusError", message);
     }
-    return fmi3Error;
 }
 
-static fmi3Status refuse(fmi3Instance instance)
-{
-    return report(instance, "this function is not part of this FMU; see modelDescription.xml for what it supports");
-}
+#if defined(FMI3_FUNCTION_PREFIX) && !defined(FMI3_OVERRIDE_FUNCTION_PREFIX)
+#define FMI_PREFIX FMI3_FUNCTION_PREFIX
+#else
+#define FMI_PREFIX
+#endif
+#define FMI(name) fmi3##name
+#define FMI_OF_STATE(before, after) fmi3##before##FMUState##after
+#define FMI_STATE "FMUState"
+#define FMI_DESERIALIZE fmi3DeserializeFMUState
+#define FMI_INTEGER fmi3Int32
+#include "fmi.h"
 
-FMI3(const char *, fmi3GetVersion)(void)
+#define MISMATCH "values: expected one for each value reference"
+
+FMI_EXPORT(const char *, fmi3GetVersion)(void)
 {
     return "3.0";
 }
 
-FMI3(fmi3Status, fmi3SetDebugLogging)(fmi3Instance instance, fmi3Boolean loggingOn, size_t nCategories,
-                                      const fmi3String categories[])
-{
-    return fmi3OK; /* errors are always reported, and there is nothing else to report */
-}
-
-FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(
+FMI_EXPORT(fmi3Instance, fmi3InstantiateCoSimulation)(
     fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
     fmi3Boolean loggingOn, fmi3Boolean eventModeUsed, fmi3Boolean earlyReturnAllowed,
     const fmi3ValueReference requiredIntermediateVariables[], size_t nRequiredIntermediateVariables,
     fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
     fmi3IntermediateUpdateCallback intermediateUpdate)
 {
-    component *c;
     const component caller = {.environment = instanceEnvironment, .log = logMessage};
     if (fmu_accepts(instantiationToken) == 0) {
         (void)report(&caller, "instantiationToken: not that of this binary; import the whole FMU again");
@@ -67,90 +53,43 @@ FMI3(fmi3Instance, fmi3InstantiateCoSimulation)(
         (void)report(&caller, "requiredIntermediateVariables: expected none; this FMU has no intermediate update");
         return NULL;
     }
-    c = calloc(1, sizeof(component));
-    if (c == NULL) {
-        (void)report(&caller, "memory: none left for another instance");
-        return NULL;
-    }
-    c->environment = instanceEnvironment;
-    c->log = logMessage;
-    fmu_reset(&c->fmu);
-    return c;
+    return instantiated(&caller);
 }
 
-FMI3(void, fmi3FreeInstance)(fmi3Instance instance)
-{
-    free(instance);
-}
-
-FMI3(fmi3Status, fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean toleranceDefined,
-                                              fmi3Float64 tolerance, fmi3Float64 startTime,
-                                              fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
+FMI_FUNCTION(fmi3EnterInitializationMode)(fmi3Instance instance, fmi3Boolean toleranceDefined,
+                                          fmi3Float64 tolerance, fmi3Float64 startTime,
+                                          fmi3Boolean stopTimeDefined, fmi3Float64 stopTime)
 {
     component *c = instance;
     c->fmu.state.value[0] = startTime;
     return report(c, fmu_initialize(&c->fmu));
 }
 
-FMI3(fmi3Status, fmi3ExitInitializationMode)(fmi3Instance instance)
+FMI_FUNCTION(fmi3GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                             size_t nValueReferences, fmi3Float64 values[], size_t nValues)
 {
-    component *c = instance;
-    return report(c, fmu_finish_initialization(&c->fmu));
+    return (nValues == nValueReferences) ? get_reals(instance, valueReferences, nValueReferences, values)
+                                         : report(instance, MISMATCH);
 }
 
-FMI3(fmi3Status, fmi3Terminate)(fmi3Instance instance)
+FMI_FUNCTION(fmi3GetInt32)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                           size_t nValueReferences, fmi3Int32 values[], size_t nValues)
 {
-    component *c = instance;
-    c->fmu.mode = FMU_TERMINATED;
-    return fmi3OK;
+    return (nValues == nValueReferences) ? get_integers(instance, valueReferences, nValueReferences, values)
+                                         : report(instance, MISMATCH);
 }
 
-FMI3(fmi3Status, fmi3Reset)(fmi3Instance instance)
+FMI_FUNCTION(fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
+                             size_t nValueReferences, const fmi3Float64 values[], size_t nValues)
 {
-    component *c = instance;
-    fmu_reset(&c->fmu);
-    return fmi3OK;
+    return (nValues == nValueReferences) ? set_reals(instance, valueReferences, nValueReferences, values)
+                                         : report(instance, MISMATCH);
 }
 
-FMI3(fmi3Status, fmi3GetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                 size_t nValueReferences, fmi3Float64 values[], size_t nValues)
-{
-    component *c = instance;
-    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
-    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
-        message = fmu_get(&c->fmu, valueReferences[i], 0, &values[i]);
-    }
-    return report(c, message);
-}
-
-FMI3(fmi3Status, fmi3GetInt32)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                               size_t nValueReferences, fmi3Int32 values[], size_t nValues)
-{
-    component *c = instance;
-    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
-    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
-        double value = 0.0;
-        message = fmu_get(&c->fmu, valueReferences[i], 1, &value);
-        values[i] = (fmi3Int32)value;
-    }
-    return report(c, message);
-}
-
-FMI3(fmi3Status, fmi3SetFloat64)(fmi3Instance instance, const fmi3ValueReference valueReferences[],
-                                 size_t nValueReferences, const fmi3Float64 values[], size_t nValues)
-{
-    component *c = instance;
-    const char *message = (nValues == nValueReferences) ? NULL : "values: expected one for each value reference";
-    for (size_t i = 0; (message == NULL) && (i < nValues); i++) {
-        message = fmu_set(&c->fmu, valueReferences[i], values[i]);
-    }
-    return report(c, message);
-}
-
-FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
-                             fmi3Float64 communicationStepSize, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
-                             fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation,
-                             fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
+FMI_FUNCTION(fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunicationPoint,
+                         fmi3Float64 communicationStepSize, fmi3Boolean noSetFMUStatePriorToCurrentPoint,
+                         fmi3Boolean *eventHandlingNeeded, fmi3Boolean *terminateSimulation,
+                         fmi3Boolean *earlyReturn, fmi3Float64 *lastSuccessfulTime)
 {
     component *c = instance;
     const char *message = fmu_do_step(&c->fmu, currentCommunicationPoint, communicationStepSize);
@@ -161,76 +100,24 @@ FMI3(fmi3Status, fmi3DoStep)(fmi3Instance instance, fmi3Float64 currentCommunica
     return report(c, message);
 }
 
-FMI3(fmi3Status, fmi3GetFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    component *c = instance;
-    return report(c, fmu_save(&c->fmu, FMUState));
-}
-
-FMI3(fmi3Status, fmi3SetFMUState)(fmi3Instance instance, fmi3FMUState FMUState)
-{
-    component *c = instance;
-    const fmu_instance *saved = FMUState;
-    if (saved == NULL) {
-        return report(c, "FMUState: expected one of this FMU, got none");
-    }
-    c->fmu = *saved;
-    return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3FreeFMUState)(fmi3Instance instance, fmi3FMUState *FMUState)
-{
-    fmu_discard(FMUState);
-    return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3SerializedFMUStateSize)(fmi3Instance instance, fmi3FMUState FMUState, size_t *size)
-{
-    *size = sizeof(fmu_instance);
-    return fmi3OK;
-}
-
-FMI3(fmi3Status, fmi3SerializeFMUState)(fmi3Instance instance, fmi3FMUState FMUState, fmi3Byte serializedState[],
-                                        size_t size)
-{
-    return report(instance, fmu_serialize(FMUState, serializedState, size));
-}
-
-FMI3(fmi3Status, fmi3DeserializeFMUState)(fmi3Instance instance, const fmi3Byte serializedState[], size_t size,
-                                          fmi3FMUState *FMUState)
-{
-    return report(instance, fmu_deserialize(serializedState, size, FMUState));
-}
-
 /* What the standard requires in every library, and this FMU does not have. */
 
-#define UNUSED(name, ...) \
-    FMI3(fmi3Status, name)(fmi3Instance instance, __VA_ARGS__) \
-    { \
-        return refuse(instance); \
-    }
-#define NO_MODE(name) \
-    FMI3(fmi3Status, name)(fmi3Instance instance) \
-    { \
-        return refuse(instance); \
-    }
 #define NO_SET(type) \
     UNUSED(fmi3Set##type, const fmi3ValueReference r[], size_t n, const fmi3##type values[], size_t m)
 #define NO_VARIABLES(type) \
     UNUSED(fmi3Get##type, const fmi3ValueReference r[], size_t n, fmi3##type values[], size_t m) \
     NO_SET(type)
 
-FMI3(fmi3Instance, fmi3InstantiateModelExchange)(fmi3String instanceName, fmi3String instantiationToken,
-                                                 fmi3String resourcePath, fmi3Boolean visible, fmi3Boolean loggingOn,
-                                                 fmi3InstanceEnvironment instanceEnvironment,
-                                                 fmi3LogMessageCallback logMessage)
+FMI_EXPORT(fmi3Instance, fmi3InstantiateModelExchange)(
+    fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
+    fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage)
 {
     const component caller = {.environment = instanceEnvironment, .log = logMessage};
     (void)report(&caller, "model exchange: not supported; import the FMU for co-simulation");
     return NULL;
 }
 
-FMI3(fmi3Instance, fmi3InstantiateScheduledExecution)(
+FMI_EXPORT(fmi3Instance, fmi3InstantiateScheduledExecution)(
     fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath, fmi3Boolean visible,
     fmi3Boolean loggingOn, fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
     fmi3ClockUpdateCallback clockUpdate, fmi3LockPreemptionCallback lockPreemption,
@@ -277,14 +164,14 @@ UNUSED(fmi3SetIntervalFraction, const fmi3ValueReference r[], size_t n, const fm
 UNUSED(fmi3SetShiftDecimal, const fmi3ValueReference r[], size_t n, const fmi3Float64 shifts[])
 UNUSED(fmi3SetShiftFraction, const fmi3ValueReference r[], size_t n, const fmi3UInt64 counters[],
        const fmi3UInt64 resolutions[])
-NO_MODE(fmi3EvaluateDiscreteStates)
+UNUSED_MODE(fmi3EvaluateDiscreteStates)
 UNUSED(fmi3UpdateDiscreteStates, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals, fmi3Boolean *states,
        fmi3Boolean *defined, fmi3Float64 *next)
-NO_MODE(fmi3EnterEventMode)
-NO_MODE(fmi3EnterStepMode)
-NO_MODE(fmi3EnterConfigurationMode)
-NO_MODE(fmi3ExitConfigurationMode)
-NO_MODE(fmi3EnterContinuousTimeMode)
+UNUSED_MODE(fmi3EnterEventMode)
+UNUSED_MODE(fmi3EnterStepMode)
+UNUSED_MODE(fmi3EnterConfigurationMode)
+UNUSED_MODE(fmi3ExitConfigurationMode)
+UNUSED_MODE(fmi3EnterContinuousTimeMode)
 UNUSED(fmi3CompletedIntegratorStep, fmi3Boolean noSet, fmi3Boolean *enterEventMode, fmi3Boolean *terminate)
 UNUSED(fmi3SetTime, fmi3Float64 time)
 UNUSED(fmi3SetContinuousStates, const fmi3Float64 states[], size_t n)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fifthwheel.results.diagnose import whiteness
+from fifthwheel.results.diagnose import residuals
 from fifthwheel.results.diagnose.thresholds import SEGMENTS
 
 TIME = np.arange(4000) * 0.01
@@ -12,36 +12,36 @@ NOISE = np.random.default_rng(1).standard_normal(4000)
 
 
 def test_white_noise_is_white():
-    correlation = whiteness.autocorrelation(TIME, NOISE)
+    correlation = residuals.autocorrelation(TIME, NOISE)
     assert correlation.time is None
     assert np.mean(np.abs(correlation.value) < correlation.limit) == pytest.approx(0.95, abs=0.04)
     assert correlation.lag[0] == pytest.approx(0.01)
-    assert "is white noise" in whiteness.describe_whiteness(
-        correlation, whiteness.outlier_fraction(NOISE), free_run=True
+    assert "is white noise" in residuals.describe_whiteness(
+        correlation, residuals.outlier_fraction(NOISE), free_run=True
     )
 
 
 def test_a_slow_wave_is_autocorrelated_over_a_quarter_of_its_period():
-    correlation = whiteness.autocorrelation(TIME, np.sin(2 * np.pi * 0.25 * TIME) + 0.3 * NOISE)
+    correlation = residuals.autocorrelation(TIME, np.sin(2 * np.pi * 0.25 * TIME) + 0.3 * NOISE)
     assert correlation.time == pytest.approx(1.0, abs=0.1)
-    text = whiteness.describe_whiteness(correlation, 0.0, free_run=True, in_sigma=True)
+    text = residuals.describe_whiteness(correlation, 0.0, free_run=True, in_sigma=True)
     assert "autocorrelated over about 0.9 s" in text
     assert "sigma of the parameters" in text
-    assert "vehicle file" in whiteness.describe_whiteness(correlation, 0.0, free_run=False)
+    assert "vehicle file" in residuals.describe_whiteness(correlation, 0.0, free_run=False)
 
 
 def test_the_autocorrelation_of_a_first_order_process_is_exponential():
     values = np.zeros(4000)
     for i in range(1, 4000):
         values[i] = 0.9 * values[i - 1] + NOISE[i]
-    correlation = whiteness.autocorrelation(TIME, values)
+    correlation = residuals.autocorrelation(TIME, values)
     assert correlation.value[:5] == pytest.approx(0.9 ** np.arange(1, 6), abs=0.05)
 
 
 def test_gaps_and_a_lower_rate_do_not_change_the_lags():
     values = np.where(np.arange(4000) % 2 == 0, NOISE, np.nan)
     values[1000:1400] = np.nan
-    correlation = whiteness.autocorrelation(TIME, values)
+    correlation = residuals.autocorrelation(TIME, values)
     assert correlation.lag[0] == pytest.approx(0.02)
     assert correlation.time is None
     assert np.isfinite(correlation.value).all()
@@ -49,38 +49,38 @@ def test_gaps_and_a_lower_rate_do_not_change_the_lags():
 
 @pytest.mark.parametrize("values", [np.full(100, np.nan), np.ones(100), np.r_[NOISE[:20], np.full(80, np.nan)]])
 def test_too_few_samples_give_no_test(values):
-    assert whiteness.autocorrelation(TIME[:100], values) is None
-    assert "too few" in whiteness.describe_whiteness(None, np.nan, free_run=False)
+    assert residuals.autocorrelation(TIME[:100], values) is None
+    assert "too few" in residuals.describe_whiteness(None, np.nan, free_run=False)
 
 
 def test_rms_limits_are_those_of_chi_squared():
     for count in (30, 200, 5000):
         exact = np.sqrt(stats.chi2.ppf([0.025, 0.975], count) / count)
-        assert whiteness.rms_limits(count) == pytest.approx(exact, rel=2e-3)
+        assert residuals.rms_limits(count) == pytest.approx(exact, rel=2e-3)
 
 
 def test_segments_locate_larger_innovations():
     large = NOISE.copy()
     large[2000:2500] *= 3
-    segments = whiteness.segment_rms(TIME, large)
+    segments = residuals.segment_rms(TIME, large)
     assert len(segments.rms) == SEGMENTS
     assert segments.time[np.argmax(segments.rms)] == pytest.approx(22.5, abs=2.5)
-    assert whiteness.segment_rms(TIME, NOISE).fraction_within_limits > 0.8
-    assert whiteness.segment_rms(TIME[:10], NOISE[:10]) is None
+    assert residuals.segment_rms(TIME, NOISE).fraction_within_limits > 0.8
+    assert residuals.segment_rms(TIME[:10], NOISE[:10]) is None
 
 
 @pytest.mark.parametrize(
     ("rms", "expected"), [(1.0, "is expected."), (1.1, "no practical effect"), (2.0, "too narrow"), (0.4, "wider")]
 )
 def test_the_rms_of_innovations_in_words(rms, expected):
-    assert expected in whiteness.describe_innovation_rms(rms, 1000)
+    assert expected in residuals.describe_innovation_rms(rms, 1000)
 
 
 def test_outliers_are_mentioned():
     values = NOISE.copy()
     values[::50] *= 20
-    correlation = whiteness.autocorrelation(TIME, values)
-    assert "outliers" in whiteness.describe_whiteness(correlation, whiteness.outlier_fraction(values), free_run=True)
+    correlation = residuals.autocorrelation(TIME, values)
+    assert "outliers" in residuals.describe_whiteness(correlation, residuals.outlier_fraction(values), free_run=True)
 
 
 def test_the_autocorrelation_equals_a_sum_over_pairs():
@@ -92,7 +92,7 @@ def test_the_autocorrelation_equals_a_sum_over_pairs():
         values[random.random(count) < 0.2] = np.nan
         values[[0, 1]] = 3.0
         n = np.isfinite(values).sum()
-        correlation = whiteness.autocorrelation(time, values)
+        correlation = residuals.autocorrelation(time, values)
         lags = len(correlation.value)
         assert lags == min(expected_lags, n // 3)
         np.testing.assert_allclose(correlation.lag, step * np.arange(1, lags + 1))
@@ -114,9 +114,9 @@ def first_order(pole, count=4000, seed=1):
 def test_a_correlation_must_be_relevant_and_significant():
     """Above 0.2 and above 1.5 times the 95 % limit of white noise at some of the first lags."""
     for pole, autocorrelated in ((0.1, False), (0.3, True)):
-        correlation = whiteness.autocorrelation(TIME, first_order(pole))
+        correlation = residuals.autocorrelation(TIME, first_order(pole))
         assert (correlation.time is not None) == autocorrelated
-    few = whiteness.autocorrelation(TIME[:60], first_order(0.3, 60))
+    few = residuals.autocorrelation(TIME[:60], first_order(0.3, 60))
     assert 0.2 < np.abs(few.value[:5]).max() < 1.5 * few.limit
     assert few.time is None
 
@@ -124,21 +124,21 @@ def test_a_correlation_must_be_relevant_and_significant():
 def test_the_time_of_a_correlation_ends_below_the_limit():
     """The first lag within half of 0.2, or within the limit if that is larger."""
     for pole in (0.6, 0.95):
-        correlation = whiteness.autocorrelation(TIME, first_order(pole))
+        correlation = residuals.autocorrelation(TIME, first_order(pole))
         below = np.flatnonzero(np.abs(correlation.value) < max(correlation.limit, 0.1))
         assert correlation.time == correlation.lag[below[0]]
         assert correlation.time == pytest.approx(0.01 * np.log(0.1) / np.log(pole), rel=0.8)  # of one draw
-    constant = whiteness.autocorrelation(TIME, np.where(TIME < 20, 1.0, -1.0) + 0.01 * NOISE)
+    constant = residuals.autocorrelation(TIME, np.where(TIME < 20, 1.0, -1.0) + 0.01 * NOISE)
     assert constant.time == constant.lag[-1] == pytest.approx(2.0)
-    assert "2 s or more" in whiteness.describe_whiteness(constant, 0.0, free_run=True)
-    alternating = whiteness.autocorrelation(TIME, np.tile([1.0, 0.0, -1.0, 0.0], 1000) + 0.01 * NOISE)
+    assert "2 s or more" in residuals.describe_whiteness(constant, 0.0, free_run=True)
+    alternating = residuals.autocorrelation(TIME, np.tile([1.0, 0.0, -1.0, 0.0], 1000) + 0.01 * NOISE)
     assert alternating.time == pytest.approx(0.01)  # the first lag itself is within the limit
 
 
 def test_samples_that_are_mostly_gaps_count_as_equally_spaced():
     time = np.r_[np.arange(50) * 0.01, 1e4 + np.arange(50) * 0.01]
-    correlation = whiteness.autocorrelation(time, NOISE[:100])
-    expected = whiteness.autocorrelation(np.arange(100) * 0.01, NOISE[:100])
+    correlation = residuals.autocorrelation(time, NOISE[:100])
+    expected = residuals.autocorrelation(np.arange(100) * 0.01, NOISE[:100])
     np.testing.assert_allclose(correlation.value, expected.value)
 
 
@@ -146,26 +146,26 @@ def test_segments_of_equally_many_samples():
     """24 at most, of 30 samples at least, each with its middle and the limits of its size."""
     for count, expected in ((29, None), (30, 1), (59, 1), (60, 2), (24 * 30, 24), (4000, 24)):
         values = np.where(np.arange(count) % 10 == 3, np.nan, NOISE[:count]) if count > 100 else NOISE[:count]
-        segments = whiteness.segment_rms(TIME[:count], values)
+        segments = residuals.segment_rms(TIME[:count], values)
         assert (segments and len(segments.rms)) == (
             min(expected, np.isfinite(values).sum() // 30) if expected else None
         )
     rows = np.array_split(np.flatnonzero(np.isfinite(values)), 24)
     np.testing.assert_allclose(segments.time, [TIME[r].mean() for r in rows])
     np.testing.assert_allclose(segments.rms, [np.sqrt(np.mean(values[r] ** 2)) for r in rows])
-    low, high = np.transpose([whiteness.rms_limits(len(r)) for r in rows])
+    low, high = np.transpose([residuals.rms_limits(len(r)) for r in rows])
     np.testing.assert_array_equal((segments.low, segments.high), (low, high))
     inside = (segments.rms >= low) & (segments.rms <= high)
     assert segments.fraction_within_limits == inside.mean()
 
 
 def test_whiteness_in_words():
-    white, coloured = (whiteness.autocorrelation(TIME, first_order(pole)) for pole in (0.0, 0.95))
-    assert whiteness.describe_whiteness(white, 0.0, free_run=False).startswith("The innovation is white noise")
-    residual = whiteness.describe_whiteness(coloured, 0.0, free_run=True)
+    white, coloured = (residuals.autocorrelation(TIME, first_order(pole)) for pole in (0.0, 0.95))
+    assert residuals.describe_whiteness(white, 0.0, free_run=False).startswith("The innovation is white noise")
+    residual = residuals.describe_whiteness(coloured, 0.0, free_run=True)
     assert "error of the model, the road or a sensor" in residual
     assert "sigma of the parameters" not in residual
-    innovation = whiteness.describe_whiteness(coloured, 0.0, free_run=False)
+    innovation = residuals.describe_whiteness(coloured, 0.0, free_run=False)
     assert innovation.startswith("The innovation is autocorrelated")
     assert "error of the vehicle file or of the assumed noise" in innovation
     assert " or more" not in innovation

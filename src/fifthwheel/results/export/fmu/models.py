@@ -1,16 +1,20 @@
-"""The linear model of a truck as the model of an FMU."""
+"""What an FMU contains, its variables and the C of its model: the observer of a vehicle, or its linear model."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
 
 import casadi as ca
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.native import c_code
-from fifthwheel.data.channels import LATERAL_VELOCITY, MODELLED, WHEEL_SPEED_DIFFERENCE
+from fifthwheel.data.channels import LATERAL_VELOCITY, MODELLED, WHEEL_SPEED_DIFFERENCE, SignalName, si_unit
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.estimate.identify.unknowns.unknown import BOUND_FACTOR
+from fifthwheel.estimate.observe import Observer, Status
 from fifthwheel.estimate.stream import magnitude
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
@@ -20,10 +24,15 @@ from fifthwheel.model.dynamics.state_space import MAX_SPEED
 from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.results.export import project
 from fifthwheel.results.export.c_text import table
-from fifthwheel.results.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
 from fifthwheel.truck import Vehicle, unit_of
 from fifthwheel.truck.quantities import quantity_of
 
+MEASURED = "measured."
+"""Prefix of the inputs that are also estimated, such as yaw rates."""
+SAMPLE_TIME = 0.01
+"""s; default of the parameter."""
+SAMPLE_TIMES = (0.0, 10.0)
+"""Limits of the parameter, s."""
 SPEED_LIMITS = (0.1, MAX_SPEED)
 """Of the input, m/s."""
 START_SPEED = 20.0
@@ -32,6 +41,134 @@ BANK_LIMIT = 0.5
 """Of the magnitude of the input, rad."""
 STEP = 0.01
 """Recommended communication step, s."""
+
+
+class Role(StrEnum):
+    """Role of a variable; the value is its name in C."""
+
+    TIME = "FMU_TIME"
+    INPUT = "FMU_INPUT"
+    FIXED = "FMU_FIXED"
+    TUNABLE = "FMU_TUNABLE"
+    OUTPUT = "FMU_OUTPUT"
+    INTEGER_OUTPUT = "FMU_INTEGER_OUTPUT"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variable:
+    """A variable; its value reference is its place among the variables of the FMU."""
+
+    name: str
+    role: Role
+    unit: str | None  # SI; None for an integer
+    description: str
+    start: float = 0.0  # of inputs and parameters
+    limits: tuple[float, float] | None = None  # of inputs and parameters; None if every value is accepted
+
+
+@dataclass(frozen=True, kw_only=True)
+class FmuModel:
+    """What an FMU contains: its variables and the C of its model."""
+
+    name: str  # of the vehicle and of what the FMU computes
+    description: str
+    variables: tuple[Variable, ...]
+    interpolates: bool  # whether it uses the derivatives of its inputs
+    step: float  # recommended communication step, s
+    header: str  # C: macros and the type fmu_model
+    sources: dict[str, str]  # C files by name, besides those of every FMU
+    notes: tuple[str, ...]  # for its documentation
+
+    @property
+    def identifier(self) -> str:
+        """Name of its shared library, an identifier of C."""
+        text = "".join(c if c.isascii() and c.isalnum() else "_" for c in self.name)
+        return text if text[:1].isalpha() else f"model_{text}"
+
+
+def of_signal(signal: str, role: Role, words: str = "", name: str = "", **limits: Any) -> Variable:
+    """The variable of a signal, by default under its own name, described by the words and what the signal is."""
+    description = f"{words} {described(signal)}".strip()
+    return Variable(name=name or signal, role=role, unit=si_unit(signal), description=description, **limits)
+
+
+TIME = Variable(name="time", role=Role.TIME, unit="s", description="time")
+
+
+def described(name: str) -> str:
+    """Description of a signal: "yaw_rate.tractor" -> "yaw rate of tractor"."""
+    signal = SignalName.of(name)
+    quantity = signal.quantity.replace("_", " ")
+    return f"{quantity} of {signal.place}" if signal.place else f"{quantity} of the vehicle"
+
+
+def variable_table(variables: Sequence[Variable]) -> str:
+    """C of the table of the variables."""
+    rows = [f"    {{{_row(variable)}}}, /* {variable.name} */" for variable in variables]
+    return "\n".join(['#include "fmu.h"', "", "const fmu_variable fmu_variables[FMU_COUNT] = {", *rows, "};", ""])
+
+
+def _row(variable: Variable) -> str:
+    least, most = variable.limits or (0.0, 0.0)
+    cure = "connect it, in SI units" if variable.role is Role.INPUT else "set it in SI units"
+    expected = f'"{variable.name}: expected {least:.6g} to {most:.6g} {variable.unit}; {cure}"'
+    return f"{variable.role}, {variable.start!r}, {least!r}, {most!r}, {expected if variable.limits else 'NULL'}"
+
+
+def observer_model(observer: Observer) -> FmuModel:
+    """Inputs are the signals of the observer, outputs its states, each with its sigma, nis and status."""
+    inputs = [of_signal(name, Role.INPUT, "measured") for name in observer.inputs]
+    inputs += [of_signal(name, Role.INPUT, "measured", f"{MEASURED}{name}") for name in observer.outputs]
+    words = "least time from one sample to the next; 0: each step is a sample"
+    sample_time = Variable(
+        name="sample_time", role=Role.FIXED, unit="s", start=SAMPLE_TIME, limits=SAMPLE_TIMES, description=words
+    )
+    outputs = []
+    for name in observer.reported:
+        outputs.append(of_signal(name, Role.OUTPUT, "estimated"))
+        outputs.append(of_signal(name, Role.OUTPUT, "standard deviation of the estimated", f"{name}.sigma"))
+    nis = Variable(
+        name="nis", role=Role.OUTPUT, unit="1", description="mean normalised innovation squared; 1 is expected"
+    )
+    words = ", ".join(f"{status.value} {status.name.lower().replace('_', ' ')}" for status in Status)
+    status = Variable(name="status", role=Role.INTEGER_OUTPUT, unit=None, description=f"status: {words}")
+    variables = (TIME, *inputs, sample_time, *outputs, nis, status)
+    place = {variable.name: i for i, variable in enumerate(variables)}
+    numbers = {
+        "FMU_FIRST_INPUT": 1,
+        "FMU_SAMPLE_TIME": place["sample_time"],
+        "FMU_FIRST_OUTPUT": place[outputs[0].name],
+        "FMU_NIS": place["nis"],
+        "FMU_STATUS": place["status"],
+    }
+    library = project.observer_texts(observer)
+    return FmuModel(
+        name=f"{observer.vehicle.name} observer",
+        description=f"State observer of {observer.vehicle.name}",
+        variables=variables,
+        interpolates=False,
+        step=SAMPLE_TIME,
+        header="\n".join(
+            [
+                '#include "fw_observer.h"',
+                "",
+                *(f"#define {name} {value}" for name, value in numbers.items()),
+                "",
+                "typedef struct {",
+                "    fw_observer observer;",
+                "    double sampled; /* s, time of the last sample */",
+                "} fmu_model;",
+            ]
+        ),
+        sources={name: library[name] for name in library if name.startswith("fw_")},
+        notes=(
+            "A step takes the inputs at its start as one sample, if sample_time has passed since the last one, and "
+            "gives the states of that sample. Set sample_time to the sampling period of the sensors; steps may have "
+            "any length.",
+            "An input that is not a number, or that no heavy vehicle reaches, such as 1e9, is missing in this sample.",
+            "Before the first sample, and if status is 2 or 3, the states are not numbers (NaN).",
+        ),
+    )
 
 
 def default_outputs(vehicle: Vehicle) -> tuple[str, ...]:
