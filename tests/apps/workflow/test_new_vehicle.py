@@ -146,7 +146,7 @@ def test_a_solo_slip_alone_gives_mass_and_cog_of_the_tractor() -> None:
             r"laden: front and drive .*, the kingpin is 1\.\d\d m .* \(expected: 3\.10 m\); exchanged, .* 3\.\d\d m",
         ),
         ({"laden": "9000 7500 21500"}, r"laden: expected a kingpin 2\.22 to 4\.44 m behind the front axle, got 2\.19"),
-        ({"solo": None}, r"solo: .* is not known; give them \(--solo\), or the distance .* \(--fifth-wheel\)"),
+        ({"solo": None}, r"solo: .* is not known; give them \(solo\), or the distance .* \(fifth_wheel\)"),
         (
             {"trailer_tare": "6.9 t", "load_mass": "20 t"},
             r"load_mass: expected 26\d\d\d kg, because the trailer has 33\d\d\d kg by the laden slip and 6900 kg"
@@ -160,7 +160,7 @@ def test_a_solo_slip_alone_gives_mass_and_cog_of_the_tractor() -> None:
         ({"solo": "2600 4500", "laden": "2800 12500 21500"}, r"solo: expected less on tractor\.drive than on "),
         ({"load_mass": "0", "load_height": None}, r"load_mass: expected 20\d\d\d kg, because .*, got 0 kg"),
         ({"solo": "5,300 kg"}, r"solo: expected a decimal point, and no separator of thousands"),
-        ({"wheelbase": None}, r"wheelbase: expected a value, got none; give --wheelbase, or answer on a terminal"),
+        ({"wheelbase": None}, r"wheelbase: expected a value, got none; give wheelbase"),
         ({"solo": "5200"}, r"solo: expected 2 loads, of tractor\.front, tractor\.drive, got '5200'; give them in kg"),
         (
             {"trailer_tare": "24.9 t", "laden": "6000 7000 11000"},
@@ -260,7 +260,7 @@ def test_an_answer_without_use_is_refused(changed: dict[str, str | None], messag
 
 
 def test_an_accuracy_without_loads_is_refused(tmp_path) -> None:
-    with pytest.raises(VehicleError, match=r"accuracy: expected loads too, got none; give --laden"):
+    with pytest.raises(VehicleError, match=r"accuracy: expected loads too, got none; give laden"):
         describe({key: a for key, a in ANSWERS.items() if key not in ("laden", "solo")}, accuracy="1 %")
     path = tmp_path / "slip.toml"
     path.write_text("[laden]\n" + "\n".join(f"{key} = {load}" for key, load in LADEN.items()))

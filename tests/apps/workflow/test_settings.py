@@ -2,10 +2,11 @@
 
 import pytest
 
-from fifthwheel.apps.workflow import chosen_one_stage, identification_settings
+from fifthwheel.apps.workflow import chosen_one_stage, identification_settings, starts_of
 from fifthwheel.apps.workflow.settings import stated_in
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.spelling import spelled_for
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
 from fifthwheel.truck import get
@@ -105,3 +106,19 @@ def test_wrong_choices_are_refused():
         chosen(statements=("steer_lag=+- 0.1 s",))
     with pytest.raises(VehicleError, match=r"tractor\.colour"):
         chosen(statements=("tractor.colour=exact",))
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"statements": ("softening=exact",), "tyres": "saturating"},
+        {"statements": ("road.friction=wet",), "tyres": "linear"},
+        {"passes": 3},
+        {"tyres": "linear", "method": "two-stage"},
+        {"load": ("a", "b")},
+    ],
+)
+def test_a_refused_setting_is_named_in_the_words_of_the_front_end(wrong):
+    for words, mark in (("command line", "--"), ("workbench", "“")):
+        with spelled_for(words), pytest.raises(FifthwheelError, match=mark):
+            starts_of(TRUCK, IdentifyOptions(**wrong))

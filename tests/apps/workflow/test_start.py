@@ -103,8 +103,8 @@ def test_a_vehicle_file_of_a_load(tmp_path):
 @pytest.mark.parametrize(
     ("loads", "message"),
     [
-        (("run.csv=0t",), r"--load run\.csv=0t: no log run\.csv"),
-        (("steel", "wood"), "--load wood: steel is the load of all logs already"),
+        (("run.csv=0t",), r'load="run\.csv=0t"\): no log run\.csv'),
+        (("steel", "wood"), r'load="wood"\): steel is the load of all logs already'),
     ],
 )
 def test_loads_that_are_refused(loads, message):
@@ -113,5 +113,5 @@ def test_loads_that_are_refused(loads, message):
 
 
 def test_two_stages_have_one_load():
-    with pytest.raises(fw.FifthwheelError, match="--load: needs --method one-stage"):
+    with pytest.raises(fw.FifthwheelError, match=r'load=...\): needs method="one_stage"'):
         starts_of(TRUCK, IdentifyOptions(method="two-stage", load=("empty.csv=0t",)), LOGS)

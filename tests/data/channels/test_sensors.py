@@ -244,7 +244,7 @@ def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
 
 def test_states_without_an_identification_note_that_they_do_not_use_them(record: fw.Record, truck: fw.Vehicle) -> None:
     assert run_states([stating(record, {YAW: GYRO})], truck).notes == (
-        "What is stated of the sensors of yaw_rate.tractor is used with --identification only.",
+        "What is stated of the sensors of yaw_rate.tractor is used with identification only.",
     )
     assert run_states([record], truck).notes == ()
 

@@ -357,14 +357,14 @@ LINEAR: dict[str, str] = {
     "time_base=0.1 +- 1 %": "has the mean 0; state only its standard deviation",
     "others=+- 5 %": "expected 'exact' for so many numbers",
     "*=free": "expected 'exact' for so many numbers",
-    "road.friction=wet": "linear tyres have no friction.*--tyres saturating",
+    "road.friction=wet": 'linear tyres have no friction.*tyres="saturating"',
     "tyre.shape=+- 5 %": "linear tyres have no such parameter",
 }
 OF_SATURATING_TYRES = {
     "road.friction=dusty": "expected a number or one of dry, wet, snow, ice, unknown, got 'dusty'",
     "road.friction=7": "friction: expected between 0.05 and 6, got 7",
     "tyre.shape=free": "is no number of a vehicle file",
-    "softening=+- 50 %": "saturating tyres soften by their law.*--tyres linear",
+    "softening=+- 50 %": 'saturating tyres soften by their law.*tyres="linear"',
 }
 OF_TWO_STAGES = (
     *("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", "yaw_inertia=+- 20 %"),

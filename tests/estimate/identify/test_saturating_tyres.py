@@ -202,7 +202,7 @@ def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
     record = response(1.5, 0.3)
     linear = identify([record], guess, OneStage(tyres="linear", check=False))
     run = run_states([record], linear.vehicle, ObserverSettings(friction=0.3), identification=linear, check=False)
-    assert run.notes == ("The identification had linear tyres: identify again with --tyres saturating or auto.",)
+    assert run.notes == ('The identification had linear tyres: identify again with tyres="saturating" or auto.',)
 
 
 @pytest.mark.parametrize("tyres", ["saturating", "auto"])
@@ -254,7 +254,7 @@ def test_options() -> None:
     assert (settings.tyres, settings.given) == ("saturating", {FRICTION: "0.3"})
     with pytest.raises(Exception, match=r"road\.friction=0\.3: linear tyres have no friction"):
         identification_settings(TRUCK, IdentifyOptions(tyres="linear", statements=("road.friction=0.3",)))
-    with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
+    with pytest.raises(Exception, match='tyres: needs method="one_stage"'):
         identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", statements=("road.friction=exact",)))
     assert settings.given == {FRICTION: "exact"}

@@ -9,7 +9,7 @@ from fifthwheel.results.diagnose.information_summary import describe_remedy
 @pytest.mark.parametrize(
     ("known", "text"),
     [
-        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (--set)"),
+        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (given)"),
         (("mass_scale",), "if all masses are known exactly (state it in the vehicle file)"),
         (
             ("semitrailer.payload.mass",),
@@ -25,7 +25,7 @@ from fifthwheel.results.diagnose.information_summary import describe_remedy
             "if the axle positions of the tractor are known exactly (state it in the vehicle file) and the gain of "
             "steer.tractor.front is calibrated",
         ),
-        (("time_base",), "if the rate of the time base is checked (--set time_base=exact)"),
+        (("time_base",), 'if the rate of the time base is checked (given={"time_base": "exact"})'),
         (("steer.tractor.front.play",), "if the play of steer.tractor.front is measured"),
     ],
 )

@@ -5,7 +5,6 @@ from typing import Any, Literal
 from nicegui import app, events, ui
 
 from fifthwheel.apps.app import layout
-from fifthwheel.apps.app.words import page_in_workbench
 from fifthwheel.base import pages
 from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot
@@ -45,7 +44,7 @@ def show(*blocks: pages.Block) -> None:
 
 
 def _rendered(block: pages.Block) -> str:
-    return page_in_workbench(html.blocks([block]))
+    return html.blocks([block])
 
 
 def show_plot(plot: Plot, *, height: int = 300, label: str = "", log: str | None = None) -> ui.plotly:

@@ -17,6 +17,7 @@ from typing import Any, Literal, TypeVar
 
 from fifthwheel.apps.cluster import process_pool
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import FrontEnd, front_end, start_front_end
 
 Result = TypeVar("Result")
 
@@ -117,7 +118,9 @@ def start(
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
     job = Job(product=product, on_cancel=on_cancel)
-    job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
+    job.process = _PROCESSES.Process(
+        target=_work, args=(sender, front_end(), function, args, options), name=key, daemon=True
+    )
     _jobs[key] = job
     job.process.start()
     sender.close()
@@ -174,8 +177,15 @@ def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[
         return "failed", f"internal error, please report it: {type(error).__name__}: {error}"
 
 
-def _work(sender: Connection, function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> None:
+def _work(
+    sender: Connection,
+    words: FrontEnd,
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    options: dict[str, Any],
+) -> None:
     """In the child process: compute, and send progress, then the result or the error."""
+    start_front_end(words)
     last, shown = 0.0, ""
 
     def progress(title: str, done: int, total: int) -> None:

@@ -3,11 +3,12 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from fifthwheel.apps.app import runs, words
+from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.workspace import SIGNALS, Choices, Workspace
 from fifthwheel.apps.workflow import IdentifyOptions
 from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.settings import options_of
+from fifthwheel.base.spelling import ONLY_PREDICT, question
 from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.given import possible_names
@@ -65,14 +66,14 @@ def changed_settings(choices: Choices) -> list[str]:
         value = choices.identify.get(key)
         if value is None or key == STATEMENTS:
             continue
-        label = words.label(key, option)
+        label = question(key, option)
         if isinstance(value, bool):
             said.append(f"{label}: {'yes' if value else 'no'}.")
         else:
             chosen = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
             said.append(f"{label}: {option.choices.get(chosen, chosen)}.")
     if validate := choices.identify.get("validate"):
-        said.append(f"{words.ONLY_PREDICT}: {enumerated([Path(name).name for name in validate])}.")
+        said.append(f"{ONLY_PREDICT}: {enumerated([Path(name).name for name in validate])}.")
     return said
 
 

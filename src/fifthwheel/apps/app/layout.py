@@ -16,7 +16,6 @@ from weakref import WeakKeyDictionary
 from nicegui import Client, app, events, ui
 
 from fifthwheel.apps.app import jobs, result_files, runs
-from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import StaleError, Workspace
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.truck.spoken_names import spoken
@@ -174,7 +173,7 @@ def next_step(message: str, page: str) -> None:
     """What is missing on this page, and a link to the page that provides it."""
     with ui.element("div").classes("fw-next"):
         ui.icon("info", size="sm").props("aria-hidden=true")
-        ui.label(in_workbench(message))
+        ui.label(message)
         ui.link(f"To the page {page.capitalize()}", address(page))
 
 
@@ -183,17 +182,17 @@ def finding(severity: str, message: str) -> None:
     with ui.element("div").classes(f"fw-finding {severity}"):
         icons = {"error": "error", "warning": "warning", "good": "check_circle"}
         ui.icon(icons[severity]).props("role=img aria-hidden=false").props["aria-label"] = severity
-        ui.label(in_workbench(message))
+        ui.label(message)
 
 
 def failure(message: str) -> ui.label:
     """A message in the page; screen readers read it at once."""
-    return ui.label(in_workbench(message)).classes("text-negative").style("white-space: pre-line").props("role=alert")
+    return ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
 
 
 def say(message: str) -> None:
     """A short note that vanishes; screen readers read it."""
-    ui.notify(in_workbench(message), position="bottom", multi_line=True)
+    ui.notify(message, position="bottom", multi_line=True)
 
 
 async def confirmed(question: str, action: str) -> bool:
@@ -372,7 +371,7 @@ def _show_error(error: Exception) -> None:
         ui.notify(str(error), type="warning", timeout=8000)
         ui.timer(2.0, reload, once=True)
     elif isinstance(error, FifthwheelError):
-        ui.notify(in_workbench(str(error)), type="negative", multi_line=True, timeout=10000, close_button="Close")
+        ui.notify(str(error), type="negative", multi_line=True, timeout=10000, close_button="Close")
     elif isinstance(error, OSError):
         ui.notify(f"{error.filename or 'file'}: {error.strerror or error}", type="negative", close_button="Close")
     else:

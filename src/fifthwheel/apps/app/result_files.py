@@ -10,7 +10,6 @@ from fastapi.responses import FileResponse, HTMLResponse, Response
 from nicegui import app, ui
 
 from fifthwheel.apps.app import runs
-from fifthwheel.apps.app.words import page_in_workbench
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.pages import html, page
@@ -62,7 +61,7 @@ def _report(path: Path, name: str) -> str:
     """The report with the present name of the result, which may have been renamed."""
     shown = html.text(name)
     named = _NAME.sub(lambda found: f"{found[1]}, {shown}<", path.read_text(encoding="utf-8"), count=1)
-    return page_in_workbench(_TITLE.sub(lambda _: f"<title>{shown}: fifthwheel</title>", named, count=1))
+    return _TITLE.sub(lambda _: f"<title>{shown}: fifthwheel</title>", named, count=1)
 
 
 def _attached(name: str) -> dict[str, str]:

@@ -15,6 +15,7 @@ from fifthwheel.apps.app.access import MAX_FILE, Access, Guard
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.extras import require
+from fifthwheel.base.spelling import start_front_end
 
 
 def serve(
@@ -78,6 +79,7 @@ def application(folder: Path, access: Access, started: Callable[[], None] = lamb
 
     from fifthwheel.apps.app import inputs, jobs, layout
 
+    start_front_end("workbench")
     layout.register(folder)
     pages.on_startup(started)
     pages.on_startup(lambda: jobs.compute(inputs.prepare))

@@ -27,6 +27,7 @@ from fifthwheel.apps.cli import (  # importing a command registers it
 )
 from fifthwheel.apps.cli.app import app
 from fifthwheel.base.atomic import clean_up
+from fifthwheel.base.spelling import spelled_for
 
 
 def _print_version(requested: bool) -> None:
@@ -37,11 +38,13 @@ def _print_version(requested: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Options before the command."""
+    context.with_resource(spelled_for("command line"))
 
 
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

@@ -14,6 +14,7 @@ from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.memory import release_memory
 from fifthwheel.base.pages.page import write as write_page
+from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.storage import read_contents
@@ -53,7 +54,7 @@ def read_truck(name: str) -> Vehicle | Identification:
     if path is not None and Path(name).is_dir() and not path.exists():
         found = "give a vehicle file, or the result folder of `fifthwheel identify`"
         if path.with_name(KNOWLEDGE).exists():
-            found = f"give a vehicle file too: --vehicle truck.toml --knowledge {name}"
+            found = f"give a vehicle file too: {setting('vehicle', 'truck.toml')} {setting('knowledge', name)}"
         raise VehicleError(f"{name}: a folder without identification.json; {found}")
     return read_vehicle(name) if path is None else Identification.load(path)
 

@@ -9,7 +9,7 @@ from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.input_files import parse_toml, read_toml
 from fifthwheel.base.options import IdentifyOptions
-from fifthwheel.base.settings import options_of
+from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import CommonSettings, OneStage
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.statement import Statement, combined, parse, statement
@@ -35,9 +35,8 @@ def identification_settings(
     one_stage = chosen.method == "one-stage"
     for name in ("passes",) if one_stage else _ONE_STAGE:
         if getattr(chosen, name) != getattr(IdentifyOptions, name):
-            option = options_of(IdentifyOptions)[name].flags_of(name)[0]
-            other = "two-stage" if one_stage else "one-stage"
-            raise FifthwheelError(f"{option}: needs --method {other}; remove {option}, or choose that method")
+            option, other = setting(name), setting("method", "two-stage" if one_stage else "one-stage")
+            raise FifthwheelError(f"{option}: needs {other}; remove {option}, or choose that method")
     if one_stage:
         return chosen_one_stage(vehicle, chosen, base=base)
     preset = article() if chosen.method == "article" else TwoStage()
@@ -138,4 +137,4 @@ def targets_of(texts: Iterable[str]) -> dict[str, float]:
             raise FifthwheelError(f"expected 0% or more and below 100%, got {given}; write 5% or 0.05")
         return value
 
-    return named_values("--target", texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)
+    return named_values(setting("target"), texts, "NAME=FRACTION, such as roll_stiffness=10%", fraction)

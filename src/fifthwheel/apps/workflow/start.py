@@ -12,6 +12,7 @@ from fifthwheel.apps.workflow.note import Note
 from fifthwheel.apps.workflow.settings import identification_settings
 from fifthwheel.base.errors import FifthwheelError, SignalError, suggestion
 from fifthwheel.base.options import IdentifyOptions
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.units import quantity
 from fifthwheel.estimate.identify import CommonSettings, Identification, OneStage
 from fifthwheel.estimate.identify.knowledge.information import Occasion
@@ -42,7 +43,7 @@ class Start:
     def one_stage(self) -> OneStage:
         """The settings, if they are of one stage."""
         if self.settings.one_stage is None:
-            raise SignalError("method: only one stage predicts; leave out --method")
+            raise SignalError(f"method: only one stage predicts; leave out {setting('method')}")
         return self.settings.one_stage
 
     @property
@@ -99,7 +100,7 @@ def _loads(texts: Sequence[str], logs: Sequence[Path]) -> Mapping[Path, str]:
     for text in texts:
         log, equals, load = text.partition("=")
         if equals and log not in names:
-            raise SignalError(f"--load {text}: no log {log}; {suggestion(log, [path.name for path in logs])}")
+            raise SignalError(f"{setting('load', text)}: no log {log}; {suggestion(log, [path.name for path in logs])}")
         if equals:
             own[names[log]] = load.strip()
     return {path: own.get(path, _common(texts)) for path in logs}
@@ -109,7 +110,7 @@ def _common(texts: Sequence[str]) -> str:
     """The load of all logs without one of their own; empty if none is given, a SignalError for several."""
     common = [text.strip() for text in texts if "=" not in text]
     if len(common) > 1:
-        raise SignalError(f"--load {common[1]}: {common[0]} is the load of all logs already; write LOG=LOAD")
+        raise SignalError(f"{setting('load', common[1])}: {common[0]} is the load of all logs already; write LOG=LOAD")
     return "".join(common)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 import fifthwheel
 from fifthwheel.base.formatting import with_sigma
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.checks import raise_errors
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification
@@ -76,9 +77,12 @@ def run_states(
     states, notes = [], []
     friction = None if settings.friction is None else f"{settings.friction:.3g}"
     if identification and friction and identification.friction is None:
-        notes.append("The identification had linear tyres: identify again with --tyres saturating or auto.")
+        saturating = setting("tyres", "saturating")
+        notes.append(f"The identification had linear tyres: identify again with {saturating} or auto.")
     if not identification and (stated := sorted({name for record in records for name in record.sensors})):
-        notes.append(f"What is stated of the sensors of {', '.join(stated)} is used with --identification only.")
+        notes.append(
+            f"What is stated of the sensors of {', '.join(stated)} is used with {setting('identification')} only."
+        )
     for i, record in enumerate(records):
         progress("states", i, len(records))
         if check:

@@ -11,6 +11,7 @@ from fifthwheel.apps.workflow.new_vehicle import TARE_SIGMA, TRACTOR, TRAILER, D
 from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.options import TruckOptions
 from fifthwheel.base.settings import options_of
+from fifthwheel.base.spelling import front_end, setting
 from fifthwheel.base.units import quantity, uncertain_quantity
 from fifthwheel.truck.classes import CLASSES
 from fifthwheel.truck.classes.table import TYRES
@@ -149,13 +150,15 @@ def describe(answers: Mapping[str, str], *, slip: Path | None = None, accuracy: 
         if question.key in answers:
             values[question.key] = question.parse(answers[question.key])
         elif question.required:
-            option = question.key.replace("_", "-")
-            raise VehicleError(f"{question.key}: expected a value, got none; give --{option}, or answer on a terminal")
+            answer = ", or answer on a terminal" if front_end() == "command line" else ""
+            raise VehicleError(f"{question.key}: expected a value, got none; give {setting(question.key)}{answer}")
     loads = {key: values.pop(key) for key in CONDITIONS if key in values}
     if slip is not None and (twice := [*loads, *(["accuracy"] if accuracy else [])]):
         raise VehicleError(f"{twice[0]}: given, and {slip} too; keep one of them")
     if accuracy and not (slip or loads):
-        raise VehicleError("accuracy: expected loads too, got none; give --laden, or remove --accuracy")
+        raise VehicleError(
+            f"accuracy: expected loads too, got none; give {setting('laden')}, or remove {setting('accuracy')}"
+        )
     weighed = Slip.load(slip) if slip is not None else Slip(**loads, accuracy=fraction(accuracy or ACCURACY))
     given = {**dict.fromkeys(conditions(slip), ""), **answers}
     for question in QUESTIONS:

@@ -10,6 +10,7 @@ from fifthwheel.base.arguments import expect, expect_known, expect_number, expec
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.names import split_kind
+from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
 from fifthwheel.results.assess import (
     braking,
@@ -202,8 +203,8 @@ def _unstable(computed: MeasureSamples) -> float:
 def _unstated(truck: Truck) -> list[str]:
     """What to state for the measures that lack a number of the body or of the driveline."""
     wanted = (
-        (low_speed_turn.unstated(truck), "by --body"),
-        (longitudinal.unstated(truck.vehicle), "in [driveline] of the vehicle file, or by --set"),
+        (low_speed_turn.unstated(truck), f"by {setting('body')}"),
+        (longitudinal.unstated(truck.vehicle), f"in [driveline] of the vehicle file, or by {setting('changes')}"),
     )
     return [
         f"Not assessed: {enumerated([title(name) for name in lacking])}; state"

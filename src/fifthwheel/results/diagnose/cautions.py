@@ -6,6 +6,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ends_with, split_log
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
     LOAD_TRANSFER,
@@ -152,7 +153,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             text = f"the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too."
             cure = (
                 "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-                "(--set 'steer.*.delay=+- 5 ms') and identify again."
+                f"({setting('statements', 'steer.*.delay=+- 5 ms')}) and identify again."
             )
         elif steer_gain:
             text = (
@@ -218,7 +219,8 @@ def run_cautions(runs: Sequence[RunSummary]) -> Iterator[Caution]:
                 f"{run.name}: the lateral acceleration reaches {run.acceleration:.1f} m/s². The model of tyres and "
                 f"suspensions is linear, which holds up to about {NONLINEAR_ACCELERATION:g} m/s²."
             )
-            cure = "Use tyres that saturate (--tyres saturating), or a log with a smaller lateral acceleration."
+            saturating = setting("tyres", "saturating")
+            cure = f"Use tyres that saturate ({saturating}), or a log with a smaller lateral acceleration."
             yield Caution(CautionKind.NONLINEAR_RANGE, message, cure, run.acceleration, log=run.name)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, inputs, jobs, layout, runs
-from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
@@ -233,7 +232,7 @@ class _Page:
             changed = self.truck.replace(self.values)
             drawn = model_plot(self.kind, self.truck, changed, self.speed / 3.6, self.record)
         except FifthwheelError as error:
-            self._model_error.text = in_workbench(str(error))
+            self._model_error.text = str(error)
             return
         self._model_error.text = ""
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110

@@ -9,11 +9,12 @@ from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
-from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs, words
+from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs
 from fifthwheel.apps.app.workspace import VEHICLE, Workspace
 from fifthwheel.apps.workflow import IdentifyOptions, starts_of
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.base.settings import options_of
+from fifthwheel.base.spelling import NAME_OF_RESULT, ONLY_PREDICT, question
 from fifthwheel.estimate.identify.statement import parse
 from fifthwheel.truck import Vehicle
 
@@ -95,8 +96,8 @@ class _Settings:
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
-            kind, label = get_type_hints(IdentifyOptions)[key], words.label(key, option)
-            help = words.in_workbench(option.help.removesuffix(".") + ".")
+            kind, label = get_type_hints(IdentifyOptions)[key], question(key, option)
+            help = option.help.removesuffix(".") + "."
             if key == known.STATEMENTS:
                 self._statement(label)
             elif key == runs.KNOWLEDGE:
@@ -112,7 +113,7 @@ class _Settings:
                 self._text(key, label, help)
             else:
                 self._number(key, label, int in get_args(kind), help)
-        self._list("validate", words.ONLY_PREDICT, list(used), "Logs for validation; the others are identified on.")
+        self._list("validate", ONLY_PREDICT, list(used), "Logs for validation; the others are identified on.")
 
     def _keep(self, key: str, default: Any, value: Any) -> None:
         """Keep a setting that the options accept; a default is not written."""
@@ -206,7 +207,7 @@ def _run(workspace: Workspace) -> None:
             ui.label("Cancelled; no result was changed.").props("role=status")
         with ui.row().classes("items-end"):
             made = job.product if job.unfinished else runs.next_name(workspace)
-            name = ui.input(words.NAME_OF_RESULT, value=made).classes("fw-field")
+            name = ui.input(NAME_OF_RESULT, value=made).classes("fw-field")
             ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
     for left in runs.interrupted(workspace) if not job.running else ():
         with ui.row().classes("items-center"):

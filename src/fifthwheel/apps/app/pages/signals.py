@@ -6,7 +6,6 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, inputs, jobs, layout
-from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
 from fifthwheel.apps.workflow import ChannelEvidence, SignalEvidence
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
@@ -267,7 +266,7 @@ class _Page:
         try:
             await self.change(signal, **{key: value})
         except SignalError as error:
-            refusal.text = in_workbench(str(error))
+            refusal.text = str(error)
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])

@@ -8,7 +8,6 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, jobs, layout
-from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.apps.workflow.new_vehicle import new_vehicle
 from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, Question, describe
@@ -231,7 +230,7 @@ def _error(question: Question, text: str) -> str | None:
         if answer := _answer(question, text):
             question.parse(answer)
     except VehicleError as error:
-        return in_workbench(str(error))
+        return str(error)
     return None
 
 
