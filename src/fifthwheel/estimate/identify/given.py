@@ -253,11 +253,11 @@ def _refuse(
             if chosen.one_stage is None:
                 raise VehicleError(f"{each}: needs one stage; remove it, or choose that method")
             noun = "friction" if applies(each, FRICTION) else "such parameter"
-            words = setting("tyres", "saturating")
-            raise VehicleError(f"{each}: linear tyres have no {noun}; choose saturating tyres ({words}), or remove it")
+            law = setting("tyres", "saturating")
+            raise VehicleError(f"{each}: linear tyres have no {noun}; choose saturating tyres ({law}), or remove it")
     elif ends_with(each.name, "softening"):
-        words = setting("tyres", "linear")
-        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose {words}")
+        law = setting("tyres", "linear")
+        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose {law}")
     altered = [path for change in changes(vehicle) if ends_with(change.name, each.name) for path in change.slopes]
     if altered:
         raise VehicleError(
