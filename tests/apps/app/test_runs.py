@@ -14,7 +14,7 @@ from fifthwheel.apps.app.pages import explore
 from fifthwheel.apps.app.pages.identify import plain_name
 from fifthwheel.apps.app.pages.signals import objections
 from fifthwheel.apps.app.workspace import Choices, LogChoice, Workspace
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
+from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.pages import Code, Plots
 from fifthwheel.base.pages.html import cell

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 
-from fifthwheel.apps.workflow import exported_learner
+from fifthwheel.apps.workflow.runs import exported_learner
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.simulate import simulate

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel.apps.workflow import exported_observer
+from fifthwheel.apps.workflow.runs import exported_observer
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate

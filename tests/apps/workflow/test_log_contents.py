@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.apps.workflow import propose_signals, survey_file
+from fifthwheel.apps.workflow.inputs import propose_signals, survey_file
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import sample as sampling
 from fifthwheel.data.logs.readers import text

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.apps.workflow import axle_load_differences, weigh_by_slip, weigh_vehicle
+from fifthwheel.apps.workflow.measured_vehicle import axle_load_differences, weigh_by_slip, weigh_vehicle
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record

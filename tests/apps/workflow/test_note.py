@@ -7,7 +7,7 @@ from typing import Any
 
 from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.workspace import Workspace
-from fifthwheel.apps.workflow.note import Note
+from fifthwheel.apps.workflow.start import Note
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.estimate.identify import Identification
 from tests.apps.cli.test_cli import run

@@ -9,14 +9,9 @@ import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.apps.workflow import (
-    read_records,
-    read_vehicle,
-    run_identification,
-    run_states,
-    write_results,
-)
-from fifthwheel.apps.workflow.identification import IdentificationRun
+from fifthwheel.apps.workflow.inputs import read_records, read_vehicle
+from fifthwheel.apps.workflow.results import write_results
+from fifthwheel.apps.workflow.runs import IdentificationRun, run_identification, run_states
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.logs import write_record
 from fifthwheel.estimate.identify import Identification, OneStage, identify

@@ -2,8 +2,7 @@
 
 import pytest
 
-from fifthwheel.apps.workflow import chosen_one_stage, identification_settings, starts_of
-from fifthwheel.apps.workflow.settings import stated_in
+from fifthwheel.apps.workflow.start import chosen_one_stage, identification_settings, starts_of, stated_in
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.spelling import spelled_for

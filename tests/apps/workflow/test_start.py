@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.workflow import starts_of
+from fifthwheel.apps.workflow.start import starts_of
 from fifthwheel.base.options import IdentifyOptions
 from tests.estimate.identify.knowledge.conftest import TRUCK, identified
 

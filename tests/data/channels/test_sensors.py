@@ -11,8 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.workflow.identification import design_run
-from fifthwheel.apps.workflow.states import run_states
+from fifthwheel.apps.workflow.runs import design_run, run_states
 from fifthwheel.base.units import quantity
 from fifthwheel.data.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.data.channels.sensors import SENSOR_CLASSES

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
-from fifthwheel.apps.workflow.settings import chosen_one_stage, identification_settings
+from fifthwheel.apps.workflow.start import chosen_one_stage, identification_settings
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.data.record import Record

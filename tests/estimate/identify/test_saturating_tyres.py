@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.apps.workflow import IdentifyOptions, identification_settings, run_states
+from fifthwheel.apps.workflow.runs import run_states
+from fifthwheel.apps.workflow.start import identification_settings
 from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import largest_lateral_acceleration

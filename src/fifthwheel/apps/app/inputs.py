@@ -14,8 +14,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
-from fifthwheel.apps.workflow import SignalEvidence, propose_signals, signal_evidence
-from fifthwheel.apps.workflow.inputs import report_fraction
+from fifthwheel.apps.workflow.inputs import propose_signals, report_fraction
 from fifthwheel.base.atomic.locks import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.channels import STEER, is_of
@@ -27,6 +26,7 @@ from fifthwheel.data.logs.readers import open_log
 from fifthwheel.data.logs.stored import StoredLog, store_log
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.settings import Progress
+from fifthwheel.estimate.time_bases.evidence import SignalEvidence, signal_evidence
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import catalogue
 

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.workspace import SIGNALS, Choices, Workspace
-from fifthwheel.apps.workflow import IdentifyOptions
 from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
 from fifthwheel.base.spelling import ONLY_PREDICT, question
 from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error

@@ -10,26 +10,21 @@ from typing import Any
 
 from fifthwheel.apps.app import inputs
 from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
-from fifthwheel.apps.workflow import (
-    IDENTIFICATION_FILES,
-    IdentifyOptions,
-    compare_runs,
-    knowledge_file,
-    require_signals,
-    run_loads,
-    starts_of,
-    write_loads,
-)
-from fifthwheel.apps.workflow.note import Note
+from fifthwheel.apps.workflow.results import IDENTIFICATION_FILES, compare_runs, write_loads
+from fifthwheel.apps.workflow.runs import run_loads
+from fifthwheel.apps.workflow.start import Note, starts_of
 from fifthwheel.base.atomic import one_run, result_folder
 from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.pages import Document
 from fifthwheel.base.plots import Line, Plot
 from fifthwheel.base.plots.palette import CYCLE
 from fifthwheel.base.settings import arguments, options_of
 from fifthwheel.estimate.identify import Fit, Identification
 from fifthwheel.estimate.identify.design.assess import InformationAssessment, predict_sigmas
+from fifthwheel.estimate.identify.given import require_signals
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
+from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
 from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.results.diagnose import Comparison, LogPrediction

@@ -63,7 +63,8 @@ def evaluate(
     Each measure has a sigma from the log itself. The conditions of ISO 15037-2 that a log shows are listed, met or not.
     docs/evaluate.md defines the measures and says what is implemented of each standard.
     """
-    from fifthwheel.apps.workflow import EVALUATION_FILES, read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
+    from fifthwheel.apps.workflow.results import EVALUATION_FILES
     from fifthwheel.results.evaluate import evaluate as run_evaluation
     from fifthwheel.results.report.evaluation import evaluation_document
 
@@ -121,8 +122,9 @@ def validate(
     Both are evaluated by the same test method. Each measure and each characteristic curve is inside or outside of its
     tolerance, or undecided where sigma is too large. The default tolerances are ours, and those of no standard.
     """
-    from fifthwheel.apps.workflow import VALIDATION_FILES, read_vehicle
-    from fifthwheel.apps.workflow.settings import named_texts
+    from fifthwheel.apps.workflow.inputs import read_vehicle
+    from fifthwheel.apps.workflow.results import VALIDATION_FILES
+    from fifthwheel.apps.workflow.start import named_texts
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.evaluate import validate as run_validation
     from fifthwheel.results.report.evaluation import validation_document
@@ -177,7 +179,8 @@ def _written(
     force: bool,
 ) -> dict[str, Path]:
     """Write the files of a result to its folder, if there is one."""
-    from fifthwheel.apps.workflow import vehicle_file, write_evaluation
+    from fifthwheel.apps.workflow.inputs import vehicle_file
+    from fifthwheel.apps.workflow.results import write_evaluation
     from fifthwheel.results.report import gather_provenance, provenance_of_run
 
     if out is None:

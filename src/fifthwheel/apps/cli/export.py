@@ -63,7 +63,8 @@ def c(
     cos and atan); it computes in double or, with -DFW_FLOAT, in single precision. It treats missing samples, gaps and
     wrong measurements like `fifthwheel states`; a learner does what `Learner` does in Python.
     """
-    from fifthwheel.apps.workflow import exported_learner, read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.runs import exported_learner
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.estimate.identify import Identification
     from fifthwheel.estimate.identify.online import Learner
@@ -146,7 +147,7 @@ def fmu(
     The FMU is for co-simulation. It has its sources, and libraries for 64-bit Linux and Windows, compiled by ziglang
     (pip install 'fifthwheel[fmu]').
     """
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.export import PLATFORMS, export_fmu
 
@@ -178,7 +179,8 @@ def _observer(
     vehicle: str, identification: Path | None, signals: list[str] | None, chosen: ObserverOptions
 ) -> "Observer":
     """The observer that the options describe."""
-    from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.runs import exported_observer
     from fifthwheel.estimate.identify import Identification
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)

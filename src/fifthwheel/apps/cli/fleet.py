@@ -57,7 +57,7 @@ def run(
     `pip install 'fifthwheel[fleet]'`.
     """
     from fifthwheel.apps.fleet import run as run_fleet
-    from fifthwheel.apps.workflow.settings import stated_in
+    from fifthwheel.apps.workflow.start import stated_in
     from fifthwheel.estimate.identify import OneStage
 
     with terminal.progress_bar(quiet=as_json) as progress:

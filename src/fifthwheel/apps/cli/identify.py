@@ -61,17 +61,11 @@ def identify(
     from fifthwheel.data.logs import start_reader
 
     start_reader()
-    from fifthwheel.apps.workflow import (
-        IDENTIFICATION_FILES,
-        identification_file,
-        knowledge_file,
-        read_truck,
-        run_loads,
-        starts_of,
-        vehicle_file,
-        vehicle_text,
-        write_loads,
-    )
+    from fifthwheel.apps.workflow.inputs import identification_file, vehicle_file, vehicle_text
+    from fifthwheel.apps.workflow.results import IDENTIFICATION_FILES, read_truck, write_loads
+    from fifthwheel.apps.workflow.runs import run_loads
+    from fifthwheel.apps.workflow.start import starts_of
+    from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
     from fifthwheel.results.report import provenance_of_run
     from fifthwheel.results.report.identification import identification_document
 

@@ -83,8 +83,8 @@ def forget(
     Logs that were set aside because they contradict the removed one are used again. Of a result folder only
     knowledge.json changes; the other files are those of the last `fifthwheel identify` until it runs again.
     """
-    from fifthwheel.apps.workflow import knowledge_file
     from fifthwheel.base.errors import printable
+    from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
 
     source = knowledge_file(result)
     target = source if out is None else _target(out)
@@ -148,8 +148,9 @@ def merge(
 
 
 def _read(result: Path) -> "Knowledge":
-    from fifthwheel.apps.workflow import knowledge_file, read_knowledge
+    from fifthwheel.apps.workflow.inputs import read_knowledge
     from fifthwheel.base.errors import SignalError
+    from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
 
     with one_run(knowledge_file(result)):
         knowledge = read_knowledge(result)

@@ -51,8 +51,10 @@ def check(
     known, another manoeuvre driven or another signal logged. It also lists implausible signals, and late
     ones.
     """
-    from fifthwheel.apps.workflow import read_truck, require_signals, starts_of
+    from fifthwheel.apps.workflow.results import read_truck
+    from fifthwheel.apps.workflow.start import starts_of
     from fifthwheel.estimate.identify.design.assess import predict_sigmas
+    from fifthwheel.estimate.identify.given import require_signals
 
     start = starts_of(read_truck(vehicle), chosen, logs)[-1]
     truck, settings = start.vehicle, start.one_stage
@@ -131,8 +133,9 @@ def design(
     file, with the noise of the sensors and of a good road (class A of ISO 8608). If no run reaches the targets, it
     prints the best run and the parameters that limit the accuracy.
     """
-    from fifthwheel.apps.workflow import design_run, read_truck, starts_of
-    from fifthwheel.apps.workflow.settings import targets_of
+    from fifthwheel.apps.workflow.results import read_truck
+    from fifthwheel.apps.workflow.runs import design_run
+    from fifthwheel.apps.workflow.start import starts_of, targets_of
     from fifthwheel.data.logs import SignalMap, write_record
     from fifthwheel.data.logs.files import record_writer
 

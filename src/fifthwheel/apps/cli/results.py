@@ -36,7 +36,7 @@ def compare(
     A difference of more than two sigma is real with a probability of 95 %. Errors of the vehicle file and of the model
     that all runs share cancel in a difference. Runs that share logs are marked: their difference is no test.
     """
-    from fifthwheel.apps.workflow import compare_runs, write_comparison
+    from fifthwheel.apps.workflow.results import compare_runs, write_comparison
     from fifthwheel.results.report.comparison import comparison_document
 
     with reserved(csv, html, force=force):
@@ -95,8 +95,9 @@ def assess(
     file, and the probability that it meets the threshold of the Australian performance-based standards. The linear
     model and the nonlinear truck stand side by side. docs/assess.md defines the measures.
     """
-    from fifthwheel.apps.workflow import ASSESSMENT_FILES, identification_file, read_truck, write_assessment
-    from fifthwheel.apps.workflow.settings import named_texts
+    from fifthwheel.apps.workflow.inputs import identification_file
+    from fifthwheel.apps.workflow.results import ASSESSMENT_FILES, read_truck, write_assessment
+    from fifthwheel.apps.workflow.start import named_texts
     from fifthwheel.estimate.identify import Identification
     from fifthwheel.results.assess import assess as run_assessment
     from fifthwheel.results.report import gather_provenance

@@ -47,7 +47,7 @@ def signals(
     Parquet file above 100 MB, a sample is read, unless --whole is given. Edit the proposal, then use it with --signals:
     here to see the resulting record, and in the other commands.
     """
-    from fifthwheel.apps.workflow import read_vehicle, survey_file
+    from fifthwheel.apps.workflow.inputs import read_vehicle, survey_file
     from fifthwheel.base.errors import FifthwheelError
 
     truck = read_vehicle(vehicle) if vehicle else None
@@ -73,9 +73,9 @@ def _show_record(
     log: Path, signals: Path, truck: "Vehicle | None", save: Path | None, as_json: bool, *, allow_outside: bool
 ) -> None:
     """Show the record that a map makes of a log."""
-    from fifthwheel.apps.workflow import check_signals
     from fifthwheel.data.logs import write_record
     from fifthwheel.data.logs.files import record_writer
+    from fifthwheel.estimate.time_bases import check_signals
 
     if save is not None:
         record_writer(save)  # refuses an unknown format before reading

@@ -82,7 +82,7 @@ def simulate(
     as_json: JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
     from fifthwheel.base.errors import SignalError
     from fifthwheel.data.logs import write_record
     from fifthwheel.data.logs.files import record_writer
@@ -114,7 +114,7 @@ def simulate(
         else:
             if yaw_only:
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
-            from fifthwheel.apps.workflow.settings import named_texts
+            from fifthwheel.apps.workflow.start import named_texts
             from fifthwheel.model.manoeuvres import course as make_course
             from fifthwheel.model.plant import Plant, Properties
             from fifthwheel.model.plant.properties import with_changes
@@ -190,7 +190,7 @@ def reproduce(
     from fifthwheel.apps.cheng_cebon_2011 import table
     from fifthwheel.apps.cheng_cebon_2011.reproduce import FILES
     from fifthwheel.apps.cheng_cebon_2011.reproduce import reproduce as run
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
 
     truck = None if vehicle is None else read_vehicle(vehicle)
     with (

@@ -64,14 +64,10 @@ def states(
     from fifthwheel.data.logs import start_reader
 
     start_reader()
-    from fifthwheel.apps.workflow import (
-        STATES_FILES,
-        read_vehicle,
-        run_states,
-        vehicle_and_identification,
-        write_results,
-    )
-    from fifthwheel.apps.workflow.settings import named_values
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.results import STATES_FILES, write_results
+    from fifthwheel.apps.workflow.runs import run_states
+    from fifthwheel.apps.workflow.start import named_values
     from fifthwheel.estimate.identify import Identification
     from fifthwheel.estimate.observe import ObserverSettings
     from fifthwheel.results.report import provenance_of_run

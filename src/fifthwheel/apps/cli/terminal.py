@@ -22,7 +22,7 @@ def load_records(
 ) -> "list[Record]":
     """The records of logs without the windows of --exclude, with a progress bar if they are large."""
     from fifthwheel.apps.cli.options import windows
-    from fifthwheel.apps.workflow import read_records
+    from fifthwheel.apps.workflow.inputs import read_records
     from fifthwheel.data.logs import SignalMap
 
     signal_map = SignalMap.load(signals, allow_outside=allow_outside) if signals else None
@@ -40,7 +40,7 @@ def warn_of_masses(vehicle: "Vehicle") -> None:
 
 def print_load_differences(vehicle: "Vehicle", records: "Sequence[Record]") -> None:
     """Print axle loads in the logs that are not those of the vehicle file."""
-    from fifthwheel.apps.workflow import axle_load_differences
+    from fifthwheel.apps.workflow.measured_vehicle import axle_load_differences
 
     for difference in axle_load_differences(vehicle, records):
         typer.echo(str(difference), err=True)

@@ -22,8 +22,9 @@ from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen, read_trace, replay
 from fifthwheel.apps.selfcheck import MACHINE_CODE, self_check
-from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
-from fifthwheel.apps.workflow.settings import targets_of
+from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
+from fifthwheel.apps.workflow.runs import exported_observer
+from fifthwheel.apps.workflow.start import targets_of
 from fifthwheel.base.atomic import reserved
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.options import LiveOptions, ObserverOptions

@@ -5,11 +5,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.apps.workflow.identification import IdentificationRun
 from fifthwheel.apps.workflow.inputs import identification_file, read_vehicle
-from fifthwheel.apps.workflow.note import Note
-from fifthwheel.apps.workflow.start import Start
-from fifthwheel.apps.workflow.states import StatesRun
+from fifthwheel.apps.workflow.runs import IdentificationRun, StatesRun
+from fifthwheel.apps.workflow.start import Note, Start
 from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.memory import release_memory

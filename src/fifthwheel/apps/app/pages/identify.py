@@ -11,8 +11,9 @@ from nicegui import ui
 
 from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs
 from fifthwheel.apps.app.workspace import VEHICLE, Workspace
-from fifthwheel.apps.workflow import IdentifyOptions, starts_of
+from fifthwheel.apps.workflow.start import starts_of
 from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
 from fifthwheel.base.spelling import NAME_OF_RESULT, ONLY_PREDICT, question
 from fifthwheel.estimate.identify.statement import parse

@@ -7,7 +7,6 @@ from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, inputs, jobs, layout
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
-from fifthwheel.apps.workflow import ChannelEvidence, SignalEvidence
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
@@ -18,6 +17,7 @@ from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.edited_map import with_channel, without_channel
 from fifthwheel.data.logs.mapping.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
+from fifthwheel.estimate.time_bases.evidence import ChannelEvidence, SignalEvidence
 from fifthwheel.truck import Vehicle
 
 HEIGHT = 170

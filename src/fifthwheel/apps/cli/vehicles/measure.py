@@ -61,7 +61,8 @@ def weigh(
     `tractor.drive = "10500 kg"`, and their standard deviation, `accuracy = "1 %"`. The file then states how well
     masses and CoG positions are known.
     """
-    from fifthwheel.apps.workflow import read_vehicle, vehicle_text, weigh_by_slip, weigh_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_text
+    from fifthwheel.apps.workflow.measured_vehicle import weigh_by_slip, weigh_vehicle
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.report.vehicle import weighed_document
     from fifthwheel.truck.slip import Slip
@@ -104,7 +105,8 @@ def mass(
     masses stay; yaw inertia, stiffness and relaxation length of the tyres follow the load. If only the mass was wrong
     in the file, copy the masses from the new file.
     """
-    from fifthwheel.apps.workflow import drive_vehicle, read_vehicle, vehicle_text
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_text
+    from fifthwheel.apps.workflow.measured_vehicle import drive_vehicle
     from fifthwheel.results.report.vehicle import mass_document
 
     truck, text = read_vehicle(vehicle), vehicle_text(vehicle)
@@ -142,7 +144,8 @@ def roll_test(
     near the height of the roll axis, if there is one, measures how far the body moves to the side there. State the
     standard deviation of each reading after +-. The vehicle file describes the truck with the load.
     """
-    from fifthwheel.apps.workflow import changed_numbers, read_vehicle, roll_tested_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
+    from fifthwheel.apps.workflow.measured_vehicle import changed_numbers, roll_tested_vehicle
     from fifthwheel.results.report.vehicle import roll_test_document
     from fifthwheel.truck import RollTest
 

@@ -18,7 +18,7 @@ from fifthwheel.base.options import TruckOptions
 from fifthwheel.base.settings import options_of
 
 if TYPE_CHECKING:
-    from fifthwheel.apps.workflow.vehicle_questions import Question
+    from fifthwheel.apps.workflow.new_vehicle import Question
 
 
 @command(
@@ -52,8 +52,7 @@ def new(
     a unit, and may have a standard deviation: '7.7 m +- 2 cm'. Vehicle classes give what nobody knows, with its
     uncertainty. For a vehicle with more units, --like writes a file to edit.
     """
-    from fifthwheel.apps.workflow.new_vehicle import new_vehicle
-    from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, conditions, describe
+    from fifthwheel.apps.workflow.new_vehicle import QUESTIONS, conditions, new_vehicle
     from fifthwheel.base.errors import VehicleError
     from fifthwheel.truck import Vehicle
     from fifthwheel.truck.classes.template import template
@@ -70,7 +69,7 @@ def new(
         try:
             if asking or (sys.stdin.isatty() and any(q.required and q.key not in answers for q in QUESTIONS)):
                 ask(QUESTIONS, answers, weighed=conditions(slip))
-            text = new_vehicle(describe(answers, slip=slip, accuracy=accuracy))
+            text = new_vehicle(answers, slip=slip, accuracy=accuracy)
         except (VehicleError, typer.Abort) as error:
             if answers != given:
                 _print_answers({key: text for key, text in answers.items() if key not in given}, asking=asking)

@@ -70,7 +70,7 @@ def show(
     The effect of an assumed number is the largest change of a yaw rate or roll rate in a lane change, if the number
     changes by one standard deviation.
     """
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
     from fifthwheel.model.dynamics.summary import summarize
     from fifthwheel.results.diagnose.assumptions import assumed_numbers
     from fifthwheel.results.report.vehicle import vehicle_document
