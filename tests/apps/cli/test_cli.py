@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 import fifthwheel
 from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import article
-from fifthwheel.apps.cli.vehicles.new import ask
+from fifthwheel.apps.cli.vehicles import ask
 from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
 from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.estimate.observe import Status

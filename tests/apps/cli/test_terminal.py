@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from fifthwheel.apps.cli import terminal
+from fifthwheel.apps.cli import common
 from tests.apps.cli.test_cli import TRUCK, run  # noqa: F401 - a fixture
 
 HOSTILE = "x\x1b[2J[/bold]\udcff"
@@ -29,7 +29,7 @@ def test_a_title_cannot_control_the_progress_bar(monkeypatch):
     shown = Terminal()
     monkeypatch.setattr(sys, "stderr", shown)
     monkeypatch.setenv("COLUMNS", "200")
-    with terminal.progress_bar(quiet=False) as progress:
+    with common.progress_bar(quiet=False) as progress:
         progress(f"reading {HOSTILE}", 1, 2)
     assert r"x\u001b[2J[/bold]\udcff" in shown.getvalue()
     assert "\x1b[2J" not in shown.getvalue()

@@ -10,20 +10,13 @@ import typer
 
 from fifthwheel import __version__
 from fifthwheel.apps.cli import (  # importing a command registers it
-    evaluate,  # noqa: F401
     export,  # noqa: F401
-    fleet,  # noqa: F401
     identify,  # noqa: F401
     knowledge,  # noqa: F401
-    live,  # noqa: F401
-    predict,  # noqa: F401
     results,  # noqa: F401
-    selfcheck,  # noqa: F401
-    signals,  # noqa: F401
+    serve,  # noqa: F401
     simulate,  # noqa: F401
-    states,  # noqa: F401
     vehicles,  # noqa: F401
-    workbench,  # noqa: F401
 )
 from fifthwheel.apps.cli.app import app
 from fifthwheel.base.atomic import clean_up

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fifthwheel.apps.cli import options, terminal
+from fifthwheel.apps.cli import common
 from fifthwheel.apps.cli.app import command, export_app
 from fifthwheel.base.atomic import reserved, result_folder
 from fifthwheel.base.options import ObserverOptions
@@ -30,11 +30,11 @@ MEASURED = (
     of=export_app,
 )
 def c(
-    vehicle: options.VehicleOption,
+    vehicle: common.VehicleOption,
     identification: Annotated[
         Path | None,
         typer.Option(
-            "--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings. {options.OF_RESULT}"
+            "--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings. {common.OF_RESULT}"
         ),
     ] = None,
     signal: Annotated[
@@ -53,9 +53,9 @@ def c(
     segment: Annotated[
         int | None, typer.Option(min=1, help="Of a learner: samples of such a segment; they stay in memory.")
     ] = None,
-    out: options.OutOption = Path("fifthwheel-c"),
-    force: options.ForceOption = False,
-    as_json: options.JsonOption = False,
+    out: common.OutOption = Path("fifthwheel-c"),
+    force: common.ForceOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Write the state observer of a vehicle, or its learner, as a library in C99 with a build file and a test program.
 
@@ -96,8 +96,8 @@ def c(
     read = [Path(vehicle), *([identification] if identification else [])]
     names = LEARNER_FILES if learner else FILES
     with result_folder(out, "export c", names, inputs=read, force=force) as folder:
-        files = terminal.in_folder(out, [path.name for path in export_c(estimator, folder)])
-    terminal.print_result(described, None, files, as_json=as_json)
+        files = common.in_folder(out, [path.name for path in export_c(estimator, folder)])
+    common.print_result(described, None, files, as_json=as_json)
 
 
 @command(
@@ -107,14 +107,14 @@ def c(
     of=export_app,
 )
 def fmu(
-    vehicle: options.VehicleOption,
+    vehicle: common.VehicleOption,
     what: Annotated[
         Literal["observer", "truck"], typer.Option(help="The state observer, or the linear model of the truck.")
     ] = "observer",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard: 2 (2.0) or 3 (3.0).")] = 3,
     identification: Annotated[
         Path | None,
-        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}. {options.OF_RESULT}"),
+        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}. {common.OF_RESULT}"),
     ] = None,
     signal: Annotated[
         list[str] | None,
@@ -139,8 +139,8 @@ def fmu(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write. Default: fifthwheel-observer.fmu or -truck.fmu.")
     ] = None,
-    force: options.ForceFileOption = False,
-    as_json: options.JsonOption = False,
+    force: common.ForceFileOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Write the state observer, or the linear model of the truck, as an FMU for Simulink, Modelica and other tools.
 
@@ -165,7 +165,7 @@ def fmu(
         else:
             export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
     if as_json:
-        terminal.print_json({"file": str(path), "fmi": fmi, "platforms": platforms})
+        common.print_json({"file": str(path), "fmi": fmi, "platforms": platforms})
     else:
         typer.echo(f"{path}: FMI {fmi}.0 co-simulation, {', '.join(platforms) or 'sources only'}")
 
