@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel.apps.app import known
+from fifthwheel.apps.app.pages import identify
 from fifthwheel.apps.app.workspace import Choices, Workspace
 from fifthwheel.truck import get
 
@@ -18,7 +18,7 @@ def workspace(tmp_path) -> Workspace:
 
 
 def test_truck_and_sensors_are_sentences(workspace):
-    assert known.of_truck_and_sensors(workspace, TRUCK) == [
+    assert identify.of_truck_and_sensors(workspace, TRUCK) == [
         "Truck: cheng_cebon_2011; no number is assumed.",
         "Tractor, yaw rate: a sensor of the class mems.",
         "All other sensors: the usual errors and noise of their kind.",
@@ -28,19 +28,19 @@ def test_truck_and_sensors_are_sentences(workspace):
 def test_statements_and_settings_are_sentences(workspace):
     statements = ["semitrailer.mass=33.4 t +- 0.5 %", "tractor.yaw_inertia=free", "road.friction=wet"]
     choices = Choices(identify={"statements": statements, "any_load": True, "form": "output-error"})
-    assert list(known.stated(workspace, choices).values()) == [
+    assert list(identify.stated_numbers(workspace, choices).values()) == [
         "Trailer, mass: 33.4 t ± 0.5 %.",
         "Tractor, yaw inertia: unknown; only the logs determine it.",
         "Road, friction: wet.",
     ]
-    assert known.changed_settings(choices) == [
+    assert identify.changed_settings(choices) == [
         "Load of any shape: yes.",
         "Compare the logs with: Free-running model: robust to model error.",
     ]
 
 
 def test_numbers_of_truck_road_and_sensors_can_be_stated(workspace):
-    numbers = known.numbers(workspace, TRUCK)
+    numbers = identify.numbers(workspace, TRUCK)
     assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "road.bank"} <= set(numbers)
     assert "yaw_rate.semitrailer.gain" not in numbers  # the signal map has no such sensor
     assert numbers["time_base"] == "Time base, rate (time_base)"

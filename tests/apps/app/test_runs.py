@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from fifthwheel.apps.app import inputs, runs
+from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.layout import typed_number
 from fifthwheel.apps.app.pages import explore
 from fifthwheel.apps.app.pages.identify import plain_name
@@ -261,7 +261,7 @@ def test_results_side_by_side_and_over_a_log(workspace, result):
 
 def test_a_log_that_does_not_exist_is_refused(workspace):
     with pytest.raises((FifthwheelError, SignalError), match="no such log"):
-        inputs.record(workspace.folder, "../vehicle.toml")
+        runs.record(workspace.folder, "../vehicle.toml")
 
 
 STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]

@@ -19,7 +19,7 @@ Each module in `pages` has `build(workspace)`, which fills one page. It is calle
 - Computation is not done on the event loop: `await jobs.compute(function, ...)` for what takes up to some seconds, and
   `jobs.start(key, function, ...)` for what has progress and can be cancelled; `layout.show_progress(key)` shows it.
   A job belongs to the server, so that it continues when a tab is closed or reloaded.
-- `inputs.records(folder)` gives the records of the logs that are used, without excluded windows; it is for `jobs`:
+- `runs.records(folder)` gives the records of the logs that are used, without excluded windows; it is for `jobs`:
   `jobs.start("identify", function, workspace.folder)` with a function that calls it in the process.
 - `documents.show(*blocks)` shows blocks of a `Document`, `documents.show_plot(plot)` a `Plot`.
 - After a change that other parts of a page depend on, use `ui.refreshable`. Nothing is kept in a page only.

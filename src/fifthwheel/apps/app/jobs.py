@@ -5,6 +5,7 @@ A job belongs to the server and has a key, so that each tab, also after a reload
 
 import asyncio
 import multiprocessing
+import os
 import threading
 import time
 import traceback
@@ -128,16 +129,22 @@ def start(
     return job
 
 
+_pool: ProcessPoolExecutor | None = None
+"""The process of `compute`, which is kept so that the imports are not repeated."""
+_worker = 0
+"""Number of this process."""
+_free = threading.Lock()
+
+
 def cancel_all() -> None:
+    """Cancel all jobs, and end the process of `compute`; other children of this process go on."""
+    global _pool
     for job in _jobs.values():
         job.cancel()
     for process in multiprocessing.active_children():
-        process.kill()
-
-
-_pool: ProcessPoolExecutor | None = None
-"""The process of `compute`, which is kept so that the imports are not repeated."""
-_free = threading.Lock()
+        if process.pid == _worker:
+            process.kill()
+    _pool = None
 
 
 async def compute(function: Callable[..., Result], *args: Any) -> Result:
@@ -150,10 +157,12 @@ async def compute(function: Callable[..., Result], *args: Any) -> Result:
 
 
 def _ask(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
-    global _pool
+    global _pool, _worker
     with _free:
-        _pool = _pool or process_pool(1)
         try:
+            if _pool is None:
+                _pool = process_pool(1)
+                _worker = _pool.submit(os.getpid).result()
             kind, content = _pool.submit(_outcome, function, args, {}).result()
         except BrokenProcessPool:
             _pool = None  # the next computation starts another process

@@ -1,23 +1,138 @@
-"""Identification: settings, progress and report."""
+"""What the logs can tell before an identification, what is known then, and the identification itself."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from html import escape
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
-from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs
-from fifthwheel.apps.app.workspace import VEHICLE, Workspace
+from fifthwheel.apps.app import documents, jobs, layout, runs
+from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
 from fifthwheel.apps.workflow.start import starts_of
 from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
 from fifthwheel.base.spelling import NAME_OF_RESULT, ONLY_PREDICT, question
-from fifthwheel.estimate.identify.statement import parse
+from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.given import possible_names
+from fifthwheel.estimate.identify.setup import with_tyre_law
+from fifthwheel.estimate.identify.statement import GROUPS, Statement, parse
+from fifthwheel.results.report.information import information_document
 from fifthwheel.truck import Vehicle
+from fifthwheel.truck.spoken_names import spoken
+
+
+def build_check(workspace: Workspace) -> None:
+    ui.label(
+        "The sigma that an identification of the logs would reach for each parameter, predicted from the vehicle file "
+        "without a fit, and what would reduce it. The settings are those of the page Identify."
+    )
+    runs.logs(workspace, workspace.choices())
+    runs.vehicle(workspace)
+    _check_result(workspace)
+
+
+@ui.refreshable
+def _check_result(workspace: Workspace) -> None:
+    """The check of the present files; it is computed if there is none."""
+    key = f"check {runs.stamp(workspace)}"
+    job = jobs.get(key)
+    if job.state == "none":
+        job = jobs.start(key, runs.check, workspace.folder)
+    layout.show_progress(key, lambda _: _check_result.refresh())
+    if job.state == "done":
+        documents.show(*information_document(job.result).blocks)
+        ui.link("Identify these logs", layout.address("identify"))
+    elif not job.running:
+        layout.failure(job.error or "The check was cancelled.")
+        ui.button("Check again", on_click=lambda: _check_again(workspace, key)).props("outline no-caps")
+
+
+def _check_again(workspace: Workspace, key: str) -> None:
+    jobs.start(key, runs.check, workspace.folder)
+    _check_result.refresh()
+
+
+MANY = {**GROUPS, "*": "All numbers"}
+STATEMENTS = "statements"
+"""The option whose texts `stated_numbers` turns into sentences."""
+
+
+def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
+    """What vehicle file and signal map state."""
+    assumed = len(truck.assumed)
+    numbers = f"{assumed} numbers are not in its file and are assumed" if assumed else "no number is assumed"
+    said = [f"Truck: {truck.name}; {numbers}."]
+    sensors = workspace.signal_map().sensors
+    for name, sensor in sensors.items():
+        kind = f"a sensor of the class {sensor.sensor_class}" if sensor.sensor_class else f"errors of {SIGNALS}"
+        said.append(f"{spoken(name)}: {kind}.")
+    others = "All other sensors" if sensors else "Sensors"
+    return [*said, f"{others}: the usual errors and noise of their kind."]
+
+
+def stated_numbers(workspace: Workspace, choices: Choices) -> dict[str, str]:
+    """Sentences of what the user states of numbers, by the texts of the statements."""
+    return {
+        str(statement): _sentence(statement) for statement in map(parse, runs.options(workspace, choices).statements)
+    }
+
+
+def _sentence(statement: Statement) -> str:
+    if statement.kind == "free":
+        return f"{words_of(statement.name)}: unknown; only the logs determine it."
+    spread = {"exact": "exact", "sigma": f"± {statement.sigma}"}.get(statement.kind, "")
+    mark = ", " if statement.value and statement.kind == "exact" else " "
+    return f"{words_of(statement.name)}: {mark.join(part for part in (str(statement.value), spread) if part)}."
+
+
+def words_of(name: str) -> str:
+    """A number, or many of them, in words.
+
+    >>> words_of("steer.*.delay"), words_of("sensors"), words_of("tractor.mass")
+    ('All sensors, steer angle delay', 'All errors of the sensors and clocks', 'Tractor, mass')
+    """
+    return MANY.get(name) or spoken(name).replace("*,", "All sensors,", 1)
+
+
+def changed_settings(choices: Choices) -> list[str]:
+    """The other settings that are not the default."""
+    said = []
+    for key, option in options_of(IdentifyOptions).items():
+        value = choices.identify.get(key)
+        if value is None or key == STATEMENTS:
+            continue
+        label = question(key, option)
+        if isinstance(value, bool):
+            said.append(f"{label}: {'yes' if value else 'no'}.")
+        else:
+            chosen = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
+            said.append(f"{label}: {option.choices.get(chosen, chosen)}.")
+    if validate := choices.identify.get("validate"):
+        said.append(f"{ONLY_PREDICT}: {enumerated([Path(name).name for name in validate])}.")
+    return said
+
+
+def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
+    """The numbers that a user can state: names with their words, those that are estimated first."""
+    signals = workspace.signal_map().signals
+    errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
+    possible = possible_names(truck, with_tyre_law(truck, OneStage())[0])
+    kinds = [f"{SignalName.of(signal).quantity}.*.{kind}" for signal in signals for kind in error_kinds(signal)]
+    names = (
+        *(name for name in possible if not is_sensor_error(name)),
+        *truck.moved_by_wheelbase(),
+        *errors,
+        *kinds,
+        *MANY,
+    )
+    return {name: f"{words_of(name)} ({name})" for name in dict.fromkeys(names)}
+
 
 KEY = "identify"
 """Of the job."""
@@ -39,7 +154,7 @@ class _Settings:
         self.workspace, self.truck = workspace, truck
 
     def build(self) -> None:
-        used = inputs.used_logs(self.workspace)
+        used = runs.used_logs(self.workspace)
         windows = sum(len(self.workspace.choices().of(name).exclude) for name in used)
         left_out = f" {windows} windows are left out." if windows else ""
         ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out}")
@@ -58,32 +173,32 @@ class _Settings:
     @ui.refreshable_method
     def _sentences(self) -> None:
         choices = self.workspace.choices()
-        removable = {str(parse(text)): text for text in choices.identify.get(known.STATEMENTS, ())}
+        removable = {str(parse(text)): text for text in choices.identify.get(STATEMENTS, ())}
         with ui.element("ul").classes("fw-known").props('aria-label="What is known"'):
-            for text in known.of_truck_and_sensors(self.workspace, self.truck):
+            for text in of_truck_and_sensors(self.workspace, self.truck):
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
-            for statement, text in known.stated(self.workspace, choices).items():
+            for statement, text in stated_numbers(self.workspace, choices).items():
                 with ui.element("li"):
                     ui.label(printable(text))
                     if statement in removable:
                         button = ui.button(icon="close", on_click=partial(self._unstate, removable[statement]))
                         button.props("flat dense size=sm").props["aria-label"] = f"Remove: {printable(text)}"
-            for text in known.changed_settings(choices):
+            for text in changed_settings(choices):
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
 
     def _statement(self, label: str) -> None:
         with ui.element("div").classes("fw-question"):
             ui.label(label)
-            name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)
+            name = ui.select(dict(numbers(self.workspace, self.truck)), label="Number", with_input=True)
             value = ui.input("What you know", placeholder="33.4 t +- 0.5 %")
             for field in (name, value):
                 field.classes("w-full").props("dense outlined hide-bottom-space")
 
             def add() -> None:
                 if name.value and value.value:
-                    given = self._value(known.STATEMENTS, [])
+                    given = self._value(STATEMENTS, [])
                     stated = f"{name.value}={layout.with_decimal_points(value.value)}"
-                    self._keep(known.STATEMENTS, [], [*given, stated])
+                    self._keep(STATEMENTS, [], [*given, stated])
                     name.value, value.value = None, ""
 
             ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
@@ -93,13 +208,13 @@ class _Settings:
             ).classes("text-caption")
 
     def _unstate(self, text: str) -> None:
-        self._keep(known.STATEMENTS, [], [each for each in self._value(known.STATEMENTS, []) if each != text])
+        self._keep(STATEMENTS, [], [each for each in self._value(STATEMENTS, []) if each != text])
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
             kind, label = get_type_hints(IdentifyOptions)[key], question(key, option)
             help = option.help.removesuffix(".") + "."
-            if key == known.STATEMENTS:
+            if key == STATEMENTS:
                 self._statement(label)
             elif key == runs.KNOWLEDGE:
                 results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
@@ -249,16 +364,16 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
     with ui.row().classes("items-center"):
         select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
-        ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
-        for file in result_files.DATA:
+        ui.link("Open in a new tab", documents.file_address(chosen, "report.html"), new_tab=True)
+        for file in documents.DATA:
             if (workspace.run(chosen) / file).is_file():
-                ui.link(file, result_files.address(chosen, file))
+                ui.link(file, documents.file_address(chosen, file))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
         rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
         rename.props["aria-label"] = f"Rename {printable(chosen)}"
         _delete_button(workspace, chosen)
-    result_files.show(chosen)
+    documents.show_report(chosen)
 
 
 def _delete_button(workspace: Workspace, name: str) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.apps.app import documents, inputs, jobs, layout
+from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
@@ -27,12 +27,12 @@ _WAIT = 500
 
 
 def build(workspace: Workspace) -> None:
-    known = [path.name for path in workspace.logs() if inputs.is_stored(workspace, path.name)]
+    known = [path.name for path in workspace.logs() if runs.is_stored(workspace, path.name)]
     if not known:
         layout.next_step("There is no log yet; drop one on the page Log.", "log")
         return
     asked = ui.context.client.request.query_params.get("log")
-    used = [name for name in inputs.used_logs(workspace) if name in known]
+    used = [name for name in runs.used_logs(workspace) if name in known]
     name = asked if asked in known else (used or known)[0]
     if len(known) > 1:
         choose = ui.select(known, value=name, label="Log").classes("w-full").style("max-width: 30rem")
@@ -45,7 +45,7 @@ class _Page:
 
     def __init__(self, workspace: Workspace, name: str) -> None:
         self.workspace, self.name = workspace, name
-        self.columns = inputs.survey(workspace, name).contents
+        self.columns = runs.survey(workspace, name).contents
         self.evidence: SignalEvidence | None = None
         self.error = ""
         self._latest = 0
@@ -82,7 +82,7 @@ class _Page:
     async def propose(self) -> None:
         self._busy.visible = True
         try:
-            text = await jobs.compute(inputs.propose, self.workspace.folder, self.name)
+            text = await jobs.compute(runs.propose, self.workspace.folder, self.name)
         finally:
             self._busy.visible = False
         await self._write(text, "propose a map")
@@ -117,7 +117,7 @@ class _Page:
         number = self._latest
         self._busy.visible = True
         try:
-            evidence, error = await jobs.compute(inputs.evidence, self.workspace.folder, self.name), ""
+            evidence, error = await jobs.compute(runs.evidence, self.workspace.folder, self.name), ""
         except FifthwheelError as refusal:
             evidence, error = None, str(refusal)
         if number != self._latest:
