@@ -4,6 +4,7 @@ import pytest
 
 from fifthwheel.apps.workflow.runs import exported_observer
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.options import ObserverOptions
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
@@ -12,7 +13,7 @@ TRUCK = get("cheng_cebon_2011")
 
 
 def test_default_signals() -> None:
-    observer = exported_observer(TRUCK, min_speed=7.0, friction=0.3, half_track=0.92)
+    observer = exported_observer(TRUCK, options=ObserverOptions(min_speed=7.0, friction=0.3, half_track=0.92))
     assert (observer.settings.friction, observer.settings.half_track) == (0.3, 0.92)
     assert observer.inputs == ("speed", *TRUCK.steer_signals())
     assert len(observer.outputs) == 4

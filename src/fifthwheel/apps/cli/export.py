@@ -185,4 +185,4 @@ def _observer(
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)
     stored = Identification.load(identification) if identification else None
-    return exported_observer(read_vehicle(vehicle), signals, stored, **vars(chosen))
+    return exported_observer(read_vehicle(vehicle), signals, stored, chosen)

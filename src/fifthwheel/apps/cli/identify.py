@@ -416,7 +416,7 @@ def states(
     common.print_result(run.as_dict(), document, files, as_json=as_json)
 
 
-def _position(_: str, text: str) -> float:
+def _position(text: str) -> float:
     x = float(text)
     if not math.isfinite(x):
         raise ValueError

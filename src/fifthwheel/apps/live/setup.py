@@ -249,7 +249,8 @@ def make_observer(
     """The observer of a vehicle with the signals of a completed map; settings and errors of `exported_observer`."""
     every = Observer(vehicle, signal_map.signals)
     used = [name for name in signal_map.signals if name in every.signals]
-    observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
+    options = ObserverOptions(min_speed=min_speed, **settings)
+    observer = exported_observer(vehicle, used, identification, options)
     straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
     for time in (0.0, 0.01):  # compiles it now, and not while driving
         observer.push({"time": time, **straight})

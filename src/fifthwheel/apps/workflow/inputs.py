@@ -95,13 +95,8 @@ def read_records(
 ) -> list[Record]:
     """The record of each log, named by the file's stem, or by the path where two stems are the same.
 
-    Args:
-        paths: logs of one vehicle.
-        signal_map: which column is which signal, the same for all logs.
-        exclude: windows that are left out, as of `read_log`, by the name of a record; "" for all records.
-
-    Raises:
-        SignalError: a log that cannot be read, or windows of another one.
+    `exclude` are windows that are left out, as of `read_log`, by the name of a record; "" for all records. A
+    SignalError for a log that cannot be read, or windows of another one.
     """
     stems = [path.stem for path in paths]
     names = [path.stem if stems.count(path.stem) == 1 else str(path) for path in paths]
@@ -175,16 +170,12 @@ def survey_file(
     whole: bool = False,
     progress: Progress = lambda *_: None,
 ) -> LogContents:
-    """Survey a log and propose a map; of a large file from a sample of it, which a note says.
+    """Survey a log and propose a map; of a large file from a sample of it, which a note says, unless `whole`.
 
     Args:
         vehicle: gives the names of the units, the wheelbase for the steering ratio, and the expected motion for delays.
         databases: DBC or ARXML files for CAN frames. In the map, those in its folder or below have a relative path.
         map_file: where to write the map.
-        whole: read all of a large file.
-
-    Raises:
-        SignalError: the log cannot be read.
     """
     folder = (map_file.parent if map_file else Path()).resolve()
     full = [database.resolve() for database in databases]

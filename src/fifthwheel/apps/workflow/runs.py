@@ -15,6 +15,7 @@ import fifthwheel
 from fifthwheel.apps.workflow.start import Note, Start
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError, suggestion
 from fifthwheel.base.formatting import with_sigma
+from fifthwheel.base.options import ObserverOptions
 from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import raise_errors
@@ -75,16 +76,7 @@ def run_identification(
 ) -> IdentificationRun:
     """Identify a vehicle, then estimate the states of every record, assess what would help, and conclude.
 
-    Args:
-        records: logs of the vehicle.
-        vehicle: prior knowledge of the vehicle; its values are the starting point.
-        settings: the method, by default `OneStage()`.
-        knowledge, occasion: as of `identify`.
-        validate: logs that are only predicted.
-
-    Raises:
-        SignalError: a log that cannot be used.
-        VehicleError: a parameter of the settings that does not exist or cannot be estimated.
+    Arguments and errors are those of `identify`; `validate` are logs that are only predicted.
     """
     require_signals(settings, *records)
     identification = identify(
@@ -213,9 +205,7 @@ def design_run(
 
     Args:
         sensors: what is stated of them by signal, such as `SignalMap.sensors`.
-        speed: of the run, m/s; by default the best of the usual speeds up to `max_speed`, or `max_speed` if all are
-            higher.
-        max_speed: m/s.
+        speed: of the run, m/s; by default the best of the usual ones up to `max_speed`, m/s, or that one.
         max_acceleration: largest lateral acceleration of any unit, m/s^2.
         earlier: as of `predict_sigmas`.
     """
@@ -270,20 +260,14 @@ def run_states(
     check: bool = True,
     progress: Progress = lambda *_: None,
 ) -> StatesRun:
-    """Estimate the states of a known vehicle.
+    """Estimate the states of a known vehicle, usually as identified; a SignalError for a log that cannot be used.
 
     Args:
-        records: logs of the vehicle.
-        vehicle: the vehicle, usually as identified.
-        settings: of the observer; with an identification its sensor errors and noise are replaced, and its friction if
-            that is None.
-        identification: sensor errors, noise and uncertainty. Those of a log that was not identified on are estimated
-            from the log itself.
+        settings: of the observer; an identification replaces its sensor errors and noise, and its friction if that is
+            None.
+        identification: sensor errors, noise and uncertainty; a log that was not identified on gives its own.
         smooth: use later samples too.
         check: refuse implausible signals.
-
-    Raises:
-        SignalError: a log that cannot be used.
     """
     settings = settings or ObserverSettings()
     uncertainty = identification.covariance if identification else None
@@ -343,29 +327,23 @@ def exported_observer(
     vehicle: Vehicle,
     signals: Sequence[str] | None = None,
     identification: Identification | None = None,
-    *,
-    min_speed: float = 5.0,
-    estimate_bank: bool = False,
-    friction: float | None = None,
-    half_track: float = ObserverSettings.half_track,
+    options: ObserverOptions | None = None,
 ) -> Observer:
     """The observer that `fifthwheel export` writes.
 
     Args:
-        vehicle: with its numbers.
         signals: that the control unit has; by default those of the identification, without one the speed, every steer
             angle of the vehicle, and the yaw rate and the roll rate of every unit.
-        identification: for the sensor errors that its logs share, and the noise. Offsets that belong to one log are
-            not used.
-        min_speed, estimate_bank, friction, half_track: see `ObserverSettings`.
+        identification: for the sensor errors that its logs share, and the noise; not for offsets of one log.
 
     Raises:
         SignalError: the signals are not sufficient, or an observer of the vehicle does not use one of them.
         VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
     available = _available_signals(vehicle, signals, identification)
-    changes: dict[str, Any] = {"min_speed": min_speed, "estimate_bank": estimate_bank, "half_track": half_track}
-    changes |= {} if friction is None else {"friction": friction}  # otherwise that of the identification
+    changes = vars(options or ObserverOptions()).copy()
+    if changes["friction"] is None:
+        del changes["friction"]  # then it is that of the identification
     settings = identification.observer_settings(**changes) if identification else ObserverSettings(**changes)
     observer = Observer(vehicle, available, settings)
     _require_used(signals, (*observer.inputs, *observer.outputs), f"an observer of {vehicle.name}")
@@ -381,19 +359,14 @@ def exported_learner(
     passes: int | None = None,
     segment: int | None = None,
 ) -> Learner:
-    """The learner that `fifthwheel export` writes.
+    """The learner that `fifthwheel export` writes; `signals` and errors are as of `exported_observer`.
 
     Args:
         vehicle: its numbers are the prior means.
-        signals: that the control unit has; default as in `exported_observer`.
         identification: for signals and settings: what is estimated, considered and fixed, priors and noise. Settings of
             two stages have no effect.
         min_speed: nothing is estimated below it, m/s.
         passes, segment: `max_passes` and `samples` of `RelinearisationSettings`; None for their defaults.
-
-    Raises:
-        SignalError: the signals are not sufficient, or a learner of the vehicle does not use one of them.
-        VehicleError: no axle of the vehicle is steerable, or the identification is of another vehicle.
     """
     stored = identification.settings.one_stage if identification is not None else None
     settings = replace(stored or OneStage(tyres="linear"), min_speed=min_speed)

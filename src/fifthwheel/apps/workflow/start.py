@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.apps.workflow.inputs import read_knowledge, read_vehicle
@@ -23,6 +23,8 @@ from fifthwheel.estimate.identify.knowledge.load import with_payload
 from fifthwheel.estimate.identify.one_stage.prior import Earlier, nothing
 from fifthwheel.estimate.identify.statement import Statement, combined, parse, statement
 from fifthwheel.truck import Vehicle
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,15 +67,10 @@ def identification_settings(
     *,
     base: OneStage | None = None,
 ) -> tuple[Vehicle, CommonSettings]:
-    """Vehicle and settings of an identification.
+    """Vehicle and settings of an identification from what a user chooses.
 
-    Args:
-        chosen: what a user chooses.
-        base: what was stated before, by default `OneStage()`; statements of `chosen` replace it.
-
-    Raises:
-        FifthwheelError: a statement that cannot be used (`estimate.identify.given`), or an option of another method.
-        VehicleError: a parameter that does not exist.
+    `base` is what was stated before, by default `OneStage()`; statements of `chosen` replace it. A FifthwheelError for
+    a statement that cannot be used (`estimate.identify.given`), an unknown parameter, or an option of another method.
     """
     one_stage = chosen.method == "one-stage"
     for name in ("passes",) if one_stage else _ONE_STAGE:
@@ -104,8 +101,7 @@ def chosen_one_stage(
 def stated_in(texts: Iterable[str]) -> dict[str, str | float]:
     """Statements as a mapping from texts NAME=STATEMENT, or @FILE: a TOML file with the table [given].
 
-    Raises:
-        FifthwheelError: a text of another form, statements that disagree, or a file that cannot be read.
+    A FifthwheelError for another form, statements that disagree, or a file that cannot be read.
     """
     found: list[Statement] = []
     for text in texts:
@@ -141,28 +137,22 @@ _ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres
 
 def named_texts(option: str, texts: Iterable[str], expected: str) -> dict[str, str]:
     """ "NAME=TEXT" as name: text; `expected` is the form of a text, for the message of the error."""
-    named = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        if not value:
-            raise FifthwheelError(f"{option} {text}: expected {expected}")
-        named[name] = value
-    return named
+
+    def given(text: str) -> str:
+        if not text:
+            raise ValueError
+        return text
+
+    return named_values(option, texts, expected, given)
 
 
-def named_values(
-    option: str, texts: Iterable[str], expected: str, convert: Callable[[str, str], float]
-) -> dict[str, float]:
-    """ "NAME=VALUE" as name: value.
-
-    `expected` is the form of a text, for the message of the error; a ValueError of `convert` without a message stands
-    for another form.
-    """
+def named_values(option: str, texts: Iterable[str], expected: str, convert: Callable[[str], T]) -> dict[str, T]:
+    """ "NAME=VALUE" as name: value; a ValueError of `convert` stands for another form than `expected`."""
     values = {}
     for text in texts:
         name, _, value = text.partition("=")
         try:
-            values[name] = convert(name, value)
+            values[name] = convert(value)
         except FifthwheelError as error:
             raise FifthwheelError(f"{option} {text}: {error}") from None
         except ValueError:
@@ -173,7 +163,7 @@ def named_values(
 def targets_of(texts: Iterable[str]) -> dict[str, float]:
     """ "name=fraction" of `--target` as name: fraction, from 0 to below 1; it may be in per cent."""
 
-    def fraction(_: str, text: str) -> float:
+    def fraction(text: str) -> float:
         value = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
         if not 0 <= value < 1:
             given = text if text.endswith("%") else f"{text}, which is {100 * value:g}%"
