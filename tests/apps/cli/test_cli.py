@@ -598,7 +598,7 @@ def test_an_interrupt(where, folder, run, monkeypatch):
     def interrupt(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    target = "apps.workflow.identification.identify" if where == "identify" else "estimate.observe.Observer.batch"
+    target = "apps.workflow.runs.identify" if where == "identify" else "estimate.observe.Observer.batch"
     monkeypatch.setattr(f"fifthwheel.{target}", interrupt)
     outcome = run(where, folder / "first.csv", "-v", TRUCK)
     assert outcome.code == 130
