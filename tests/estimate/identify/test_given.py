@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.statement import stated as stated_on
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
 from fifthwheel.truck import Vehicle, changes, get
 from fifthwheel.truck.quantities import ROADS, quantity_of, unit_of
-from tests.apps.cli.test_cli import run
+from tests.apps.cli.conftest import run
 from tests.truck.test_classes import TEXT
 
 __all__ = ["run"]
