@@ -127,7 +127,7 @@ def print_load_differences(vehicle: "Vehicle", records: "Sequence[Record]") -> N
     from fifthwheel.apps.workflow.measured_vehicle import axle_load_differences
 
     for difference in axle_load_differences(vehicle, records):
-        typer.echo(str(difference), err=True)
+        typer.echo(difference, err=True)
 
 
 def print_json(contents: Any) -> None:

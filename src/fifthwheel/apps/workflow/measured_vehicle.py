@@ -27,25 +27,6 @@ ON_BOARD_ACCURACY = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxleLoadDifference:
-    """An axle group whose load in a log is not that of the vehicle file."""
-
-    log: str
-    group: str
-    """Path of the axle group."""
-    measured: float
-    """N"""
-    expected: float
-    """N, the static load by the vehicle file."""
-
-    def __str__(self) -> str:
-        return (
-            f"{self.log}: {PREFIX}{self.group} is {self.measured / 1e3:.1f} kN, the vehicle file gives "
-            f"{self.expected / 1e3:.1f} kN; `fifthwheel weigh` takes masses and CoG from the log"
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
 class WeighedVehicle:
     """A vehicle with masses and CoG positions from the axle loads of a log or a slip."""
 
@@ -66,19 +47,20 @@ class WeighedVehicle:
         }
 
 
-def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> tuple[AxleLoadDifference, ...]:
+def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> list[str]:
     """Axle loads in the logs that differ from the vehicle file by more than the accuracy of on-board weighing.
 
     A SignalError for an axle load with too few samples at rest or on a straight.
     """
     weighed = [record for record in records if any(name.startswith(PREFIX) for name in record.signals)]
     expected = vehicle.axle_loads() if weighed else {}
-    return tuple(
-        AxleLoadDifference(log=record.name, group=group, measured=load.value, expected=expected[group])
+    return [
+        f"{record.name}: {PREFIX}{group} is {load.value / 1e3:.1f} kN, the vehicle file gives "
+        f"{expected[group] / 1e3:.1f} kN; `fifthwheel weigh` takes masses and CoG from the log"
         for record in weighed
         for group, load in static_loads(record).items()
         if group in expected and abs(load.value / expected[group] - 1) > ON_BOARD_ACCURACY
-    )
+    ]
 
 
 def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicle:
