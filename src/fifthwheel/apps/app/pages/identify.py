@@ -1,7 +1,6 @@
 """What the logs can tell before an identification, what is known then, and the identification itself."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from html import escape
 from pathlib import Path, PurePosixPath
@@ -58,6 +57,8 @@ def _check_again(workspace: Workspace, key: str) -> None:
     _check_result.refresh()
 
 
+KEY = "identify"
+"""Of the job."""
 MANY = {**GROUPS, "*": "All numbers"}
 STATEMENTS = "statements"
 """The option whose texts `stated_numbers` turns into sentences."""
@@ -134,12 +135,6 @@ def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
     return {name: f"{words_of(name)} ({name})" for name in dict.fromkeys(names)}
 
 
-KEY = "identify"
-"""Of the job."""
-_KNOWLEDGE = "A result of the same truck: begin with the information of its logs."
-"""Help of the choice of an earlier result."""
-
-
 def build(workspace: Workspace) -> None:
     truck = runs.vehicle(workspace)
     runs.logs(workspace, workspace.choices())
@@ -212,24 +207,55 @@ class _Settings:
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
-            kind, label = get_type_hints(IdentifyOptions)[key], question(key, option)
-            help = option.help.removesuffix(".") + "."
+            kind, label, choices = get_type_hints(IdentifyOptions)[key], question(key, option), option.choices
+            help = f"{option.help.removesuffix('.')}."
+            if key == runs.KNOWLEDGE:
+                choices = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
+                help = "A result of the same truck: begin with the information of its logs."
             if key == STATEMENTS:
                 self._statement(label)
-            elif key == runs.KNOWLEDGE:
-                results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
-                self._choice(key, label, results, _KNOWLEDGE)
-            elif option.choices:
-                self._choice(key, label, option.choices, help)
+            elif choices:
+                self._question(key, label, help, next(iter(choices)), partial(_choice, choices))
             elif kind is bool:
-                self._switch(key, label, getattr(IdentifyOptions, key), help)
+                self._question(key, label, help, getattr(IdentifyOptions, key), partial(_switch, label))
             elif get_origin(kind) is tuple:
-                self._list(key, label, [], help)
+                self._question(key, label, help, [], partial(_several, ()))
             elif str in get_args(kind):
-                self._text(key, label, help)
+                self._question(key, label, help, "", _text)
             else:
-                self._number(key, label, int in get_args(kind), help)
-        self._list("validate", ONLY_PREDICT, list(used), "Logs for validation; the others are identified on.")
+                self._question(key, label, help, None, _number, partial(_whole_number, label))
+        logs = "Logs for validation; the others are identified on."
+        self._question("validate", ONLY_PREDICT, logs, [], partial(_several, used))
+
+    def _question(
+        self,
+        key: str,
+        label: str,
+        help: str,
+        default: Any,
+        make: Callable[[Any], Any],
+        convert: Callable[[Any], Any] = lambda value: value,
+    ) -> None:
+        """A field below its label and above its explanation; a choice that is refused is taken back."""
+        switch = isinstance(default, bool)  # which has its label beside it
+        with ui.element("div").classes("fw-question"):
+            if not switch:
+                ui.label(label)
+            field = make(self._value(key, default))
+            ui.label(help).classes("text-caption")
+        field.props["aria-label"] = label if switch else f"{label}. {help}"
+        if not switch:
+            field.classes("w-full").props("dense outlined")
+
+        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
+            try:
+                self._keep(key, default, default if event.value in ("", None) else convert(event.value))
+            except FifthwheelError:
+                kept = self._value(key, default)
+                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
+                raise
+
+        field.on_value_change(change)
 
     def _keep(self, key: str, default: Any, value: Any) -> None:
         """Keep a setting that the options accept; a default is not written."""
@@ -250,65 +276,36 @@ class _Settings:
     def _value(self, key: str, default: Any) -> Any:
         return self.workspace.choices().identify.get(key, default)
 
-    def _choice(self, key: str, label: str, choices: Mapping[str, str], help: str) -> None:
-        first = next(iter(choices))
-        value = self._value(key, first)
-        with self._place(label, help) as named:
-            self._bind(ui.select(dict(choices), value=value if value in choices else first), key, first, named)
 
-    def _list(self, key: str, label: str, names: list[str], help: str) -> None:
-        value = [text for text in self._value(key, []) if isinstance(text, str)]
-        typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
-        known = list(dict.fromkeys([*names, *value]))
-        with self._place(label, help) as named:
-            field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
-            self._bind(field.props("use-chips"), key, [], named)
+def _choice(choices: Mapping[str, str], value: Any) -> ui.select:
+    return ui.select(dict(choices), value=value if value in choices else next(iter(choices)))
 
-    def _text(self, key: str, label: str, help: str) -> None:
-        with self._place(label, help) as named:
-            self._bind(ui.input(value=self._value(key, "")).props("debounce=600"), key, "", named)
 
-    def _number(self, key: str, label: str, whole: bool, help: str) -> None:
-        def number(text: str) -> float | int | None:
-            value = layout.typed_number(text)
-            if whole and value is not None and value != round(value):
-                raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
-            return round(value) if whole and value is not None else value
+def _switch(label: str, value: Any) -> ui.checkbox:
+    return ui.checkbox(label, value=bool(value))
 
-        with self._place(label, help) as named:
-            field = ui.input(value=layout.shown_number(self._value(key, None)))
-            self._bind(field.props("clearable debounce=600 inputmode=decimal"), key, None, named, number)
 
-    def _switch(self, key: str, label: str, default: bool, help: str) -> None:
-        with self._place("", help):
-            self._bind(ui.checkbox(label, value=bool(self._value(key, default))), key, default, label)
+def _several(names: Sequence[str], value: Any) -> ui.select:
+    """Some of the names; of no names, any texts."""
+    chosen = [text for text in value if isinstance(text, str)]
+    typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
+    known = list(dict.fromkeys([*names, *chosen]))
+    return ui.select(known, value=chosen, multiple=True, with_input=True, **typed).props("use-chips")
 
-    @contextmanager
-    def _place(self, label: str, help: str) -> Iterator[str]:
-        """The place of a field below its label and above its explanation; gives the name for screen readers."""
-        with ui.element("div").classes("fw-question"):
-            if label:
-                ui.label(label)
-            yield f"{label}. {help}"
-            ui.label(help).classes("text-caption")
 
-    def _bind(
-        self, field: Any, key: str, default: Any, named: str, convert: Callable[[Any], Any] = lambda value: value
-    ) -> None:
-        """Keep what is chosen; a choice that is refused is taken back."""
-        field.props["aria-label"] = named
-        if not isinstance(field, ui.checkbox):
-            field.classes("w-full").props("dense outlined")
+def _text(value: Any) -> ui.input:
+    return ui.input(value=value).props("debounce=600")
 
-        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
-            try:
-                self._keep(key, default, default if event.value in ("", None) else convert(event.value))
-            except FifthwheelError:
-                kept = self._value(key, default)
-                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
-                raise
 
-        field.on_value_change(change)
+def _number(value: Any) -> ui.input:
+    return ui.input(value=layout.shown_number(value)).props("clearable debounce=600 inputmode=decimal")
+
+
+def _whole_number(label: str, text: str) -> int | None:
+    value = layout.typed_number(text)
+    if value is not None and value != round(value):
+        raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
+    return None if value is None else round(value)
 
 
 @ui.refreshable
