@@ -13,7 +13,10 @@ from fifthwheel.base.options import ObserverOptions
 from fifthwheel.base.settings import arguments
 
 if TYPE_CHECKING:
+    from fifthwheel.estimate.identify import Identification
+    from fifthwheel.estimate.identify.online import Learner
     from fifthwheel.estimate.observe import Observer
+    from fifthwheel.truck import Vehicle
 
 IDENTIFICATION = "An identification.json: sensor errors and noise that all its logs share"
 MEASURED = (
@@ -63,37 +66,26 @@ def c(
     cos and atan); it computes in double or, with -DFW_FLOAT, in single precision. It treats missing samples, gaps and
     wrong measurements like `fifthwheel states`; a learner does what `Learner` does in Python.
     """
-    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
-    from fifthwheel.apps.workflow.runs import exported_learner
+    from fifthwheel.apps.workflow.runs import exported_learner, exported_observer
     from fifthwheel.base.errors import FifthwheelError
-    from fifthwheel.estimate.identify import Identification
-    from fifthwheel.estimate.identify.online import Learner
-    from fifthwheel.estimate.observe import Observer
     from fifthwheel.results.export import FILES, LEARNER_FILES, export_c
 
-    vehicle, identification = vehicle_and_identification(vehicle, identification)
+    if learner and chosen.estimate_bank:
+        raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
+    if learner and (refused := _of_an_observer(chosen)):
+        raise FifthwheelError(f"{', '.join(refused)}: only for an observer; omit it, or --learner")
+    if not learner and (passes is not None or segment is not None):
+        raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
+    truck, stored, read = _known(vehicle, identification)
     estimator: Observer | Learner
     if learner:
-        if chosen.estimate_bank:
-            raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
-        if refused := _of_an_observer(chosen):
-            raise FifthwheelError(f"{', '.join(refused)}: only for an observer; omit it, or --learner")
-        stored = Identification.load(identification) if identification else None
-        estimator = exported_learner(
-            read_vehicle(vehicle), signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment
-        )
+        estimator = exported_learner(truck, signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment)
         setup = estimator.live.setup
-        described = {
-            "inputs": setup.inputs,
-            "measured": setup.outputs,
-            "estimated": tuple(u.name for u in setup.estimated_unknowns),
-        }
+        estimated = tuple(unknown.name for unknown in setup.estimated_unknowns)
+        described = {"inputs": setup.inputs, "measured": setup.outputs, "estimated": estimated}
     else:
-        if passes is not None or segment is not None:
-            raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
-        estimator = _observer(vehicle, identification, signal, chosen)
+        estimator = exported_observer(truck, signal, stored, chosen)
         described = {"inputs": estimator.inputs, "measured": estimator.outputs, "states": estimator.reported}
-    read = [Path(vehicle), *([identification] if identification else [])]
     names = LEARNER_FILES if learner else FILES
     with result_folder(out, "export c", names, inputs=read, force=force) as folder:
         files = common.in_folder(out, [path.name for path in export_c(estimator, folder)])
@@ -148,6 +140,7 @@ def fmu(
     (pip install 'fifthwheel[fmu]').
     """
     from fifthwheel.apps.workflow.inputs import read_vehicle
+    from fifthwheel.apps.workflow.runs import exported_observer
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.export import PLATFORMS, export_fmu
 
@@ -160,8 +153,8 @@ def fmu(
         raise FifthwheelError(f"{', '.join(refused)}: only for --what {other}; remove it, or export the {other}")
     with reserved(path, force=force):
         if what == "observer":
-            observer = _observer(vehicle, identification, signal, chosen)
-            export_fmu(observer, path, fmi=fmi, platforms=platforms)
+            truck, stored, _ = _known(vehicle, identification)
+            export_fmu(exported_observer(truck, signal, stored, chosen), path, fmi=fmi, platforms=platforms)
         else:
             export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
     if as_json:
@@ -175,14 +168,11 @@ def _of_an_observer(chosen: ObserverOptions) -> list[str]:
     return [text.partition("=")[0] for text in arguments(replace(chosen, min_speed=ObserverOptions.min_speed))]
 
 
-def _observer(
-    vehicle: str, identification: Path | None, signals: list[str] | None, chosen: ObserverOptions
-) -> "Observer":
-    """The observer that the options describe."""
+def _known(vehicle: str, identification: Path | None) -> "tuple[Vehicle, Identification | None, list[Path]]":
+    """The vehicle, the identification if there is one, and the files that were read."""
     from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
-    from fifthwheel.apps.workflow.runs import exported_observer
     from fifthwheel.estimate.identify import Identification
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)
-    stored = Identification.load(identification) if identification else None
-    return exported_observer(read_vehicle(vehicle), signals, stored, chosen)
+    files = [Path(vehicle), *([identification] if identification else [])]
+    return read_vehicle(vehicle), Identification.load(identification) if identification else None, files
