@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from fifthwheel.apps.studies.scenarios import initial_guess
-from fifthwheel.apps.workflow.identification import run_identification
+from fifthwheel.apps.workflow.runs import run_identification
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage

@@ -14,10 +14,11 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fifthwheel.apps.workflow.new_vehicle import Description, new_vehicle
+from fifthwheel.apps.workflow.new_vehicle import described_vehicle
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
@@ -196,24 +197,20 @@ def described(draw: Draw, truck: Vehicle, tractor_class: str, trailer_class: str
     wheelbase = -tractor.axle_groups[1].position
     share = -tractor.cog / wheelbase * tractor.mass * STANDARD_GRAVITY
     alone = {groups[0]: tractor.mass * STANDARD_GRAVITY - share, groups[1]: share}
-    text = new_vehicle(
-        Description(
-            tractor=tractor_class,
-            trailer=trailer_class,
-            wheelbase=length(tractor.axle_groups[1].axles[0].position),
-            tractor_spread=length(SPREAD),
-            fifth_wheel=None if not brochure else length(truck.couplings[0].leading_position),
-            trailer_wheelbase=length(trailer.axle_groups[0].position),
-            trailer_spread=length(1.31),
-            slip=Slip(
-                laden=slip(truck.axle_loads()),
-                solo=slip(alone),
-                empty={} if brochure else slip(unladen.axle_loads()),
-                accuracy=LOAD_SIGMA,
-            ),
-            trailer_tare=(tare * (1 + 0.03 * draw.rng.normal()), 0.03 * tare) if brochure else None,
-        )
-    )
+    known: dict[str, Any] = {
+        "tractor": tractor_class,
+        "trailer": trailer_class,
+        "wheelbase": length(tractor.axle_groups[1].axles[0].position),
+        "tractor_spread": length(SPREAD),
+        "trailer_wheelbase": length(trailer.axle_groups[0].position),
+        "trailer_spread": length(1.31),
+    }
+    if brochure:
+        known["fifth_wheel"] = length(truck.couplings[0].leading_position)
+        known["trailer_tare"] = (tare * (1 + 0.03 * draw.rng.normal()), 0.03 * tare)
+    empty = {} if brochure else slip(unladen.axle_loads())
+    weighed = Slip(laden=slip(truck.axle_loads()), solo=slip(alone), empty=empty, accuracy=LOAD_SIGMA)
+    text = described_vehicle(known, weighed)
     return Vehicle.loads(text)
 
 

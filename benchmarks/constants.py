@@ -17,7 +17,7 @@ from types import ModuleType
 from typing import Any
 
 from causes import CAREFUL, FAULTS, logs_and_file, parser_of
-from fifthwheel.apps.workflow.identification import run_identification
+from fifthwheel.apps.workflow.runs import run_identification
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.estimate.identify import OneStage, doubts
 from fifthwheel.estimate.identify.doubts import PriorTest

@@ -39,7 +39,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from tests.data.logs.formats import CAN_MAP, DBC, FORMATS, stored
 
-from fifthwheel.apps.workflow import survey_file
+from fifthwheel.apps.workflow.inputs import survey_file
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.can.database import load as load_database

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fifthwheel.apps.workflow import roll_tested_vehicle
+from fifthwheel.apps.workflow.measured_vehicle import roll_tested_vehicle
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record

@@ -16,7 +16,6 @@ from pyarrow import parquet
 
 from fifthwheel.apps import cli
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
-from fifthwheel.apps.workflow import check_signals
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import read_log, write_record
@@ -24,6 +23,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names
 from fifthwheel.estimate.observe import Observer, Status
+from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report import conclude_identification
 from fifthwheel.truck import get

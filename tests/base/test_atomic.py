@@ -107,7 +107,7 @@ def test_a_name_is_reserved_for_one_writer_and_not_for_a_file_that_exists(tmp_pa
     with reserved(path, None, force=False), in_use, reserved(path, force=True):
         pass
     path.symlink_to("nowhere")
-    with pytest.raises(FifthwheelError, match=r"log\.csv: exists; .*--force"), reserved(path, force=False):
+    with pytest.raises(FifthwheelError, match=r"log\.csv: exists; .*force=True"), reserved(path, force=False):
         pass
     with reserved(path, force=True):
         assert len(list(tmp_path.iterdir())) == 2

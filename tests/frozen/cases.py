@@ -12,7 +12,7 @@ import numpy as np
 
 import fifthwheel as fw
 from fifthwheel.apps.fleet.trips import log_knowledge
-from fifthwheel.apps.workflow import run_identification
+from fifthwheel.apps.workflow.runs import run_identification
 from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.sensor_errors import log_sensors
 from fifthwheel.model.manoeuvres.catalogue import course

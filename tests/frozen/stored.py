@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from fifthwheel.base.spelling import spelled_for
 from tests.frozen.cases import CASES, DATA
 
 FOLDER = Path(__file__).parent / "expected"
@@ -49,8 +50,11 @@ def store(name: str) -> None:
 
 
 def results_of(name: str) -> dict[str, Any]:
-    """Results of a case as stored; with one thread of BLAS, because the order of its sums depends on their number."""
-    with threadpool_limits(limits=1, user_api="blas"):
+    """Results of a case as stored, with the options of the command line in its texts.
+
+    With one thread of BLAS, because the order of its sums depends on their number.
+    """
+    with threadpool_limits(limits=1, user_api="blas"), spelled_for("command line"):
         results: dict[str, Any] = json.loads(json.dumps(dict(flat(CASES[name].run()))))
     return results
 

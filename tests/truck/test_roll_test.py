@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fifthwheel.apps.workflow import roll_tested_vehicle
+from fifthwheel.apps.workflow.measured_vehicle import roll_tested_vehicle
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import Measured, RollTest, Vehicle, catalogue, with_roll_test

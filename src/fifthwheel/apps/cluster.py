@@ -15,6 +15,7 @@ from typing import Any, TypeVar
 
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.extras import require
+from fifthwheel.base.spelling import FrontEnd, front_end, spelled_for, start_front_end
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -106,7 +107,7 @@ def run_on(
     def submit(count: int) -> list[Any]:
         futures = []
         for task in islice(remaining, max(count, 0)):
-            future = client.submit(function, common, task, pure=False)
+            future = client.submit(_spelled, front_end(), function, common, task, pure=False)
             running[future] = task
             futures.append(future)
         return futures
@@ -130,6 +131,12 @@ def run_on(
                 ended.add(new)
     finally:
         client.cancel(list(running))
+
+
+def _spelled(words: FrontEnd, function: Callable[[S, T], R], shared: S, task: T) -> R:
+    """The result on a worker, whose messages are for the front end that waits for it."""
+    with spelled_for(words):
+        return function(shared, task)
 
 
 def _itself(value: T) -> T:
@@ -191,7 +198,7 @@ def run_all(
 def process_pool(jobs: int, shared: object = None) -> ProcessPoolExecutor:
     """A pool of so many processes, which end with this process; `shared` is sent to each once."""
     context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker, initargs=(shared,))
+    return ProcessPoolExecutor(jobs, mp_context=context, initializer=_start_worker, initargs=(shared, front_end()))
 
 
 def _require_picklable(*objects: object) -> None:
@@ -204,10 +211,11 @@ def _require_picklable(*objects: object) -> None:
         ) from error
 
 
-def _start_worker(shared: Any) -> None:
+def _start_worker(shared: Any, words: FrontEnd) -> None:
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C ends the process without a traceback
     threading.Thread(target=_end_with_parent, daemon=True).start()
     _shared[:] = [shared]
+    start_front_end(words)
 
 
 def _end_with_parent() -> None:

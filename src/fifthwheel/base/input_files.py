@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import setting
 
 MAX_TOML_SIZE = 256_000
 """Bytes of a vehicle file, a signal map or a file of sensors."""
@@ -50,10 +51,9 @@ def require_inside(path: Path, folder: Path) -> None:
     except (OSError, ValueError, RuntimeError):  # a null byte, or a circle of links
         inside = False
     if not inside:
-        raise FifthwheelError(
-            f"{path}: outside of the folder of the file that names it; copy it there, or allow it if you trust that "
-            "file (--allow-outside, allow_outside=True)"
-        )
+        allowed = setting("allow_outside")
+        cure = f", or allow it if you trust that file ({allowed})" if allowed else ""
+        raise FifthwheelError(f"{path}: outside of the folder of the file that names it; copy it there{cure}")
 
 
 def read_toml(path: Path) -> str:

@@ -13,6 +13,7 @@ from typing import Any, Self
 
 from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.input_files import parse_toml, read_toml
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.units import quantity
 from fifthwheel.truck.masses import COUPLING_RANGE, EXCHANGED, MAX_SOLO
 from fifthwheel.truck.quantities import quantity_of
@@ -127,7 +128,7 @@ def weigh(lengths: Lengths, slip: Slip, groups: tuple[str, str, str], tares: Map
     if lengths.coupling is None and not slip.solo:
         raise VehicleError(
             "solo: expected the loads of the tractor alone, because the position of the fifth wheel is not known; give"
-            " them (--solo), or the distance from the front axle to the kingpin (--fifth-wheel)"
+            f" them ({setting('solo')}), or the distance from the front axle to the kingpin ({setting('fifth_wheel')})"
         )
     results = propagate(lambda values: _solve(values, lengths), inputs)
     if results["hitch"][0] <= 0:

@@ -9,6 +9,7 @@ import pytest
 
 from fifthwheel.apps.app import jobs
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import front_end, spelled_for
 
 
 def square(x, progress=None):
@@ -23,6 +24,10 @@ def refuse(progress=None):
 
 def crash(progress=None):
     os._exit(9)
+
+
+def words(progress=None):
+    return front_end()
 
 
 def wait(file, progress):
@@ -96,3 +101,21 @@ def test_short_computations_share_a_process_and_survive_its_crash():
         assert await jobs.compute(square, 5) == 25
 
     asyncio.run(all_of_it())
+
+
+def test_only_its_own_processes_end_with_the_server():
+    other = multiprocessing.get_context("spawn").Process(target=time.sleep, args=(60,), daemon=True)
+    other.start()
+    assert asyncio.run(jobs.compute(square, 3)) == 9
+    (own,) = [process for process in multiprocessing.active_children() if process.pid != other.pid]
+    jobs.cancel_all()
+    own.join(10)
+    assert not own.is_alive()
+    assert other.is_alive()
+    other.kill()
+    other.join()
+
+
+def test_a_job_writes_in_the_words_of_its_front_end():
+    with spelled_for("workbench"):
+        assert ended(jobs.start("words", words)).result == "workbench"

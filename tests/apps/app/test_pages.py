@@ -1,4 +1,4 @@
-"""The pages in a browser: from a dropped log to a map whose faults are found and mended."""
+"""The pages in a browser."""
 
 import re
 from contextlib import contextmanager
@@ -13,6 +13,8 @@ from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.apps.app.buses import write_can_mf4, write_candump
 from tests.apps.app.served import chromium, served, tab
+from tests.apps.app.test_way import prepared
+from tests.results.report.conftest import result
 
 pytestmark = pytest.mark.slow
 
@@ -283,3 +285,129 @@ UNLABELLED = """[...document.querySelectorAll('#main button, #main input, #main 
     && !e.getAttribute('aria-label') && !e.labels?.length && !e.closest('label')
     && !e.closest('[aria-label]') && !e.getAttribute('title'))
   .map(e => e.outerHTML.slice(0, 200))"""
+
+
+LOG = Path(__file__).parents[3] / "examples" / "lane_changes.csv"
+
+INSIDE = """[...document.querySelectorAll('.fw-nav a')].map(e => e.getBoundingClientRect())
+  .every(box => box.left >= 0 && box.right <= innerWidth && box.bottom > box.top)"""
+
+
+def test_the_bar_names_the_workspace_and_fits_a_telephone(browser, tmp_path):
+    folder = Workspace(tmp_path / "bend <b>").folder
+    with served(folder) as address, tab(browser, address, width=390) as page:
+        page.get_by_text("bend <b>", exact=True).wait_for()
+        assert page.title() == "Log - bend <b> - fifthwheel"
+        assert page.get_by_role("navigation", name="Pages").get_by_role("link").count() == 8
+        assert page.evaluate(INSIDE)
+
+
+def test_the_theme_follows_the_system_until_another_is_chosen(browser, tmp_path):
+    dark = "document.body.classList.contains('body--dark')"
+    with served(tmp_path / "w") as address, tab(browser, address) as page:
+        page.wait_for_function(f"!{dark}")
+        page.emulate_media(color_scheme="dark")
+        page.wait_for_function(dark)
+        page.get_by_role("button", name="Theme: system").click()
+        page.wait_for_function(f"!{dark}")
+        page.get_by_role("button", name="Theme: light").click()
+        page.emulate_media(color_scheme="light")
+        page.wait_for_function(dark)
+        page.goto(f"{address}truck")
+        page.get_by_role("button", name="Theme: dark").wait_for()
+        page.wait_for_function(dark)
+
+
+def test_the_tables_of_a_log_are_not_cut_on_a_telephone(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    cut = "[...document.querySelectorAll('.fw-scroll')].filter(e => e.scrollWidth > e.clientWidth).length"
+    with served(folder) as address, tab(browser, address, width=390) as page:
+        page.get_by_role("table", name="Channels").wait_for()
+        assert page.evaluate(cut) == 0
+
+
+@pytest.mark.parametrize(("page_name", "next_page"), [("check", "Truck"), ("signals", "Log"), ("compare", "Identify")])
+def test_an_empty_page_leads_to_the_next_step(browser, tmp_path, page_name, next_page):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    with served(folder) as address, tab(browser, f"{address}{page_name}") as page:
+        page.get_by_role("link", name=f"To the page {next_page}").click()
+        page.get_by_role("heading", name=next_page, level=1).wait_for()
+
+
+__all__ = ["result"]
+
+RANGES = """[...document.querySelectorAll('.fw-time')].filter(e => e._fullLayout)
+  .map(e => e._fullLayout.xaxis.range.map(x => Math.round(x)))"""
+
+
+def test_one_cursor_shows_values_and_the_zoom_is_kept_between_pages(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_role("table", name="Channels").wait_for()
+        page.get_by_label("From, s").fill("3")
+        page.get_by_label("To, s").fill("9")
+        page.get_by_role("button", name="Show", exact=True).click()
+        page.wait_for_function(f"JSON.stringify({RANGES}) == '[[3,9]]'")
+        panel = page.locator(".fw-time .nsewdrag").first.bounding_box()
+        page.mouse.move(panel["x"] + panel["width"] / 2, panel["y"] + 30)
+        values = page.locator(".fw-values > div")
+        values.first.wait_for()
+        assert values.count() == 4
+        assert values.first.inner_text().startswith("6 s")
+
+        page.get_by_role("link", name="2 Signals").click()
+        page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
+        page.wait_for_function(f"({RANGES}).length > 3 && ({RANGES}).every(x => x[0] == 3 && x[1] == 9)")
+        panel = page.locator(".fw-time .nsewdrag").nth(1).bounding_box()
+        page.mouse.move(panel["x"] + panel["width"] / 2, panel["y"] + 30)
+        page.wait_for_function("[...document.querySelectorAll('.fw-cursor')].filter(e => !e.hidden).length > 3")
+
+
+def test_signals_are_found_by_name_and_a_finding_is_beside_its_plot(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    (folder / "logs" / "lane.csv").write_bytes(LOG.read_bytes())
+    signals = '[signals]\nspeed = "speed"\n"steer.tractor.front" = "steer.tractor.front"\n'
+    trailer = '[signals."yaw_rate.semitrailer"]\ncolumn = "yaw_rate.semitrailer"\nsign = -1\n'
+    (folder / "signals.toml").write_text(f'{signals}"yaw_rate.tractor" = "yaw_rate.tractor"\n{trailer}')
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_role("table", name="Channels").wait_for()
+        page.get_by_role("link", name="2 Signals").click()
+        section = page.get_by_role("region", name="yaw_rate.semitrailer", exact=True)
+        section.locator(".fw-finding").get_by_role("img", name="error").wait_for(timeout=60_000)
+        page.get_by_label("Find a signal").fill("semi")
+        page.get_by_role("region", name="speed", exact=True).wait_for(state="hidden")
+        assert section.is_visible()
+
+
+def test_a_time_column_without_the_name_of_a_time_is_chosen(browser, tmp_path):
+    folder = Workspace(tmp_path / "w").folder
+    first, rest = LOG.read_text().split("\n", 1)
+    assert first.startswith("time")
+    (folder / "logs" / "lane.csv").write_text(f"{first.replace('time', 'run', 1)}\n{rest}".replace("run [s]", "run"))
+    with served(folder) as address, tab(browser, address) as page:
+        page.get_by_text("No column has the name of a time.").wait_for(timeout=60_000)
+        page.get_by_label("Time column of lane.csv").click()
+        page.get_by_role("option", name="run", exact=True).click()
+        page.get_by_text("17.0 s, 13 channels").wait_for(timeout=60_000)
+        page.get_by_role("link", name="2 Signals").click()
+        page.get_by_text("The prediction explains").first.wait_for(timeout=60_000)
+    assert '[time]\ncolumn = "run"' in (folder / "signals.toml").read_text()
+
+
+def test_the_plotted_signals_of_explore_and_compare_are_found_by_name(browser, tmp_path, result):
+    folder = prepared(tmp_path / "w", count=1).folder
+    for name in ("a", "b"):
+        result.identification.save(folder / "runs" / name)
+    with served(folder) as address, tab(browser, f"{address}explore") as page:
+        for name, what in (("explore", "signals"), ("compare", "run.csv")):
+            page.goto(f"{address}{name}")
+            plot = page.get_by_role("img", name=re.compile(f"Measured and predicted,? {what}"))
+            plot.get_by_text("Tractor, yaw rate").first.wait_for(timeout=60_000)
+            page.get_by_label("Find a signal").fill("trailer")
+            plot.get_by_text("Tractor, yaw rate").first.wait_for(state="detached")
+            plot.get_by_text("Trailer, yaw rate").first.wait_for()
+            page.get_by_label("Find a signal").fill("none")
+            page.get_by_text("No signal has this name.").wait_for()

@@ -1,20 +1,26 @@
-"""What the pages compute of a workspace, without a browser."""
+"""What the pages compute of a workspace, and what they say of it."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from fifthwheel.apps.app import inputs, runs
+from fifthwheel import read_log
+from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.layout import typed_number
 from fifthwheel.apps.app.pages import explore
+from fifthwheel.apps.app.pages import identify as page
 from fifthwheel.apps.app.pages.identify import plain_name
 from fifthwheel.apps.app.pages.signals import objections
-from fifthwheel.apps.app.workspace import Choices, LogChoice, Workspace
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
+from fifthwheel.apps.app.workspace import SIGNALS, Choices, LogChoice, Workspace
+from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
+from fifthwheel.base.atomic.locks import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.pages import Code, Plots
 from fifthwheel.base.pages.html import cell
@@ -261,7 +267,7 @@ def test_results_side_by_side_and_over_a_log(workspace, result):
 
 def test_a_log_that_does_not_exist_is_refused(workspace):
     with pytest.raises((FifthwheelError, SignalError), match="no such log"):
-        inputs.record(workspace.folder, "../vehicle.toml")
+        runs.record(workspace.folder, "../vehicle.toml")
 
 
 STYLES = [(BLUE, "dash"), (VERMILLION, "solid")]
@@ -310,3 +316,135 @@ def test_a_run_is_that_of_the_command_line(workspace):
     assert sorted(path.name for path in workspace.run("page").iterdir() if path.name[0] != ".") == [
         "identification.json", "knowledge.json", "report.html", "run.json", "states.parquet", "vehicle.toml",
     ]  # fmt: skip
+
+
+LOG = Path(__file__).parents[3] / "examples" / "lane_changes.csv"
+NAME = LOG.name
+
+
+@pytest.fixture
+def one_log(tmp_path):
+    found = Workspace(tmp_path)
+    shutil.copy(LOG, found.place_for(NAME))
+    return found
+
+
+def test_the_record_is_that_of_the_file(one_log):
+    record, direct = runs.record(one_log.folder, NAME), read_log(LOG)
+    assert record.name == direct.name
+    np.testing.assert_array_equal(record.time, direct.time)
+    for signal, values in direct.signals.items():
+        np.testing.assert_array_equal(record.signals[signal], values)
+
+
+def test_a_log_is_read_once_and_again_when_it_or_a_database_changes(one_log):
+    titles = []
+    store = lambda: runs.store(one_log.folder, NAME, lambda title, done, total: titles.append(title))  # noqa: E731
+    store()
+    assert runs.is_stored(one_log, NAME)
+    assert f"reading {NAME}" in titles
+    titles.clear()
+    store()
+    assert not titles
+    path = one_log.log(NAME)
+    os.utime(path, ns=(1, 1))
+    assert not runs.is_stored(one_log, NAME)
+    store()
+    one_log.place_for("truck.dbc").write_text('VERSION ""\n')
+    assert not runs.is_stored(one_log, NAME)
+    store()
+    assert len(list((one_log.folder / ".workbench" / "logs").iterdir())) == 1
+
+
+def test_a_log_that_cannot_be_read_leaves_nothing(one_log):
+    one_log.place_for("broken.csv").write_bytes(b"\x00\x01" * 5000)
+    with pytest.raises(SignalError, match=r"broken\.csv"):
+        runs.store(one_log.folder, "broken.csv")
+    assert not runs.is_stored(one_log, "broken.csv")
+    assert not list((one_log.folder / ".workbench" / "logs").iterdir())
+    with pytest.raises(SignalError, match="not read yet"):
+        runs.opened(one_log, "broken.csv")
+
+
+def test_a_long_log_is_proposed_and_compared_by_its_steered_part(one_log, monkeypatch):
+    text = runs.propose(one_log.folder, NAME)
+    monkeypatch.setattr(runs, "EVIDENCE_SPAN", 13.0)
+    assert SignalMap.parse(runs.propose(one_log.folder, NAME)) == SignalMap.parse(text)
+    one_log.write({SIGNALS: text}, "propose")
+    evidence = runs.evidence(one_log.folder, NAME)
+    assert np.ptp(evidence.time) <= 13.0
+    assert evidence.channels["yaw_rate.semitrailer"].explained > 0.9
+
+
+def test_excluded_windows_are_left_out_and_unused_logs_too(one_log):
+    one_log.write_choices(one_log.choices().with_log(NAME, exclude=((3.0, 5.0),)), "exclude")
+    (record,) = runs.records(one_log.folder)
+    assert not ((record.time >= 3.0) & (record.time <= 5.0)).any()
+    assert record.span == (0.0, 17.0)
+    one_log.write_choices(one_log.choices().with_log(NAME, use=False), "leave out")
+    with pytest.raises(FifthwheelError, match="no log is used"):
+        runs.records(one_log.folder)
+
+
+def test_a_removed_log_takes_its_samples_along(one_log):
+    runs.store(one_log.folder, NAME)
+    one_log.remove_log(NAME)
+    assert not list((one_log.folder / ".workbench" / "logs").iterdir())
+    assert not one_log.logs()
+
+
+def test_only_the_leftovers_of_killed_processes_are_removed(one_log):
+    folder = one_log.folder / ".workbench" / "logs"
+    for name in ("killed.part", "running.part"):
+        (folder / name).mkdir(parents=True)
+        (folder / name / "column0").write_text("x")
+    lock = try_lock(folder / "running.part" / "lock")
+    try:
+        runs.store(one_log.folder, NAME)
+    finally:
+        os.close(lock)
+    names = {path.name for path in folder.iterdir()}
+    assert "running.part" in names
+    assert "killed.part" not in names
+    assert len(names) == 2
+
+
+@pytest.fixture
+def mapped(tmp_path) -> Workspace:
+    signals = '[signals]\nspeed = "v"\n[signals."yaw_rate.tractor"]\ncolumn = "w"\nsensor = "mems"\n'
+    made = Workspace(tmp_path / "w")
+    made.write({"signals.toml": signals}, "a map")
+    return made
+
+
+def test_truck_and_sensors_are_sentences(mapped):
+    assert page.of_truck_and_sensors(mapped, TRUCK) == [
+        "Truck: cheng_cebon_2011; no number is assumed.",
+        "Tractor, yaw rate: a sensor of the class mems.",
+        "All other sensors: the usual errors and noise of their kind.",
+    ]
+
+
+def test_statements_and_settings_are_sentences(mapped):
+    statements = ["semitrailer.mass=33.4 t +- 0.5 %", "tractor.yaw_inertia=free", "road.friction=wet"]
+    choices = Choices(identify={"statements": statements, "any_load": True, "form": "output-error"})
+    assert list(page.stated_numbers(mapped, choices).values()) == [
+        "Trailer, mass: 33.4 t ± 0.5 %.",
+        "Tractor, yaw inertia: unknown; only the logs determine it.",
+        "Road, friction: wet.",
+    ]
+    assert page.changed_settings(choices) == [
+        "Load of any shape: yes.",
+        "Compare the logs with: Free-running model: robust to model error.",
+    ]
+
+
+def test_numbers_of_truck_road_and_sensors_can_be_stated(mapped):
+    numbers = page.numbers(mapped, TRUCK)
+    assert {"semitrailer.yaw_inertia", "road.friction", "yaw_rate.tractor.gain", "road.bank"} <= set(numbers)
+    assert "yaw_rate.semitrailer.gain" not in numbers  # the signal map has no such sensor
+    assert numbers["time_base"] == "Time base, rate (time_base)"
+    misalignment = "yaw_rate.tractor.misalignment"
+    assert numbers[misalignment] == f"Tractor, yaw rate misalignment ({misalignment})"
+    assert numbers["semitrailer.mass"] == "Trailer, mass (semitrailer.mass)"
+    assert numbers["semitrailer.wheelbase"] == "Trailer, wheelbase (semitrailer.wheelbase)"

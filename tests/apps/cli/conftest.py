@@ -1,6 +1,8 @@
-"""Fixtures of the tests of the command line: logs and their identification, a result, a truck."""
+"""Fixtures of the tests of the command line: a command, logs and their identification, a result, a truck."""
 
 import json
+import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -14,6 +16,59 @@ from tests.estimate.observe.conftest import truck
 from tests.results.report.conftest import result
 
 __all__ = ["folder", "identified", "result", "truck"]
+
+
+TRUCK = "cheng_cebon_2011"
+LINEAR = ("--tyres", "linear")
+"""The tyres of the simulated truck; an identification with them takes a fifth of the time."""
+FILES = ["identification.json", "knowledge.json", "report.html", "states.parquet", "vehicle.toml"]
+ESTIMATED = [
+    "tractor.front.cornering_stiffness",
+    "tractor.drive.cornering_stiffness",
+    "semitrailer.cornering_stiffness",
+    "semitrailer.yaw_inertia",
+    "semitrailer.payload.height",
+]
+
+
+class Outcome:
+    """Exit code, standard output and standard error of a command."""
+
+    def __init__(self, code: int, out: str, err: str) -> None:
+        self.code, self.out, self.err = code, out, err
+
+    def json(self) -> dict:
+        return json.loads(self.out)
+
+
+@pytest.fixture
+def run(monkeypatch, capsys, tmp_path):
+    """Run `fifthwheel ...` inside this process, in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def main(*arguments: str | Path) -> Outcome:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sys, "argv", ["fifthwheel", *map(str, arguments)])
+            try:
+                cli.main()
+                code = 0
+            except SystemExit as stop:
+                code = stop.code if isinstance(stop.code, int) else 0 if stop.code is None else 1
+        return Outcome(code, *capsys.readouterr())
+
+    return main
+
+
+def refused(outcome: Outcome, start: str) -> None:
+    """Exit code 2, nothing on standard output, one line "error: ..." and no traceback."""
+    assert outcome.code == 2, outcome.err
+    assert outcome.out == ""
+    lines = outcome.err.splitlines()
+    assert [line.startswith("error: ") for line in lines].count(True) == 1, outcome.err
+    assert lines[0].startswith("error: "), outcome.err
+    assert re.match(start, lines[0].removeprefix("error: ")), outcome.err
+    assert "Traceback" not in outcome.err
 
 
 @pytest.fixture(scope="session")

@@ -12,7 +12,7 @@ from fifthwheel.data.logs import read_log, write_record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.spoken_names import spoken
-from tests.apps.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
+from tests.apps.cli.conftest import ESTIMATED, TRUCK, refused
 
 HEIGHT, INERTIA = ESTIMATED[-1], ESTIMATED[-2]
 FAST = ("--speed", "80km/h")
@@ -34,7 +34,7 @@ def line_of(out: str, name: str) -> str:
     return next(line for line in out.splitlines() if line.startswith((name, spoken(name))))
 
 
-def test_check_tells_every_parameter(folder, run):  # noqa: F811
+def test_check_tells_every_parameter(folder, run):
     outcome = run("check", folder / "drive.csv", "-v", TRUCK)
     assert (outcome.code, outcome.err) == (0, "")
     headline = (
@@ -53,7 +53,7 @@ def test_check_tells_every_parameter(folder, run):  # noqa: F811
     assert list(Path().iterdir()) == []
 
 
-def test_check_in_80_columns(folder, run, monkeypatch):  # noqa: F811
+def test_check_in_80_columns(folder, run, monkeypatch):
     monkeypatch.setenv("COLUMNS", "80")
     outcome = run("check", folder / "drive.csv", "-v", TRUCK)
     assert max(map(len, outcome.out.splitlines())) <= 80
@@ -61,7 +61,7 @@ def test_check_in_80_columns(folder, run, monkeypatch):  # noqa: F811
     assert all(line_of(outcome.out, name).endswith(" identifiable") for name in ESTIMATED)
 
 
-def test_check_of_a_straight_drive(folder, run):  # noqa: F811
+def test_check_of_a_straight_drive(folder, run):
     """Nothing to be told is an answer, not an error."""
     outcome = run("check", folder / "straight.csv", "-v", TRUCK)
     assert (outcome.code, outcome.err) == (0, "")
@@ -73,7 +73,7 @@ def test_check_of_a_straight_drive(folder, run):  # noqa: F811
     assert "at 88 km/h" in outcome.out
 
 
-def test_check_as_json(folder, run):  # noqa: F811
+def test_check_as_json(folder, run):
     logs = folder / "drive.csv", folder / "straight.csv"
     told = run(
         "check", *logs, "-v", TRUCK, "--json", f"--set={ESTIMATED[0]}=exact", "--set=tractor.yaw_inertia=free"
@@ -95,7 +95,7 @@ def test_check_as_json(folder, run):  # noqa: F811
         } <= p.keys()
 
 
-def test_check_lists_what_is_wrong(folder, run):  # noqa: F811
+def test_check_lists_what_is_wrong(folder, run):
     """All of it at once: in the page where a fit could go on, as the error where none could."""
     record = read_log(folder / "drive.csv")
     name = "yaw_rate.semitrailer"
@@ -116,7 +116,7 @@ def test_check_lists_what_is_wrong(folder, run):  # noqa: F811
     assert "roll_rate.tractor: 7.5 % of the samples are missing" in outcome.err
 
 
-def test_check_refuses(folder, run):  # noqa: F811
+def test_check_refuses(folder, run):
     log = folder / "drive.csv"
     refused(run("check", "nothing.csv", "-v", TRUCK), r"nothing\.csv: cannot be read")
     refused(run("check", log, "-v", "lorry"), r"lorry: no such file")
@@ -131,7 +131,7 @@ def test_check_refuses(folder, run):  # noqa: F811
 
 
 @pytest.mark.slow
-def test_design_proposes_a_drive(run):  # noqa: F811
+def test_design_proposes_a_drive(run):
     outcome = run("design", "-v", TRUCK, "--target", f"{INERTIA}=10%", *FAST, "--out", "drive.csv")
     assert (outcome.code, outcome.err) == (0, "")
     assert (proposed := re.match(r"A run of (\d+) s reaches all targets\.", outcome.out))
@@ -146,7 +146,7 @@ def test_design_proposes_a_drive(run):  # noqa: F811
 
 
 @pytest.mark.slow
-def test_design_says_why_not(run):  # noqa: F811
+def test_design_says_why_not(run):
     outcome = run("design", "-v", TRUCK, "--target", f"{HEIGHT}=2%", "--speed", "80")
     assert outcome.code == 0
     assert outcome.out.startswith("No run reaches all targets: 1 of 1 missed")
@@ -163,7 +163,7 @@ def test_design_says_why_not(run):  # noqa: F811
     assert told["unmet"][0]["remedies"][0]["channel"] == "roll_rate.semitrailer"
 
 
-def test_design_as_json(run):  # noqa: F811
+def test_design_as_json(run):
     told = run(
         "design",
         "-v",
@@ -188,7 +188,7 @@ def test_design_as_json(run):  # noqa: F811
     assert json.dumps(found).isprintable()
 
 
-def test_design_refuses(run):  # noqa: F811
+def test_design_refuses(run):
     refused(run("design", "-v", TRUCK, "--target", "tractor.colour=5%"), r"tractor\.colour: no such parameter")
     refused(run("design", "-v", TRUCK, "--target", f"{INERTIA}=much"), r"--target .*: expected NAME=FRACTION")
     refused(
@@ -203,16 +203,7 @@ def test_design_refuses(run):  # noqa: F811
     assert list(Path().iterdir()) == []
 
 
-@pytest.mark.parametrize("command", ["check", "design"])
-def test_help(command, run):  # noqa: F811
-    for flag in ("--help", "-h"):
-        outcome = run(command, flag)
-        assert (outcome.code, outcome.err) == (0, "")
-        assert outcome.out.partition("Examples")[2].count(f"fifthwheel {command}") >= 3
-    assert command in run("--help").out
-
-
-def test_a_roll_test_writes_a_vehicle_file(run):  # noqa: F811
+def test_a_roll_test_writes_a_vehicle_file(run):
     outcome = run(*ROLL_TEST, "--roll", "0.42 deg +- 2 %", "-o", "tested.toml")
     assert (outcome.code, outcome.err) == (0, "")
     assert line_of(outcome.out, "semitrailer.roll_stiffness")
@@ -223,18 +214,18 @@ def test_a_roll_test_writes_a_vehicle_file(run):  # noqa: F811
     assert {path: tested.stated[path] for path in numbers} == {path: n["sigma"] for path, n in numbers.items()}
 
 
-def test_readings_need_a_standard_deviation(run):  # noqa: F811
+def test_readings_need_a_standard_deviation(run):
     refused(run(*ROLL_TEST, "--roll", "0.42 deg"), r"--roll: expected a standard deviation after '\+-'")
     refused(run(*ROLL_TEST, "--roll", "0.42 kg +- 1 %"), "--roll: ")
     assert list(Path().iterdir()) == []
 
 
 @pytest.mark.parametrize("text", ["3", "3..x", "run=3"])
-def test_a_window_that_is_not_one_is_refused(text, run):  # noqa: F811
+def test_a_window_that_is_not_one_is_refused(text, run):
     refused(run("check", "run.csv", "-v", TRUCK, "--exclude", text), f"--exclude {text}: expected FIRST..LAST")
 
 
-def test_excluded_windows_are_not_used(folder, run):  # noqa: F811
+def test_excluded_windows_are_not_used(folder, run):
     log = folder / "drive.csv"
     refused(run("check", log, "-v", TRUCK, "--exclude", "0..100"), "drive.csv: all samples are in the windows")
     refused(run("check", log, "-v", TRUCK, "--exclude", "other=0..100"), "other: windows are excluded")

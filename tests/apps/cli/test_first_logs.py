@@ -19,7 +19,6 @@ from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.report.conclusion import conclude_identification
 from fifthwheel.truck import get
-from tests.apps.cli.test_cli import run  # noqa: F401 - a fixture
 
 TRUCK = get("cheng_cebon_2011")
 CASES = Path(os.environ.get("FIFTHWHEEL_CASES", Path(__file__).resolve().parents[4] / "shared" / "cases"))
@@ -99,7 +98,7 @@ def test_a_retarder_is_no_wrong_vehicle_file(deceleration: float) -> None:
     assert not [c for c in conclude_identification(result, [record]).cautions if "static load" in c or "rolling" in c]
 
 
-def test_a_rigid_tyre_stays_within_the_range_of_a_vehicle(run, tmp_path: Path) -> None:  # noqa: F811
+def test_a_rigid_tyre_stays_within_the_range_of_a_vehicle(run, tmp_path: Path) -> None:
     """Its estimate may reach that limit; the result is written."""
     name = "semitrailer.tyre_roll_stiffness"
     assert run("simulate", "drive.csv", "--count", "2").code == 0
@@ -149,7 +148,7 @@ def test_two_stages_find_the_front_stiffness_of_section_4() -> None:
         ("L01clean.csv", "-v", "lkw.toml", "-s", "sig_025.toml", "--exclude", "217.5..218.6"),
     ],
 )
-def test_first_runs_converge(arguments: tuple[str, ...], run, tmp_path: Path) -> None:  # noqa: F811
+def test_first_runs_converge(arguments: tuple[str, ...], run, tmp_path: Path) -> None:
     files = [str(FIRST_HOUR / a) if (FIRST_HOUR / a).is_file() else a for a in arguments]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -165,7 +164,7 @@ def test_first_runs_converge(arguments: tuple[str, ...], run, tmp_path: Path) ->
 
 @pytest.mark.slow
 @with_cases
-def test_the_learner_of_a_trace_is_right(run, tmp_path: Path) -> None:  # noqa: F811
+def test_the_learner_of_a_trace_is_right(run, tmp_path: Path) -> None:
     for name in ("sigcan.toml", "truck.dbc", "fahrt43.blf", "lkw.toml"):
         (tmp_path / name).write_bytes((FIRST_HOUR / name).read_bytes())
     replay = ("live", "--replay", "fahrt43.blf", "--rate", "0", "-s", "sigcan.toml", "-v", "lkw.toml")

@@ -15,13 +15,13 @@ from fifthwheel.base.atomic import MANIFEST
 from fifthwheel.data.logs import write_record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from tests.apps.cli.test_cli import FILES, TRUCK, refused, run  # noqa: F401 - a fixture
+from tests.apps.cli.conftest import FILES, TRUCK, refused
 
 NEEDS_PROC = pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
 
 
 @pytest.fixture
-def place(run, tmp_path):  # noqa: F811
+def place(run, tmp_path):
     """The working folder with a log and a vehicle file."""
     write_record(simulate(get(TRUCK), count=1, seed=1), tmp_path / "log.csv")
     get(TRUCK).save(tmp_path / "truck.toml")
@@ -43,7 +43,7 @@ def place(run, tmp_path):  # noqa: F811
         "states log.csv -v truck.toml --out .",
     ],
 )
-def test_no_file_is_replaced_without_force(command, place, run):  # noqa: F811
+def test_no_file_is_replaced_without_force(command, place, run):
     (place / "link.csv").symlink_to("log.csv")
     for name in ("mine.png", "vehicle.toml", "report.html"):
         (place / name).write_text("mine")
@@ -55,13 +55,13 @@ def test_no_file_is_replaced_without_force(command, place, run):  # noqa: F811
     assert {path.name: path.read_bytes() for path in place.iterdir()} == before
 
 
-def test_force_replaces_a_file(place, run):  # noqa: F811
+def test_force_replaces_a_file(place, run):
     (place / "signals.toml").write_text("mine")
     assert run("signals", "log.csv", "--out", "signals.toml", "--force").code == 0
     assert (place / "signals.toml").read_text() != "mine"
 
 
-def test_results_are_replaced_by_the_same_command_only(place, run):  # noqa: F811
+def test_results_are_replaced_by_the_same_command_only(place, run):
     states = ("states", "log.csv", "-v", "truck.toml", "-o", "out")
     for _ in range(2):
         assert run(*states).code == 0
@@ -77,7 +77,7 @@ def test_results_are_replaced_by_the_same_command_only(place, run):  # noqa: F81
     assert (place / "out" / "notes.txt").read_text() == "mine"
 
 
-def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, run):  # noqa: F811
+def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, run):
     assert run("identify", "log.csv", "-v", "truck.toml", "-o", "out", "--tyres", "linear").code == 0
     assert sorted(path.name for path in (place / "out").iterdir()) == sorted([*FILES, MANIFEST])
     both = ("log.csv", "-v", "out/vehicle.toml", "-i", "out/identification.json")
@@ -88,7 +88,7 @@ def test_an_identification_and_a_vehicle_of_different_runs_are_refused(place, ru
     assert run("states", *both[:3]).code == 0  # alone it is any vehicle file
 
 
-def test_a_full_disk(place, run, monkeypatch):  # noqa: F811
+def test_a_full_disk(place, run, monkeypatch):
     """The error names the file that is too large, and nothing is left of it."""
     write_bytes, states = Path.write_bytes, ("states", "log.csv", "-v", "truck.toml", "-o", "out")
 

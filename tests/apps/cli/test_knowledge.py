@@ -1,4 +1,4 @@
-"""`fifthwheel knowledge`: tables, logs that are forgotten, merged files, and what is refused."""
+"""`fifthwheel knowledge` and `fifthwheel fleet`."""
 
 import json
 import shutil
@@ -8,7 +8,8 @@ import pytest
 
 from fifthwheel.base.atomic import one_run
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from tests.apps.cli.test_cli import ESTIMATED, TRUCK, refused, run  # noqa: F401 - a fixture
+from tests.apps.cli.conftest import ESTIMATED, TRUCK, refused
+from tests.apps.fleet.make import FIXED, make_fleet
 
 
 @pytest.fixture
@@ -18,7 +19,7 @@ def result(identified, tmp_path) -> Path:
     return tmp_path / "result"
 
 
-def test_the_estimates_of_all_logs(result, run):  # noqa: F811
+def test_the_estimates_of_all_logs(result, run):
     shown = run("knowledge", "show", result)
     assert (shown.code, shown.err) == (0, "")
     assert shown.out.startswith("2 logs, 5 estimated parameters.")
@@ -36,7 +37,7 @@ def test_the_estimates_of_all_logs(result, run):  # noqa: F811
     assert len(run("knowledge", "show", result, "--json", "--all").json()["estimates"]) > 40
 
 
-def test_the_history_of_the_logs(result, run):  # noqa: F811
+def test_the_history_of_the_logs(result, run):
     shown = run("knowledge", "history", result)
     assert shown.out.startswith("2 logs.")
     first, second = run("knowledge", "history", result, "--json").json()["logs"]
@@ -46,7 +47,7 @@ def test_the_history_of_the_logs(result, run):  # noqa: F811
         assert row["sigma_after"] < row["sigma_before"]
 
 
-def test_a_log_is_forgotten_in_place(result, run):  # noqa: F811
+def test_a_log_is_forgotten_in_place(result, run):
     outcome = run("knowledge", "forget", result, "first")
     assert outcome.code == 0
     assert outcome.out.startswith("1 log, 5 estimated parameters.")
@@ -58,7 +59,7 @@ def test_a_log_is_forgotten_in_place(result, run):  # noqa: F811
     refused(run("knowledge", "forget", result, "second"), "second: the last log, .*; delete the file instead")
 
 
-def test_a_log_is_forgotten_in_another_file(result, run):  # noqa: F811
+def test_a_log_is_forgotten_in_another_file(result, run):
     before = (result / "knowledge.json").read_bytes()
     outcome = run("knowledge", "forget", result, "second", "-o", "left.json", "--json")
     assert outcome.json()["logs"] == ["first"]
@@ -68,7 +69,7 @@ def test_a_log_is_forgotten_in_another_file(result, run):  # noqa: F811
     assert run("knowledge", "forget", result, "second", "-o", "left.json", "--force").code == 0
 
 
-def test_what_is_refused(result, run):  # noqa: F811
+def test_what_is_refused(result, run):
     refused(run("knowledge", "forget", result, "firts"), "firts: no such log; did you mean 'first'")
     refused(run("knowledge", "show", "absent"), "absent: cannot be read")
     (result / "knowledge.json").unlink()
@@ -79,13 +80,13 @@ def test_what_is_refused(result, run):  # noqa: F811
     refused(run("knowledge", "forget", result, "first"), ".*knowledge.json: ")
 
 
-def test_a_changed_file_is_not_replaced(result, run):  # noqa: F811
+def test_a_changed_file_is_not_replaced(result, run):
     knowledge = Knowledge.load(result)
     Knowledge(logs=knowledge.logs[::-1]).save(result / "knowledge.json")
     refused(run("knowledge", "forget", result, "first"), ".*changed since fifthwheel identify wrote it, .*--out")
 
 
-def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path):  # noqa: F811
+def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path):
     assert run("knowledge", "forget", result, "first", "-o", "one.json").code == 0
     assert run("knowledge", "forget", result, "second", "-o", "other").code == 0
     merged = run("knowledge", "merge", "one.json", "other", result, "-o", "merged.json", "--json").json()
@@ -120,3 +121,36 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
         run(*begin, "-v", lorry),
         "lorry: the knowledge is of a truck whose first unit is tractor",
     )
+
+
+OPTIONS = [word for name in FIXED for word in ("--set", f"{name}=exact")]
+
+
+def test_a_run_and_its_page(run, tmp_path):
+    manifest, out, page = make_fleet(tmp_path / "fleet", trucks=1, trips=2), tmp_path / "out", tmp_path / "fleet.html"
+    first = run("fleet", "run", manifest, "--out", out, "--jobs", "1", *OPTIONS)
+    assert (first.code, first.err) == (0, "")
+    assert first.out.startswith("2 trips: 2 new\n")
+    again = run("fleet", "run", manifest, "--out", out, "--jobs", "1", *OPTIONS, "--json").json()
+    assert (again["new"], again["unchanged"]) == (0, 2)
+    written = run("fleet", "report", out, "--out", page)
+    assert written.out == f"Written: {page}; nothing needs attention\n"
+    assert "nothing needs attention" in page.read_text()
+    assert run("fleet", "report", out, "--out", page).code == 2, "a file is replaced only with --force"
+    assert run("fleet", "report", out, "--out", page, "--force", "--json").json()["attention"] == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("run", "none.csv"), "none.csv"),
+        (("run", "https://example.org/manifest.csv"), "expected a local path or one of s3://"),
+        (("report", "nowhere"), "give the data set"),
+        (("run", "none.csv", "--height-limit", "3 kg"), "kg"),
+        (("run", "none.csv", "--false-alarms", "2"), "false_alarms: expected"),
+    ],
+)
+def test_fleets_that_are_refused(run, arguments, message):
+    outcome = run("fleet", *arguments)
+    assert outcome.code == 2
+    assert message in outcome.err

@@ -1,24 +1,30 @@
-"""The runs as functions of data: what they return, what they write, and that they print nothing."""
+"""The runs as functions of data: what they return and write, estimators for export, and surveys of logs."""
 
 import json
 import math
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from pyarrow import parquet
 
-from fifthwheel.apps.workflow import (
-    read_records,
-    read_vehicle,
+from fifthwheel.apps.workflow.inputs import propose_signals, read_records, read_vehicle, survey_file
+from fifthwheel.apps.workflow.results import write_results
+from fifthwheel.apps.workflow.runs import (
+    IdentificationRun,
+    exported_learner,
+    exported_observer,
     run_identification,
     run_states,
-    write_results,
 )
-from fifthwheel.apps.workflow.identification import IdentificationRun
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.options import ObserverOptions
 from fifthwheel.data.logs import write_record
+from fifthwheel.data.logs.propose import survey_log
+from fifthwheel.data.logs.readers import sample as sampling
+from fifthwheel.data.logs.readers import text as text_reader
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.model.simulate import simulate
@@ -200,3 +206,77 @@ def test_a_stored_value_that_is_not_a_number_is_refused(run, tmp_path, value, pl
     path.write_text(json.dumps(contents))
     with pytest.raises(SignalError, match=f"^{re.escape(str(path))}: (sensor_errors, |noise, )?{name}: expected "):
         Identification.load(path)
+
+
+FIVE = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
+
+
+@pytest.fixture(scope="module")
+def result() -> Identification:
+    return identify([simulate(TRUCK, count=1, seed=1)], TRUCK, FIVE)
+
+
+def test_a_learner_of_an_identification(result: Identification) -> None:
+    live = exported_learner(result.vehicle, None, result, min_speed=7.0, passes=2, segment=300).live
+    assert {*live.setup.inputs, *live.setup.outputs} == set(result.signals)
+    assert live.setup.settings == replace(FIVE, min_speed=7.0)
+    assert (live.learner.relinearisation.max_passes, live.learner.relinearisation.samples) == (2, 300)
+
+
+def test_a_misspelled_signal_of_a_learner_is_refused(result: Identification) -> None:
+    signals = ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailr"]
+    with pytest.raises(SignalError, match=r"yaw_rate\.semitrailr: no signal that a learner .*did you mean"):
+        exported_learner(TRUCK, signals, result)
+
+
+def test_default_signals() -> None:
+    observer = exported_observer(TRUCK, options=ObserverOptions(min_speed=7.0, friction=0.3, half_track=0.92))
+    assert (observer.settings.friction, observer.settings.half_track) == (0.3, 0.92)
+    assert observer.inputs == ("speed", *TRUCK.steer_signals())
+    assert len(observer.outputs) == 4
+    assert observer.settings.min_speed == 7.0
+
+
+def test_an_observer_of_an_identification() -> None:
+    record = simulate(TRUCK, count=1, seed=1)
+    result = identify([record], TRUCK, OneStage(given={"others": "exact", "road.bank": "+- 0.03 rad"}))
+    observer = exported_observer(result.vehicle, None, result)
+    assert {*observer.inputs, *observer.outputs} == set(record.signals)
+    assert observer.settings == result.observer_settings()
+    with pytest.raises(VehicleError, match=r"auburn.*not those of the identification.*vehicle\.toml"):
+        exported_observer(get("auburn_6x4"), None, result)
+
+
+def test_a_misspelled_signal_of_an_observer_is_refused() -> None:
+    signals = ["speed", "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailr"]
+    with pytest.raises(SignalError, match=r"yaw_rate\.semitrailr: no signal that an observer .*did you mean"):
+        exported_observer(TRUCK, signals)
+
+
+def test_a_log_without_signals_has_a_survey(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    path.write_text("t,a,b\n" + "".join(f"{k / 10},{k},{-k}\n" for k in range(20)))
+    contents = survey_file(path)
+    assert list(contents.survey.contents) == ["t", "a", "b"]
+    assert not contents.proposal.signals.signals
+    assert "speed: not found" in contents.signals_toml
+
+
+def test_a_sample_of_a_large_log_gives_the_map_of_the_whole(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The pauses between the parts of the sample are not faults of the log."""
+    truck = get("cheng_cebon_2011")
+    record = simulate(truck, count=20)
+    names = {"v_GPS [m/s]": "speed", "GierSZM [rad/s]": "yaw_rate.tractor", "GierSA [rad/s]": "yaw_rate.semitrailer"}
+    columns = [record.time, *(record.signals[name] for name in names.values()), -record.signals["steer.tractor.front"]]
+    path = tmp_path / "log.csv"
+    np.savetxt(path, np.column_stack(columns), "%.5f", ",", header=",".join(["t", *names, "delta"]), comments="")
+    whole = survey_file(path)
+    monkeypatch.setattr(sampling, "_LARGE", 1e4)
+    monkeypatch.setattr(sampling, "_PART", path.stat().st_size / 40)
+    with text_reader.open_log(path) as log:
+        log.sample()
+        sample = propose_signals(log, survey_log(log))
+    assert sample.survey.contents["v_GPS"].samples < 0.25 * len(record)
+    assert sample.signals_toml == whole.signals_toml
+    assert "sign = -1" in sample.signals_toml
+    assert not sample.proposal.findings

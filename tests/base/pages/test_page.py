@@ -42,7 +42,7 @@ def test_file_names(name, expected):
 
 
 def test_formats_that_cannot_be_written_are_refused(monkeypatch):
-    with pytest.raises(FifthwheelError, match="--figures: expected svg, png, pdf"):
+    with pytest.raises(FifthwheelError, match="figures: expected svg, png, pdf"):
         page.checked_format("gif")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):

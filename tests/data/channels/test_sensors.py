@@ -11,8 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.workflow.identification import design_run
-from fifthwheel.apps.workflow.states import run_states
+from fifthwheel.apps.workflow.runs import design_run, run_states
 from fifthwheel.base.units import quantity
 from fifthwheel.data.channels import CHANNELS, IDENTIFIED, STEER, error_kinds
 from fifthwheel.data.channels.sensors import SENSOR_CLASSES
@@ -244,7 +243,7 @@ def test_a_check_has_them_too(record: fw.Record, truck: fw.Vehicle) -> None:
 
 def test_states_without_an_identification_note_that_they_do_not_use_them(record: fw.Record, truck: fw.Vehicle) -> None:
     assert run_states([stating(record, {YAW: GYRO})], truck).notes == (
-        "What is stated of the sensors of yaw_rate.tractor is used with --identification only.",
+        "What is stated of the sensors of yaw_rate.tractor is used with identification only.",
     )
     assert run_states([record], truck).notes == ()
 

@@ -318,5 +318,5 @@ def test_a_highest_speed_is_tried_if_it_is_above_the_usual_ones() -> None:
     assert DesignSettings().up_to(70 / 3.6).speeds == usual[:2]
     assert DesignSettings().up_to(40 / 3.6).speeds == (40 / 3.6,)
     assert DesignSettings().up_to(100 / 3.6).speeds == (*usual, 100 / 3.6)
-    with pytest.raises(ValueError, match="--max-speed: expected road speeds of 18 to 144 km/h, got 150 km/h"):
+    with pytest.raises(ValueError, match="max_speed: expected road speeds of 18 to 144 km/h, got 150 km/h"):
         DesignSettings().up_to(150 / 3.6)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cheng_cebon_2011.problem import parameter_unknowns
-from fifthwheel.apps.workflow.settings import chosen_one_stage, identification_settings
+from fifthwheel.apps.workflow.start import chosen_one_stage, identification_settings
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.data.record import Record
@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.statement import stated as stated_on
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters, one_stage_unknowns, time_base_delays
 from fifthwheel.truck import Vehicle, changes, get
 from fifthwheel.truck.quantities import ROADS, quantity_of, unit_of
-from tests.apps.cli.test_cli import run
+from tests.apps.cli.conftest import run
 from tests.truck.test_classes import TEXT
 
 __all__ = ["run"]
@@ -357,14 +357,14 @@ LINEAR: dict[str, str] = {
     "time_base=0.1 +- 1 %": "has the mean 0; state only its standard deviation",
     "others=+- 5 %": "expected 'exact' for so many numbers",
     "*=free": "expected 'exact' for so many numbers",
-    "road.friction=wet": "linear tyres have no friction.*--tyres saturating",
+    "road.friction=wet": 'linear tyres have no friction.*tyres="saturating"',
     "tyre.shape=+- 5 %": "linear tyres have no such parameter",
 }
 OF_SATURATING_TYRES = {
     "road.friction=dusty": "expected a number or one of dry, wet, snow, ice, unknown, got 'dusty'",
     "road.friction=7": "friction: expected between 0.05 and 6, got 7",
     "tyre.shape=free": "is no number of a vehicle file",
-    "softening=+- 50 %": "saturating tyres soften by their law.*--tyres linear",
+    "softening=+- 50 %": 'saturating tyres soften by their law.*tyres="linear"',
 }
 OF_TWO_STAGES = (
     *("tractor.mass=+- 1 %", "tractor.yaw_inertia=free", "yaw_inertia=+- 20 %"),

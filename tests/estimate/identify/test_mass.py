@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import fifthwheel as fw
-from fifthwheel.apps.workflow import drive_vehicle
+from fifthwheel.apps.workflow.measured_vehicle import drive_vehicle
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import check

@@ -7,8 +7,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from fifthwheel.apps.workflow import IdentifyOptions, identification_settings, run_states
+from fifthwheel.apps.workflow.runs import run_states
+from fifthwheel.apps.workflow.start import identification_settings
 from fifthwheel.base.errors import FifthwheelError, VehicleError
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import largest_lateral_acceleration
@@ -202,7 +204,7 @@ def test_linear_identification_with_a_friction(guess: Vehicle) -> None:
     record = response(1.5, 0.3)
     linear = identify([record], guess, OneStage(tyres="linear", check=False))
     run = run_states([record], linear.vehicle, ObserverSettings(friction=0.3), identification=linear, check=False)
-    assert run.notes == ("The identification had linear tyres: identify again with --tyres saturating or auto.",)
+    assert run.notes == ('The identification had linear tyres: identify again with tyres="saturating" or auto.',)
 
 
 @pytest.mark.parametrize("tyres", ["saturating", "auto"])
@@ -254,7 +256,7 @@ def test_options() -> None:
     assert (settings.tyres, settings.given) == ("saturating", {FRICTION: "0.3"})
     with pytest.raises(Exception, match=r"road\.friction=0\.3: linear tyres have no friction"):
         identification_settings(TRUCK, IdentifyOptions(tyres="linear", statements=("road.friction=0.3",)))
-    with pytest.raises(Exception, match="--tyres: needs --method one-stage"):
+    with pytest.raises(Exception, match='tyres: needs method="one_stage"'):
         identification_settings(TRUCK, IdentifyOptions(method="article", tyres="linear"))
     _, settings = identification_settings(TRUCK, IdentifyOptions(tyres="auto", statements=("road.friction=exact",)))
     assert settings.given == {FRICTION: "exact"}

@@ -121,7 +121,7 @@ def test_impossible_courses_are_refused(truck, name, given, message):
     ("name", "message"),
     [
         ("slalom", "manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine, step"),
-        ("everyday", r"manoeuvre: 'everyday' exists only for the nonlinear truck \(--model nonlinear\)"),
+        ("everyday", r"manoeuvre: 'everyday' exists only for the nonlinear truck, or as a steer angle"),
         ("step", "for the linear model choose one of lane_changes, single_sine, step"),
     ],
 )

@@ -93,7 +93,7 @@ def test_it_does_not_depend_on_a_truck_without_a_solution():
 def test_what_is_not_stated_is_named():
     notes = fw.assess(EXACT, nonlinear=False, changes={"driveline.lowest_gear": 11.7}).notes
     body, engine = (note for note in notes if note.startswith("Not assessed"))
-    assert body.endswith("state semitrailer.front_overhang, rear_overhang by --body")
+    assert body.endswith("state semitrailer.front_overhang, rear_overhang by body")
     assert "startability, gradeability, speed on a grade of 1 % and time for 100 m from rest" in engine
     assert "driveline.launch_torque, driveline.final_drive" in engine
     assert "lowest_gear" not in engine

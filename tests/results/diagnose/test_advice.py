@@ -136,7 +136,10 @@ def test_a_logged_roll_rate_needs_more_roll(result, verdict, sigma):
 
 def test_what_separates_correlated_parameters(result):
     stated = f"state {named(AXIS)} with its uncertainty from another source"
-    for other, cure, option in ((AXIS, stated, f"--set {AXIS}='VALUE +- SIGMA'"), ("steer.x.gain", "calibration", "")):
+    for other, cure, option in (
+        (AXIS, stated, f'given={{"{AXIS}": "VALUE +- SIGMA"}}'),
+        ("steer.x.gain", "calibration", ""),
+    ):
         correlated = estimate(HEIGHT, Verdict.NOT_IDENTIFIABLE, correlated_with=(other, REAR))
         (step,) = (s for s in next_steps(of(result, correlated)) if "To identify" in s.message)
         assert step.parameters == (HEIGHT,)
@@ -162,13 +165,14 @@ def test_dominant_uncertainties_are_one_step_for_each_parameter(result):
         "Or calibrate the suspension: by a log with a known payload, or by a static test."
     )
     assert both.option == (
-        f"--set {AXIS}='+- 5 %'\nmass_scale in the vehicle file\n--knowledge RESULT --load NAME\nfifthwheel roll-test"
+        f'given={{"{AXIS}": "+- 5 %"}}\nmass_scale in the vehicle file\nknowledge="RESULT" Occasion(load="NAME")\n'
+        "fifthwheel roll-test"
     )
     masses = step({"mass_scale": 0.6})
     assert masses.message == f"Measure the scale of all masses: about 60 % of the variance of {height} comes from it."
     softening = step({SOFTENING: 0.6})
     assert softening.message.startswith("Drive with less lateral acceleration: 60 % of the variance of")
-    assert softening.option == "--tyres saturating"
+    assert softening.option == 'tyres="saturating"'
 
 
 def test_no_step_has_an_option_or_a_path_in_its_words(result):
@@ -232,14 +236,14 @@ def test_causes_in_words(result, sign):
         ),
         (
             cause({"tractor.softening": sign * 1.0}),
-            f"the tyres of tractor soften more with the slip angle: use --tyres saturating ({times})",
+            f'the tyres of tractor soften more with the slip angle: use tyres="saturating" ({times})',
         ),
         (
             replace(cause({sensitivity: sign * 0.16}), prior_mean=0.2),
             f"{sensitivity} is 1.8 times the value of the vehicle file ({times})"
             if later
             else "the stiffness of the tyres hardly depends on their load, as in simulations with linear tyres: "
-            f"there use --tyres linear ({times})",
+            f'there use tyres="linear" ({times})',
         ),
         (
             cause(

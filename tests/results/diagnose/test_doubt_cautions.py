@@ -1,5 +1,6 @@
 """Causes in words: the described change is the one that the implied deviation means."""
 
+import ast
 import re
 from dataclasses import replace
 
@@ -12,7 +13,6 @@ from fifthwheel.base.names import split_log
 from fifthwheel.estimate.filters.scaling import symbolic_to_p
 from fifthwheel.estimate.identify.doubts import Cause, Evidence
 from fifthwheel.estimate.identify.given import applied
-from fifthwheel.estimate.identify.statement import combined, parse
 from fifthwheel.estimate.identify.unknowns.parameters import one_stage_unknowns, time_base_delays
 from fifthwheel.model.dynamics import TIME_SCALE
 from fifthwheel.results.diagnose.doubt_cautions import _options, describe_cause
@@ -123,12 +123,12 @@ def test_an_uncertain_length_has_the_option_that_estimates_it():
         name="semitrailer.axle_positions", changes=axles | {"semitrailer.static_load": 9e3}, prior_sigmas=12.0
     )
     options = _options(cause, vehicle)
-    assert options == "--set semitrailer.wheelbase='+- 40 cm'"
-    given = combined([parse(options.removeprefix("--set ").replace("'", ""))])
+    assert options == 'given={"semitrailer.wheelbase": "+- 40 cm"}'
+    given = ast.literal_eval(options.removeprefix("given="))
     stated, _ = applied(vehicle, fw.OneStage(given=given))
     assert [stated.stated[path] for path in axles] == pytest.approx([0.4, 0.4, 0.4])
     rear = {"semitrailer.rear.position": 0.37}
-    assert _options(replace(cause, changes=rear), vehicle) == "--set semitrailer.rear.position='+- 40 cm'"
+    assert _options(replace(cause, changes=rear), vehicle) == 'given={"semitrailer.rear.position": "+- 40 cm"}'
     for name, changes in (
         ("semitrailer.mass", {"semitrailer.mass": 2e3}),
         ("x.delay", {"yaw_rate.tractor.delay": 0.1}),

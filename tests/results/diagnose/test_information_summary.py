@@ -162,7 +162,7 @@ def test_the_largest_correlation_is_that_of_an_estimated_unknown(result):
 @pytest.mark.parametrize(
     ("known", "text"),
     [
-        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (--set)"),
+        (("semitrailer.cog",), "if semitrailer.cog is measured and fixed (given)"),
         (("mass_scale",), "if all masses are known exactly (state it in the vehicle file)"),
         (
             ("semitrailer.payload.mass",),
@@ -178,7 +178,7 @@ def test_the_largest_correlation_is_that_of_an_estimated_unknown(result):
             "if the axle positions of the tractor are known exactly (state it in the vehicle file) and the gain of "
             "steer.tractor.front is calibrated",
         ),
-        (("time_base",), "if the rate of the time base is checked (--set time_base=exact)"),
+        (("time_base",), 'if the rate of the time base is checked (given={"time_base": "exact"})'),
         (("steer.tractor.front.play",), "if the play of steer.tractor.front is measured"),
     ],
 )

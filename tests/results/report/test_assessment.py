@@ -65,7 +65,7 @@ def test_the_headline_says_what_is_missed_or_doubtful(assessment):
 
 def test_notes_name_the_assumed_dimensions_and_the_origin_of_sigma(assessment):
     notes = " ".join(explanations(assessment))
-    for text in ("half track 1.000 ± 0.030 m", "rear overhang unknown", "the vehicle file", "--body"):
+    for text in ("half track 1.000 ± 0.030 m", "rear overhang unknown", "the vehicle file", "by body"):
         assert text in notes
 
 

@@ -86,7 +86,7 @@ def test_a_missing_file_is_found_in_a_folder_by_name_and_digest(made):
     (made.parent / "logs").mkdir()
     (made.parent / "run.csv").rename(made.parent / "logs" / "run.csv")
     assert states(made)["run.csv"] == "missing"
-    assert any("--files" in getattr(block, "text", "") for block in verify(made).document().blocks)
+    assert any("folders" in getattr(block, "text", "") for block in verify(made).document().blocks)
     assert states(made, made.parent / "logs")["run.csv"] == "same"
     (made.parent / "logs" / "run.csv").write_text("2")
     assert states(made, made.parent / "logs")["run.csv"] == "differs"

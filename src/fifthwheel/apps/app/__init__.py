@@ -10,8 +10,7 @@
     runs/<name>/      result folders, each as `fifthwheel identify --out` writes it
     .workbench/       versions for undo, and the samples of the logs in a form that is quick to plot
 
-Each module in `pages` has `build(workspace)`, which fills one page. It is called for each tab, with a
-`Workspace` of its own.
+`pages.BUILDERS` has the function that fills each page. It is called for each tab, with a `Workspace` of its own.
 
 - A page reads the documents from `workspace` and changes them by `workspace.write({name: text}, label)` only, which
   is atomic, can be undone, and raises `StaleError` where another tab has changed them since this tab has read them.
@@ -19,8 +18,9 @@ Each module in `pages` has `build(workspace)`, which fills one page. It is calle
 - Computation is not done on the event loop: `await jobs.compute(function, ...)` for what takes up to some seconds, and
   `jobs.start(key, function, ...)` for what has progress and can be cancelled; `layout.show_progress(key)` shows it.
   A job belongs to the server, so that it continues when a tab is closed or reloaded.
-- `inputs.records(folder)` gives the records of the logs that are used, without excluded windows; it is for `jobs`:
+- `runs.records(folder)` gives the records of the logs that are used, without excluded windows; it is for `jobs`:
   `jobs.start("identify", function, workspace.folder)` with a function that calls it in the process.
+- Messages and reports name settings by `base.spelling`; the server and its jobs spell them as questions of the pages.
 - `documents.show(*blocks)` shows blocks of a `Document`, `documents.show_plot(plot)` a `Plot`.
 - After a change that other parts of a page depend on, use `ui.refreshable`. Nothing is kept in a page only.
 """

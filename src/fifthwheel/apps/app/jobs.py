@@ -5,6 +5,7 @@ A job belongs to the server and has a key, so that each tab, also after a reload
 
 import asyncio
 import multiprocessing
+import os
 import threading
 import time
 import traceback
@@ -17,6 +18,7 @@ from typing import Any, Literal, TypeVar
 
 from fifthwheel.apps.cluster import process_pool
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import FrontEnd, front_end, start_front_end
 
 Result = TypeVar("Result")
 
@@ -117,7 +119,9 @@ def start(
         return job
     receiver, sender = _PROCESSES.Pipe(duplex=False)
     job = Job(product=product, on_cancel=on_cancel)
-    job.process = _PROCESSES.Process(target=_work, args=(sender, function, args, options), name=key, daemon=True)
+    job.process = _PROCESSES.Process(
+        target=_work, args=(sender, front_end(), function, args, options), name=key, daemon=True
+    )
     _jobs[key] = job
     job.process.start()
     sender.close()
@@ -125,16 +129,22 @@ def start(
     return job
 
 
+_pool: ProcessPoolExecutor | None = None
+"""The process of `compute`, which is kept so that the imports are not repeated."""
+_worker = 0
+"""Number of this process."""
+_free = threading.Lock()
+
+
 def cancel_all() -> None:
+    """Cancel all jobs, and end the process of `compute`; other children of this process go on."""
+    global _pool
     for job in _jobs.values():
         job.cancel()
     for process in multiprocessing.active_children():
-        process.kill()
-
-
-_pool: ProcessPoolExecutor | None = None
-"""The process of `compute`, which is kept so that the imports are not repeated."""
-_free = threading.Lock()
+        if process.pid == _worker:
+            process.kill()
+    _pool = None
 
 
 async def compute(function: Callable[..., Result], *args: Any) -> Result:
@@ -147,10 +157,12 @@ async def compute(function: Callable[..., Result], *args: Any) -> Result:
 
 
 def _ask(function: Callable[..., Result], args: tuple[Any, ...]) -> Result:
-    global _pool
+    global _pool, _worker
     with _free:
-        _pool = _pool or process_pool(1)
         try:
+            if _pool is None:
+                _pool = process_pool(1)
+                _worker = _pool.submit(os.getpid).result()
             kind, content = _pool.submit(_outcome, function, args, {}).result()
         except BrokenProcessPool:
             _pool = None  # the next computation starts another process
@@ -174,8 +186,15 @@ def _outcome(function: Callable[..., Any], args: tuple[Any, ...], options: dict[
         return "failed", f"internal error, please report it: {type(error).__name__}: {error}"
 
 
-def _work(sender: Connection, function: Callable[..., Any], args: tuple[Any, ...], options: dict[str, Any]) -> None:
+def _work(
+    sender: Connection,
+    words: FrontEnd,
+    function: Callable[..., Any],
+    args: tuple[Any, ...],
+    options: dict[str, Any],
+) -> None:
     """In the child process: compute, and send progress, then the result or the error."""
+    start_front_end(words)
     last, shown = 0.0, ""
 
     def progress(title: str, done: int, total: int) -> None:

@@ -7,7 +7,7 @@ import traceback
 from collections.abc import Awaitable, Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
-from importlib import import_module, resources
+from importlib import resources
 from pathlib import Path
 from typing import Any, TypeVar
 from urllib.parse import urlencode
@@ -15,15 +15,14 @@ from weakref import WeakKeyDictionary
 
 from nicegui import Client, app, events, ui
 
-from fifthwheel.apps.app import jobs, result_files, runs
-from fifthwheel.apps.app.words import in_workbench
+from fifthwheel.apps.app import jobs, runs
 from fifthwheel.apps.app.workspace import StaleError, Workspace
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.truck.spoken_names import spoken
 
 T = TypeVar("T")
 PAGES = ("log", "signals", "truck", "check", "identify", "explore", "compare", "history")
-"""Names of the modules in `pages`, and of the pages, in the order of work; the first has the address /."""
+"""In the order of work; the first has the address /."""
 ICON = (
     '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 16 16">'
     '<path d="M1 4h9v7H1zM11 6h3l1 3v2h-4z" fill="#1f5fa8"/>'
@@ -46,14 +45,14 @@ PROGRESS_POLL = 0.3
 NO_SIGNAL = "No signal has this name."
 
 
-def register(folder: Path) -> None:
+def register(folder: Path, builders: Mapping[str, Callable[[Workspace], None]]) -> None:
+    """Let the server answer with the pages of a workspace; a builder fills each."""
     files = resources.files("fifthwheel.apps.app")
     style, script = (files.joinpath(name).read_text(encoding="utf-8") for name in ("style.css", "page.js"))
     ui.add_head_html(f"<style>{style}</style><script>{script}</script>", shared=True)
-    result_files.register(folder)
     logging.getLogger("nicegui").addFilter(_without_traceback)
     for name in PAGES:
-        _register(name, folder)
+        _register(name, builders[name], folder)
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
@@ -63,15 +62,13 @@ def _without_traceback(record: logging.LogRecord) -> bool:
     return True
 
 
-def _register(name: str, folder: Path) -> None:
-    module = import_module(f"fifthwheel.apps.app.pages.{name}")
-
+def _register(name: str, build: Callable[[Workspace], None], folder: Path) -> None:
     @ui.page(address(name), title=f"{name.capitalize()} - {printable(folder.name)} - fifthwheel", language="en-US")
     def page() -> None:
         workspace = Workspace(folder)
         with frame(workspace, name):
             try:
-                module.build(workspace)
+                build(workspace)
             except runs.MissingError as missing:
                 next_step(str(missing), missing.page)
             except FifthwheelError as error:
@@ -174,7 +171,7 @@ def next_step(message: str, page: str) -> None:
     """What is missing on this page, and a link to the page that provides it."""
     with ui.element("div").classes("fw-next"):
         ui.icon("info", size="sm").props("aria-hidden=true")
-        ui.label(in_workbench(message))
+        ui.label(message)
         ui.link(f"To the page {page.capitalize()}", address(page))
 
 
@@ -183,17 +180,17 @@ def finding(severity: str, message: str) -> None:
     with ui.element("div").classes(f"fw-finding {severity}"):
         icons = {"error": "error", "warning": "warning", "good": "check_circle"}
         ui.icon(icons[severity]).props("role=img aria-hidden=false").props["aria-label"] = severity
-        ui.label(in_workbench(message))
+        ui.label(message)
 
 
 def failure(message: str) -> ui.label:
     """A message in the page; screen readers read it at once."""
-    return ui.label(in_workbench(message)).classes("text-negative").style("white-space: pre-line").props("role=alert")
+    return ui.label(message).classes("text-negative").style("white-space: pre-line").props("role=alert")
 
 
 def say(message: str) -> None:
     """A short note that vanishes; screen readers read it."""
-    ui.notify(in_workbench(message), position="bottom", multi_line=True)
+    ui.notify(message, position="bottom", multi_line=True)
 
 
 async def confirmed(question: str, action: str) -> bool:
@@ -372,7 +369,7 @@ def _show_error(error: Exception) -> None:
         ui.notify(str(error), type="warning", timeout=8000)
         ui.timer(2.0, reload, once=True)
     elif isinstance(error, FifthwheelError):
-        ui.notify(in_workbench(str(error)), type="negative", multi_line=True, timeout=10000, close_button="Close")
+        ui.notify(str(error), type="negative", multi_line=True, timeout=10000, close_button="Close")
     elif isinstance(error, OSError):
         ui.notify(f"{error.filename or 'file'}: {error.strerror or error}", type="negative", close_button="Close")
     else:

@@ -15,6 +15,7 @@ from fifthwheel.apps.app.access import MAX_FILE, Access, Guard
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.extras import require
+from fifthwheel.base.spelling import start_front_end
 
 
 def serve(
@@ -76,11 +77,14 @@ def application(folder: Path, access: Access, started: Callable[[], None] = lamb
     from nicegui import app as pages
     from nicegui import ui
 
-    from fifthwheel.apps.app import inputs, jobs, layout
+    from fifthwheel.apps.app import documents, jobs, layout, runs
+    from fifthwheel.apps.app.pages import BUILDERS
 
-    layout.register(folder)
+    start_front_end("workbench")
+    layout.register(folder, BUILDERS)
+    documents.register_files(folder)
     pages.on_startup(started)
-    pages.on_startup(lambda: jobs.compute(inputs.prepare))
+    pages.on_startup(lambda: jobs.compute(runs.prepare))
     pages.on_shutdown(jobs.cancel_all)
     server = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
     ui.run_with(

@@ -10,23 +10,17 @@ import typer
 
 from fifthwheel import __version__
 from fifthwheel.apps.cli import (  # importing a command registers it
-    evaluate,  # noqa: F401
     export,  # noqa: F401
-    fleet,  # noqa: F401
     identify,  # noqa: F401
     knowledge,  # noqa: F401
-    live,  # noqa: F401
-    predict,  # noqa: F401
     results,  # noqa: F401
-    selfcheck,  # noqa: F401
-    signals,  # noqa: F401
+    serve,  # noqa: F401
     simulate,  # noqa: F401
-    states,  # noqa: F401
     vehicles,  # noqa: F401
-    workbench,  # noqa: F401
 )
 from fifthwheel.apps.cli.app import app
 from fifthwheel.base.atomic import clean_up
+from fifthwheel.base.spelling import spelled_for
 
 
 def _print_version(requested: bool) -> None:
@@ -37,11 +31,13 @@ def _print_version(requested: bool) -> None:
 
 @app.callback()
 def _options(
+    context: typer.Context,
     version: Annotated[
         bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
     ] = False,
 ) -> None:
     """Options before the command."""
+    context.with_resource(spelled_for("command line"))
 
 
 _UsageError: Any = next(kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException")

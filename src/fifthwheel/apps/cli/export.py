@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from fifthwheel.apps.cli import options, terminal
+from fifthwheel.apps.cli import common
 from fifthwheel.apps.cli.app import command, export_app
 from fifthwheel.base.atomic import reserved, result_folder
 from fifthwheel.base.options import ObserverOptions
 from fifthwheel.base.settings import arguments
 
 if TYPE_CHECKING:
+    from fifthwheel.estimate.identify import Identification
     from fifthwheel.estimate.observe import Observer
+    from fifthwheel.estimate.online import Learner
+    from fifthwheel.truck import Vehicle
 
 IDENTIFICATION = "An identification.json: sensor errors and noise that all its logs share"
 MEASURED = (
@@ -30,11 +33,11 @@ MEASURED = (
     of=export_app,
 )
 def c(
-    vehicle: options.VehicleOption,
+    vehicle: common.VehicleOption,
     identification: Annotated[
         Path | None,
         typer.Option(
-            "--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings. {options.OF_RESULT}"
+            "--identification", "-i", help=f"{IDENTIFICATION}; of a learner, the settings. {common.OF_RESULT}"
         ),
     ] = None,
     signal: Annotated[
@@ -53,9 +56,9 @@ def c(
     segment: Annotated[
         int | None, typer.Option(min=1, help="Of a learner: samples of such a segment; they stay in memory.")
     ] = None,
-    out: options.OutOption = Path("fifthwheel-c"),
-    force: options.ForceOption = False,
-    as_json: options.JsonOption = False,
+    out: common.OutOption = Path("fifthwheel-c"),
+    force: common.ForceOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Write the state observer of a vehicle, or its learner, as a library in C99 with a build file and a test program.
 
@@ -63,40 +66,30 @@ def c(
     cos and atan); it computes in double or, with -DFW_FLOAT, in single precision. It treats missing samples, gaps and
     wrong measurements like `fifthwheel states`; a learner does what `Learner` does in Python.
     """
-    from fifthwheel.apps.workflow import exported_learner, read_vehicle, vehicle_and_identification
+    from fifthwheel.apps.workflow.runs import exported_learner, exported_observer
     from fifthwheel.base.errors import FifthwheelError
-    from fifthwheel.estimate.identify import Identification
-    from fifthwheel.estimate.observe import Observer
-    from fifthwheel.estimate.online import Learner
     from fifthwheel.results.export import FILES, LEARNER_FILES, export_c
 
-    vehicle, identification = vehicle_and_identification(vehicle, identification)
+    if learner and chosen.estimate_bank:
+        raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
+    if learner and (refused := _of_an_observer(chosen)):
+        raise FifthwheelError(f"{', '.join(refused)}: only for an observer; omit it, or --learner")
+    if not learner and (passes is not None or segment is not None):
+        raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
+    truck, stored, read = _known(vehicle, identification)
     estimator: Observer | Learner
     if learner:
-        if chosen.estimate_bank:
-            raise FifthwheelError("--bank: a learner always has the bank of the road as a state; omit --bank")
-        if refused := _of_an_observer(chosen):
-            raise FifthwheelError(f"{', '.join(refused)}: only for an observer; omit it, or --learner")
-        stored = Identification.load(identification) if identification else None
-        estimator = exported_learner(
-            read_vehicle(vehicle), signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment
-        )
+        estimator = exported_learner(truck, signal, stored, min_speed=chosen.min_speed, passes=passes, segment=segment)
         setup = estimator.live.setup
-        described = {
-            "inputs": setup.inputs,
-            "measured": setup.outputs,
-            "estimated": tuple(u.name for u in setup.estimated_unknowns),
-        }
+        estimated = tuple(unknown.name for unknown in setup.estimated_unknowns)
+        described = {"inputs": setup.inputs, "measured": setup.outputs, "estimated": estimated}
     else:
-        if passes is not None or segment is not None:
-            raise FifthwheelError("--passes, --segment: settings of a learner; add --learner, or omit them")
-        estimator = _observer(vehicle, identification, signal, chosen)
+        estimator = exported_observer(truck, signal, stored, chosen)
         described = {"inputs": estimator.inputs, "measured": estimator.outputs, "states": estimator.reported}
-    read = [Path(vehicle), *([identification] if identification else [])]
     names = LEARNER_FILES if learner else FILES
     with result_folder(out, "export c", names, inputs=read, force=force) as folder:
-        files = terminal.in_folder(out, [path.name for path in export_c(estimator, folder)])
-    terminal.print_result(described, None, files, as_json=as_json)
+        files = common.in_folder(out, [path.name for path in export_c(estimator, folder)])
+    common.print_result(described, None, files, as_json=as_json)
 
 
 @command(
@@ -106,14 +99,14 @@ def c(
     of=export_app,
 )
 def fmu(
-    vehicle: options.VehicleOption,
+    vehicle: common.VehicleOption,
     what: Annotated[
         Literal["observer", "truck"], typer.Option(help="The state observer, or the linear model of the truck.")
     ] = "observer",
     fmi: Annotated[int, typer.Option(min=2, max=3, help="Version of the standard: 2 (2.0) or 3 (3.0).")] = 3,
     identification: Annotated[
         Path | None,
-        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}. {options.OF_RESULT}"),
+        typer.Option("--identification", "-i", help=f"{IDENTIFICATION}. {common.OF_RESULT}"),
     ] = None,
     signal: Annotated[
         list[str] | None,
@@ -138,15 +131,16 @@ def fmu(
     out: Annotated[
         Path | None, typer.Option("--out", "-o", help="File to write. Default: fifthwheel-observer.fmu or -truck.fmu.")
     ] = None,
-    force: options.ForceFileOption = False,
-    as_json: options.JsonOption = False,
+    force: common.ForceFileOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Write the state observer, or the linear model of the truck, as an FMU for Simulink, Modelica and other tools.
 
     The FMU is for co-simulation. It has its sources, and libraries for 64-bit Linux and Windows, compiled by ziglang
     (pip install 'fifthwheel[fmu]').
     """
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
+    from fifthwheel.apps.workflow.runs import exported_observer
     from fifthwheel.base.errors import FifthwheelError
     from fifthwheel.results.export import PLATFORMS, export_fmu
 
@@ -159,12 +153,12 @@ def fmu(
         raise FifthwheelError(f"{', '.join(refused)}: only for --what {other}; remove it, or export the {other}")
     with reserved(path, force=force):
         if what == "observer":
-            observer = _observer(vehicle, identification, signal, chosen)
-            export_fmu(observer, path, fmi=fmi, platforms=platforms)
+            truck, stored, _ = _known(vehicle, identification)
+            export_fmu(exported_observer(truck, signal, stored, chosen), path, fmi=fmi, platforms=platforms)
         else:
             export_fmu(read_vehicle(vehicle), path, fmi=fmi, outputs=signal, tunable=tunable, platforms=platforms)
     if as_json:
-        terminal.print_json({"file": str(path), "fmi": fmi, "platforms": platforms})
+        common.print_json({"file": str(path), "fmi": fmi, "platforms": platforms})
     else:
         typer.echo(f"{path}: FMI {fmi}.0 co-simulation, {', '.join(platforms) or 'sources only'}")
 
@@ -174,13 +168,11 @@ def _of_an_observer(chosen: ObserverOptions) -> list[str]:
     return [text.partition("=")[0] for text in arguments(replace(chosen, min_speed=ObserverOptions.min_speed))]
 
 
-def _observer(
-    vehicle: str, identification: Path | None, signals: list[str] | None, chosen: ObserverOptions
-) -> "Observer":
-    """The observer that the options describe."""
-    from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
+def _known(vehicle: str, identification: Path | None) -> "tuple[Vehicle, Identification | None, list[Path]]":
+    """The vehicle, the identification if there is one, and the files that were read."""
+    from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
     from fifthwheel.estimate.identify import Identification
 
     vehicle, identification = vehicle_and_identification(vehicle, identification)
-    stored = Identification.load(identification) if identification else None
-    return exported_observer(read_vehicle(vehicle), signals, stored, **vars(chosen))
+    files = [Path(vehicle), *([identification] if identification else [])]
+    return read_vehicle(vehicle), Identification.load(identification) if identification else None, files

@@ -7,10 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from fifthwheel.apps.cli import terminal
+from fifthwheel.apps.cli import common
 from fifthwheel.apps.cli.app import command
-from fifthwheel.apps.cli.options import ForceFileOption, ForceOption, JsonOption, OutOption, VehicleOption
-from fifthwheel.apps.cli.terminal import print_json, progress_bar
 from fifthwheel.base.atomic import reserved, result_folder
 
 if TYPE_CHECKING:
@@ -30,7 +28,7 @@ if TYPE_CHECKING:
 )
 def simulate(
     log: Annotated[Path, typer.Argument(help="File to write: .csv or .parquet.", show_default=False)],
-    vehicle: VehicleOption = "cheng_cebon_2011",
+    vehicle: common.VehicleOption = "cheng_cebon_2011",
     model: Annotated[
         Literal["linear", "nonlinear", "longitudinal"],
         typer.Option(
@@ -78,11 +76,11 @@ def simulate(
             help="Write all true signals (tyre forces, positions, ...) as reference signals; nonlinear only.",
         ),
     ] = False,
-    force: ForceFileOption = False,
-    as_json: JsonOption = False,
+    force: common.ForceFileOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Simulate a log with the noise of real gyros, and the true states as reference signals."""
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
     from fifthwheel.base.errors import SignalError
     from fifthwheel.data.logs import write_record
     from fifthwheel.data.logs.files import record_writer
@@ -114,7 +112,7 @@ def simulate(
         else:
             if yaw_only:
                 raise SignalError("--yaw-only: the nonlinear vehicle always rolls; remove it, or use --model linear")
-            from fifthwheel.apps.workflow.settings import named_texts
+            from fifthwheel.apps.workflow.start import named_texts
             from fifthwheel.model.manoeuvres import course as make_course
             from fifthwheel.model.plant import Plant, Properties
             from fifthwheel.model.plant.properties import with_changes
@@ -125,13 +123,13 @@ def simulate(
             changed = named_texts("--with", properties or (), "PROPERTY=VALUE, such as 'bank=2 deg'")
             plant = Plant(truck, with_changes(Properties(), changed))
             powertrain = _driven(truck, seed) if manoeuvre == "everyday" else None
-            with progress_bar(quiet=as_json) as progress:
+            with common.progress_bar(quiet=as_json) as progress:
                 run = plant.drive(course, rate=rate, driven=powertrain, seed=seed, name=log.stem, progress=progress)
             record = run.record(fitted, seed=seed, everything=all_truth)
         write_record(record, log)
     if as_json:
         signals = {"signals": list(record.signals), "reference": list(record.reference)}
-        print_json({"file": str(log), "files": files, "samples": len(record), "span": record.span, **signals})
+        common.print_json({"file": str(log), "files": files, "samples": len(record), "span": record.span, **signals})
     else:
         duration = record.span[1] - record.span[0]
         typer.echo(f"{', '.join(files)}: {len(record)} samples, {duration:.0f} s at {record.rate:.0f} Hz")
@@ -155,7 +153,7 @@ def _driven(truck: "Vehicle", seed: int) -> "DrivenTruck":
     "fifthwheel reproduce --quick --seeds 10 --arms default --vehicle truck.toml",
 )
 def reproduce(
-    out: OutOption = Path("fifthwheel-reproduction"),
+    out: common.OutOption = Path("fifthwheel-reproduction"),
     quick: Annotated[
         bool, typer.Option("--quick", help="Fewer seeds and lane changes, and no study of settings.")
     ] = False,
@@ -177,8 +175,8 @@ def reproduce(
             "settings.",
         ),
     ] = None,
-    force: ForceOption = False,
-    as_json: JsonOption = False,
+    force: common.ForceOption = False,
+    as_json: common.JsonOption = False,
 ) -> None:
     """Reproduce sections 3 and 4 of Cheng and Cebon (2011) with the nonlinear vehicle.
 
@@ -190,14 +188,14 @@ def reproduce(
     from fifthwheel.apps.cheng_cebon_2011 import table
     from fifthwheel.apps.cheng_cebon_2011.reproduce import FILES
     from fifthwheel.apps.cheng_cebon_2011.reproduce import reproduce as run
-    from fifthwheel.apps.workflow import read_vehicle
+    from fifthwheel.apps.workflow.inputs import read_vehicle
 
     truck = None if vehicle is None else read_vehicle(vehicle)
     with (
         result_folder(out, "reproduce", FILES, inputs=[Path(vehicle)] if vehicle else (), force=force) as folder,
-        terminal.progress_bar(quiet=as_json) as progress,
+        common.progress_bar(quiet=as_json) as progress,
     ):
         result = run(folder, quick=quick, seeds=seeds, arms=arms or (), vehicle=truck, progress=progress)
-    files = terminal.in_folder(out, [path.name for path in result.files])
+    files = common.in_folder(out, [path.name for path in result.files])
     contents = {"rows": [asdict(row) for row in result.rows]}
-    terminal.print_result(contents, partial(table.document, result.rows), files, as_json=as_json)
+    common.print_result(contents, partial(table.document, result.rows), files, as_json=as_json)

@@ -22,8 +22,9 @@ from fifthwheel.apps.live.session import Session
 from fifthwheel.apps.live.sources.bus import LiveBus, frame_queue
 from fifthwheel.apps.live.sources.feed import listen, read_trace, replay
 from fifthwheel.apps.selfcheck import MACHINE_CODE, self_check
-from fifthwheel.apps.workflow import exported_observer, read_vehicle, vehicle_and_identification
-from fifthwheel.apps.workflow.settings import targets_of
+from fifthwheel.apps.workflow.inputs import read_vehicle, vehicle_and_identification
+from fifthwheel.apps.workflow.runs import exported_observer
+from fifthwheel.apps.workflow.start import targets_of
 from fifthwheel.base.atomic import reserved
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.options import LiveOptions, ObserverOptions
@@ -247,7 +248,8 @@ def make_observer(
     """The observer of a vehicle with the signals of a completed map; settings and errors of `exported_observer`."""
     every = Observer(vehicle, signal_map.signals)
     used = [name for name in signal_map.signals if name in every.signals]
-    observer = exported_observer(vehicle, used, identification, min_speed=min_speed, **settings)
+    options = ObserverOptions(min_speed=min_speed, **settings)
+    observer = exported_observer(vehicle, used, identification, options)
     straight = dict.fromkeys(used, 0.0) | {"speed": 2 * min_speed}
     for time in (0.0, 0.01):  # compiles it now, and not while driving
         observer.push({"time": time, **straight})

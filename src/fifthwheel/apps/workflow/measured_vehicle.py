@@ -27,25 +27,6 @@ ON_BOARD_ACCURACY = 0.05
 
 
 @dataclass(frozen=True, kw_only=True)
-class AxleLoadDifference:
-    """An axle group whose load in a log is not that of the vehicle file."""
-
-    log: str
-    group: str
-    """Path of the axle group."""
-    measured: float
-    """N"""
-    expected: float
-    """N, the static load by the vehicle file."""
-
-    def __str__(self) -> str:
-        return (
-            f"{self.log}: {PREFIX}{self.group} is {self.measured / 1e3:.1f} kN, the vehicle file gives "
-            f"{self.expected / 1e3:.1f} kN; `fifthwheel weigh` takes masses and CoG from the log"
-        )
-
-
-@dataclass(frozen=True, kw_only=True)
 class WeighedVehicle:
     """A vehicle with masses and CoG positions from the axle loads of a log or a slip."""
 
@@ -66,34 +47,28 @@ class WeighedVehicle:
         }
 
 
-def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> tuple[AxleLoadDifference, ...]:
+def axle_load_differences(vehicle: Vehicle, records: Sequence[Record]) -> list[str]:
     """Axle loads in the logs that differ from the vehicle file by more than the accuracy of on-board weighing.
 
     A SignalError for an axle load with too few samples at rest or on a straight.
     """
     weighed = [record for record in records if any(name.startswith(PREFIX) for name in record.signals)]
     expected = vehicle.axle_loads() if weighed else {}
-    return tuple(
-        AxleLoadDifference(log=record.name, group=group, measured=load.value, expected=expected[group])
+    return [
+        f"{record.name}: {PREFIX}{group} is {load.value / 1e3:.1f} kN, the vehicle file gives "
+        f"{expected[group] / 1e3:.1f} kN; `fifthwheel weigh` takes masses and CoG from the log"
         for record in weighed
         for group, load in static_loads(record).items()
         if group in expected and abs(load.value / expected[group] - 1) > ON_BOARD_ACCURACY
-    )
+    ]
 
 
 def weigh_by_slip(slip: Slip, text: str, *, name: str = "slip") -> WeighedVehicle:
-    """Masses and CoG positions from weighbridge slips, with their standard deviations.
+    """Masses and CoG positions from weighbridge slips, with their standard deviations, in the text of a vehicle file.
 
     Without an empty slip, the trailer without its load has the mass of the vehicle file. Inertias stay, unless the
-    classes of the units give them.
-
-    Args:
-        slip: the loads.
-        text: vehicle file of a tractor with two axle groups and a trailer with one.
-        name: of the slip, for the source of the vehicle.
-
-    Raises:
-        VehicleError: the vehicle has other axle groups, or the loads are not complete or contradict each other.
+    classes of the units give them. A VehicleError unless the vehicle is a tractor with two axle groups and a trailer
+    with one, or if the loads are not complete or contradict each other.
     """
     vehicle = Vehicle.loads(text)
     if [len(unit.axle_groups) for unit in vehicle.units] != [2, 1]:
@@ -185,11 +160,9 @@ def drive_vehicle(records: Sequence[Record], text: str) -> DrivenVehicle:
     `estimate.identify.mass`.
 
     The other masses stay, and so do their standard deviations. The mass of the laden unit has the joint standard
-    deviation of the measurements and the other units; its body keeps its own.
-
-    Raises:
-        SignalError: the logs do not determine the mass, or driving and weights contradict each other.
-        VehicleError: no unit has a payload, or several; or the gross mass leaves nothing for the payload.
+    deviation of the measurements and the other units; its body keeps its own. A SignalError if the logs do not
+    determine the mass, or driving and weights contradict each other; a VehicleError unless one unit has a payload, or
+    if the gross mass leaves nothing for it.
     """
     vehicle = Vehicle.loads(text)
     result, before = gross_mass(records, vehicle), mass_of_file(vehicle)
@@ -241,17 +214,11 @@ def _rounded(vehicle: Vehicle, before: Vehicle) -> Vehicle:
 
 
 def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> WeighedVehicle:
-    """Masses and CoG positions from the axle loads of a log; yaw and roll inertias stay.
+    """Masses and CoG positions from the axle loads of a log, in the text of a vehicle file; inertias stay.
 
-    Args:
-        record: the log.
-        text: vehicle file.
-        tolerance: allowed difference of the front axle's load from the expected one, as a fraction of the tractor's
-            load.
-
-    Raises:
-        SignalError: the log has no axle load, or one of a group that the vehicle does not have.
-        VehicleError: the loads contradict each other.
+    `tolerance` is the allowed difference of the front axle's load from the expected one, as a fraction of the tractor's
+    load. A SignalError for a log without axle loads or with one of an unknown group, a VehicleError if they contradict
+    each other.
     """
     vehicle = Vehicle.loads(text)
     groups = vehicle.axle_loads()

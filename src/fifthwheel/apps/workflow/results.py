@@ -5,15 +5,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from fifthwheel.apps.workflow.identification import IdentificationRun
 from fifthwheel.apps.workflow.inputs import identification_file, read_vehicle
-from fifthwheel.apps.workflow.note import Note
-from fifthwheel.apps.workflow.start import Start
-from fifthwheel.apps.workflow.states import StatesRun
+from fifthwheel.apps.workflow.runs import IdentificationRun, StatesRun
+from fifthwheel.apps.workflow.start import Note, Start
 from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.memory import release_memory
 from fifthwheel.base.pages.page import write as write_page
+from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.storage import read_contents
@@ -45,15 +44,13 @@ VALIDATION_FILES = ("validation.json", "validation.html")
 def read_truck(name: str) -> Vehicle | Identification:
     """The identification in a result folder or of an identification.json, or the vehicle as of `read_vehicle`.
 
-    Raises:
-        SignalError: the identification cannot be read.
-        VehicleError: no such folder, file or vehicle of the catalogue; or a folder without a result.
+    A SignalError if the identification cannot be read, a VehicleError if neither exists.
     """
     path = identification_file(name)
     if path is not None and Path(name).is_dir() and not path.exists():
         found = "give a vehicle file, or the result folder of `fifthwheel identify`"
         if path.with_name(KNOWLEDGE).exists():
-            found = f"give a vehicle file too: --vehicle truck.toml --knowledge {name}"
+            found = f"give a vehicle file too: {setting('vehicle', 'truck.toml')} {setting('knowledge', name)}"
         raise VehicleError(f"{name}: a folder without identification.json; {found}")
     return read_vehicle(name) if path is None else Identification.load(path)
 
@@ -67,17 +64,9 @@ def write_assessment(
     provenance: Provenance | None = None,
     figures: str | None = None,
 ) -> dict[str, Path]:
-    """Write assessment.json, assess.html and evidence.html to an existing folder; returns the path of each by its name.
+    """Write assessment.json, assess.html and evidence.html; arguments, result and errors as of `write_results`.
 
-    Args:
-        source: file of the identification that was assessed, whose conclusion and note are part of the evidence.
-        identification: content of this file.
-        provenance: command, input files and versions, for the page.
-        figures: "svg", "png" or "pdf" to write every figure of the page into the folder figures.
-
-    Raises:
-        FifthwheelError: figures without matplotlib, or of another format.
-        OSError: a file cannot be written.
+    `source` is the file of the identification that was assessed, whose conclusion and note are part of the evidence.
     """
     contents, page, sheet = (folder / name for name in ASSESSMENT_FILES)
     evidence = TruckEvidence(
@@ -107,8 +96,7 @@ def write_evaluation(
     provenance: Provenance | None = None,
     figures: str | None = None,
 ) -> dict[str, Path]:
-    """Write the JSON and HTML file of an evaluation or a validation to an existing folder; arguments and errors as
-    `write_assessment`."""
+    """Write the JSON and HTML file of an evaluation or a validation; else as `write_results`."""
     names = EVALUATION_FILES if isinstance(evaluation, Evaluation) else VALIDATION_FILES
     write_json(folder / names[0], evaluation.as_dict() | _origin(provenance))
     drawn = write_evaluation_report(folder / names[1], evaluation, provenance=provenance, figures=figures)
@@ -137,7 +125,6 @@ def write_results(
     identification.json, vehicle.toml and knowledge.json.
 
     Args:
-        run: what to write.
         folder: an existing folder.
         provenance: command, input files and versions, for the report and the JSON file.
         figures: "svg", "png" or "pdf" to write every figure of the report into the folder figures.

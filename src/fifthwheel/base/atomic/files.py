@@ -11,6 +11,7 @@ from typing import Any
 
 from fifthwheel.base.atomic.locks import cleaned_up, held, try_lock
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import setting
 
 _SUFFIX = ".part"
 
@@ -71,7 +72,7 @@ def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(path)) from error
             if os.path.lexists(path) and not force:
-                raise FifthwheelError(f"{path}: exists; write to another file, or replace it with --force")
+                raise FifthwheelError(f"{path}: exists; write to another file, or replace it with {setting('force')}")
         yield
 
 

@@ -19,6 +19,7 @@ from fifthwheel import __version__
 from fifthwheel.base.atomic.files import write_json
 from fifthwheel.base.atomic.locks import cleaned_up, held
 from fifthwheel.base.errors import FifthwheelError
+from fifthwheel.base.spelling import setting
 
 MANIFEST = "run.json"
 """Command, version, and the SHA-256 of every result by its path in the folder; present only if the results are
@@ -82,7 +83,7 @@ def replaced_result(path: Path) -> Iterator[Path]:
         if run["files"].get(path.name) != _digest(path):
             raise FifthwheelError(
                 f"{path}: changed since fifthwheel {run['command']} wrote it, so it is not replaced; write to another "
-                "file with --out"
+                f"file with {setting('out')}"
             )
         with cleaned_up(lambda: _settle(folder)):
             (folder / _NEW).mkdir(parents=True)
@@ -203,8 +204,8 @@ def _check_replaced(folder: Path, command: str, names: Iterable[str], inputs: Co
     earlier = _manifest(folder)
     if earlier and earlier["command"] != command and not force:
         raise FifthwheelError(
-            f"{folder}: contains the results of fifthwheel {earlier['command']}; choose another folder with --out, or "
-            "replace them with --force"
+            f"{folder}: contains the results of fifthwheel {earlier['command']}; choose another folder with "
+            f"{setting('out')}, or replace them with {setting('force')}"
         )
     known = {**earlier["files"], MANIFEST: _digest(folder / MANIFEST)} if earlier else {}
     for name in names:
@@ -215,11 +216,12 @@ def _check_replaced(folder: Path, command: str, names: Iterable[str], inputs: Co
         if digest != known.get(name):
             raise FifthwheelError(
                 f"{path}: not written by an earlier fifthwheel {command}, or changed since; choose another folder with "
-                "--out, or replace it with --force"
+                f"{setting('out')}, or replace it with {setting('force')}"
             )
         if _is_one_of(path, inputs):
             raise FifthwheelError(
-                f"{path}: is an input of this command; choose another folder with --out, or replace it with --force"
+                f"{path}: is an input of this command; choose another folder with {setting('out')}, or replace it with "
+                f"{setting('force')}"
             )
 
 
@@ -227,9 +229,13 @@ def _check_place(folder: Path, name: str) -> None:
     """Refuse a name that a file cannot be renamed to, or that a link leads out of the folder."""
     for parent in (folder / parent for parent in _parents(name)):
         if os.path.lexists(parent) and (parent.is_symlink() or not parent.is_dir()):
-            raise FifthwheelError(f"{parent}: expected a folder; move it away, or choose another one with --out")
+            raise FifthwheelError(
+                f"{parent}: expected a folder; move it away, or choose another one with {setting('out')}"
+            )
     if (folder / name).is_dir():
-        raise FifthwheelError(f"{folder / name}: is a folder; move it away, or choose another one with --out")
+        raise FifthwheelError(
+            f"{folder / name}: is a folder; move it away, or choose another one with {setting('out')}"
+        )
 
 
 def _manifest(folder: Path) -> dict[str, Any] | None:

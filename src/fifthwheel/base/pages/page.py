@@ -23,6 +23,7 @@ from fifthwheel.base.extras import require
 from fifthwheel.base.native import cache
 from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot, plotly_figure
+from fifthwheel.base.spelling import setting
 
 POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
 """What the page may load: nothing from elsewhere."""
@@ -118,11 +119,11 @@ def checked_format(name: str) -> str:
         FifthwheelError: the format is unknown, or matplotlib is not installed.
     """
     if name not in IMAGE_FORMATS:
-        raise FifthwheelError(f"--figures: expected {', '.join(IMAGE_FORMATS)}, got {name}")
+        raise FifthwheelError(f"{setting('figures')}: expected {', '.join(IMAGE_FORMATS)}, got {name}")
     try:
         require("matplotlib", "figures")
     except FifthwheelError as error:
-        raise FifthwheelError(f"--figures: {error}") from None
+        raise FifthwheelError(f"{setting('figures')}: {error}") from None
     return name
 
 

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from fifthwheel.base.arguments import expect, expect_optional
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import SignalError, printable
+from fifthwheel.base.spelling import command
 from fifthwheel.data.channels import REFERENCE, header, split_header, split_reference
 from fifthwheel.data.logs.assemble import Window, assemble
 from fifthwheel.data.logs.readers import open_log
@@ -73,7 +74,7 @@ def record_of(
         names = ", ".join(list(log.columns)[:_LISTED_COLUMNS]) + (f" and {more} more" if more > 0 else "")
         raise SignalError(
             f"{log.name}: no column has the name of a signal, the columns are {names}; map columns to "
-            "signals in a signals.toml, which `fifthwheel signals` proposes:\n"
+            f"signals in a signals.toml, which {command('signals')} proposes:\n"
             f'[signals."yaw_rate.tractor"]\ncolumn = "..."\nunit = "deg/s"'
         )
     return assemble(log, complete, name=printable(name), exclude=exclude, progress=progress)

@@ -11,6 +11,7 @@ import numpy as np
 import fifthwheel
 from fifthwheel.base.arguments import expect, expect_names, expect_optional
 from fifthwheel.base.errors import SignalError, VehicleError
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import GYROS, MOTION, is_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.design.predict import InformationPredictor, possible_channels
@@ -193,7 +194,9 @@ def default_targets(vehicle: Vehicle, settings: OneStage) -> dict[str, float]:
     estimated = parameters.estimated_parameters(vehicle, settings)
     names = [name for name in parameters.stage_1_names(vehicle) if name in estimated]
     if not names:
-        raise VehicleError("targets: every cornering stiffness and yaw inertia is exact; give a target (--target)")
+        raise VehicleError(
+            f"targets: every cornering stiffness and yaw inertia is exact; give a target ({setting('target')})"
+        )
     return dict.fromkeys(names, DEFAULT_TARGET)
 
 

@@ -9,6 +9,7 @@ from pydantic import Field
 
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.settings import Count, NonNegative, Positive, Settings
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.design.impulse_response import ImpulseResponse
 from fifthwheel.estimate.design.predict import InformationPredictor
@@ -65,7 +66,9 @@ class DesignSettings(Settings):
         """These settings with the candidate speeds up to a highest one, m/s, and with that one if all are higher or
         lower; a SignalError if it is no road speed."""
         if not SPEED_RANGE[0] <= speed <= SPEED_RANGE[1]:
-            raise SignalError(f"--max-speed: {ROAD_SPEEDS}, got {3.6 * speed:.4g} km/h; the linear model needs them")
+            raise SignalError(
+                f"{setting('max_speed')}: {ROAD_SPEEDS}, got {3.6 * speed:.4g} km/h; the linear model needs them"
+            )
         slower = tuple(v for v in self.speeds if v < speed + 0.01)
         is_new = not slower or speed > max(self.speeds) + 0.01
         return replace(self, speeds=(*slower, speed) if is_new else slower)

@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.memory import release_memory
+from fifthwheel.base.spelling import command
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
     ARTICULATION,
@@ -171,8 +172,8 @@ def prepare_dataset(
     notes += _lone_axles(vehicle)
     if vehicle.assumed:
         notes.append(
-            f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed. `fifthwheel vehicle "
-            "show` gives each with its uncertainty, source and effect."
+            f"{len(vehicle.assumed)} numbers are not in the vehicle file and are assumed: {command('vehicle show')} "
+            "gives each with its uncertainty, source and effect."
         )
     inputs = ("speed", *steered.steer_signals())
 

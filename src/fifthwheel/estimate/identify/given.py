@@ -11,6 +11,7 @@ from typing import TypeVar
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, begins_with, ends_with
 from fifthwheel.base.options import FRICTION_RANGE
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import (
     SPEED,
     STEER,
@@ -252,11 +253,11 @@ def _refuse(
             if chosen.one_stage is None:
                 raise VehicleError(f"{each}: needs one stage; remove it, or choose that method")
             noun = "friction" if applies(each, FRICTION) else "such parameter"
-            raise VehicleError(
-                f"{each}: linear tyres have no {noun}; choose saturating tyres (--tyres saturating), or remove it"
-            )
+            law = setting("tyres", "saturating")
+            raise VehicleError(f"{each}: linear tyres have no {noun}; choose saturating tyres ({law}), or remove it")
     elif ends_with(each.name, "softening"):
-        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose --tyres linear")
+        law = setting("tyres", "linear")
+        raise VehicleError(f"{each}: saturating tyres soften by their law; remove it, or choose {law}")
     altered = [path for change in changes(vehicle) if ends_with(change.name, each.name) for path in change.slopes]
     if altered:
         raise VehicleError(

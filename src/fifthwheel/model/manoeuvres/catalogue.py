@@ -13,6 +13,7 @@ import numpy as np
 
 from fifthwheel.base.arguments import expect_road_speed
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import Array
 from fifthwheel.model.manoeuvres import accelerations, open_loops, paths
 from fifthwheel.model.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
@@ -140,8 +141,10 @@ def acceleration_course(name: str, time: Array, *, speed: float, count: int, see
     """
     form = _manoeuvre(name, LINEAR_MANOEUVRES).acceleration
     if form is None:
+        option = setting("model", "nonlinear")
+        chosen = f" ({option})" if option else ""
         raise SignalError(
-            f"manoeuvre: {name!r} exists only for the nonlinear truck (--model nonlinear), or as a steer angle; "
+            f"manoeuvre: {name!r} exists only for the nonlinear truck{chosen}, or as a steer angle; "
             f"for the linear model choose one of {', '.join(LINEAR_MANOEUVRES)}"
         )
     return form(time, **_accepted(form, {"speed": speed, "count": count, "seed": seed}))

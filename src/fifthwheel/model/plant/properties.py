@@ -96,7 +96,7 @@ class Properties:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if isinstance(value, str):
-                raise VehicleError(f"{name}: expected a number in SI, got {value!r}; only --with takes a text")
+                raise VehicleError(f"{name}: expected a number in SI, got {value!r}; correct it")
         below_100 = ("wheel_radius", "half_track", "wheel_gyration", "bounce_frequency", "friction", "stiffness")
         from_0 = ("bounce_damping", "tyre_damping", "rolling_resistance", "drag_area", "aligning", "steering_lag")
         of_axle, torsion = "a fraction of the mass of the axle, above 0 and below 0.5", self.frame_torsion

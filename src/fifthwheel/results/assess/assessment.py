@@ -13,6 +13,7 @@ from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.formatting import DisplayUnit, enumerated, percent, shown, with_sigma
 from fifthwheel.base.names import split_kind
 from fifthwheel.base.pages.html import Displayed
+from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
 from fifthwheel.results.assess import (
     lane_change,
@@ -388,8 +389,8 @@ def _unstable(computed: MeasureSamples) -> float:
 def _unstated(truck: Truck) -> list[str]:
     """What to state for the measures that lack a number of the body or of the driveline."""
     wanted = (
-        (low_speed_turn.unstated(truck), "by --body"),
-        (longitudinal.unstated(truck.vehicle), "in [driveline] of the vehicle file, or by --set"),
+        (low_speed_turn.unstated(truck), f"by {setting('body')}"),
+        (longitudinal.unstated(truck.vehicle), f"in [driveline] of the vehicle file, or by {setting('changes')}"),
     )
     return [
         f"Not assessed: {enumerated([title(name) for name in lacking])}; state"

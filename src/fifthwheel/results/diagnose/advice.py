@@ -7,6 +7,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import enumerated, percent, relative
 from fifthwheel.base.names import PAYLOAD_HEIGHT, ParameterPath, ends_with
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import ROLL_RATE, SignalName, names_of
 from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict
@@ -36,10 +37,10 @@ VERDICTS = {
     Verdict.DOUBTFUL: ("Check what the cautions name, correct what is wrong, and identify again.", ""),
     Verdict.NOT_CONVERGED: (
         "The search had not ended. Identify parts of the log, or state a parameter that is known from another source.",
-        "--set NAME='VALUE +- SIGMA'",
+        "NAME=VALUE +- SIGMA",
     ),
 }
-"""Verdict -> what to do, and the option for it."""
+"""Verdict -> what to do, and what to state for it."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Advice:
     """One step that improves an identification."""
 
     message: str  # in words, without options
-    option: str = ""  # of the command line, or the key of a file, that does it; of several each on a line
+    option: str = ""  # setting, or the key of a file, that does it; of several each on a line
     parameters: tuple[str, ...] = ()  # that it improves
     signals: tuple[str, ...] = ()  # to log
     logs: tuple[str, ...] = ()  # to use for the identification
@@ -70,13 +71,16 @@ def next_steps(
     steps += [*_more_excitation(identification, runs), *_roll_rates(identification)]
     steps += [*_predicted_improvements(identification, outlook)] if outlook else []
     steps += [*_separation(identification), *_dominant_uncertainties(identification), *_friction(identification)]
-    for verdict, (message, option) in VERDICTS.items():
+    for verdict, (message, statement) in VERDICTS.items():
+        option = setting("statements", statement) if statement else ""
         names = tuple(e.name for e in identification.parameters if e.verdict == verdict)
         steps += [Advice(message, option, parameters=names)] if names else []
     converged = any(e.verdict is Verdict.CONVERGED for e in identification.parameters)
     if converged and all(fit.identified_on for fit in identification.fits):
         steps.append(
-            Advice("Validate the result with a log that is not used for the identification.", "--validate LOG")
+            Advice(
+                "Validate the result with a log that is not used for the identification.", setting("validate", "LOG")
+            )
         )
     return steps
 
@@ -183,7 +187,7 @@ def _separation(identification: Identification) -> Iterator[Advice]:
             cure = f"determine {named(other)} by calibration, or add a run with another manoeuvre."
             if other in identification.initial_vehicle.parameters():
                 cure = f"state {named(other)} with its uncertainty from another source."
-                option = f"--set {other}='VALUE +- SIGMA'"
+                option = setting("statements", f"{other}=VALUE +- SIGMA")
             yield Advice(f"To identify {named(e.name)}, {cure}", option, parameters=(e.name,))
 
 
@@ -197,7 +201,7 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
             yield Advice(
                 f"Drive with less lateral acceleration: {percent(term.fraction)} {subject} comes from "
                 f"{named(term.source)} with the slip angle.",
-                "--tyres saturating",
+                setting("tyres", "saturating"),
                 parameters=(name,),
             )
         sources = [term.source for term in terms if term not in softening]
@@ -207,11 +211,12 @@ def _dominant_uncertainties(identification: Identification) -> Iterator[Advice]:
         them = "it" if len(sources) == 1 else "them"
         message = f"Measure {_listed(sources)}: about {fraction} {subject} comes from {them}."
         options = [
-            f"--set {source}='+- 5 %'" if source in stated else f"{source} in the vehicle file" for source in sources
+            setting("statements", f"{source}=+- 5 %") if source in stated else f"{source} in the vehicle file"
+            for source in sources
         ]
         if ends_with(name, PAYLOAD_HEIGHT) and any(map(_is_of_suspension, sources)):
             message += " Or calibrate the suspension: by a log with a known payload, or by a static test."
-            options += ["--knowledge RESULT --load NAME", "fifthwheel roll-test"]
+            options += [f"{setting('knowledge', 'RESULT')} {setting('load', 'NAME')}", "fifthwheel roll-test"]
         yield Advice(message, "\n".join(options), parameters=(name,))
 
 

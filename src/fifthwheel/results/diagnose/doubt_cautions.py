@@ -7,6 +7,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import digits, enumerated, percent, with_sigma
 from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.identify import Identification, Verdict
 from fifthwheel.estimate.identify.doubts import Cause, DoubtKind
@@ -84,7 +85,7 @@ def _options(cause: Cause, vehicle: Vehicle) -> str:
     sigma = 10 * math.ceil(10 * max(map(abs, moved.values())))
     wheelbases = vehicle.moved_by_wheelbase().items()  # with one of them, the CoG by a weighbridge moves too
     names = [name for name, axles in wheelbases if moved.keys() == {*axles}] or list(moved)
-    return " ".join(f"--set {name}='+- {sigma} cm'" for name in names)
+    return setting("statements", *(f"{name}=+- {sigma} cm" for name in names))
 
 
 def unstable_cautions(identification: Identification) -> Iterator[Caution]:
@@ -138,7 +139,8 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
         where = "" if log is None else f" in {logs[int(log)]}"
         return f"{_describe_sensor_error(error, change, cause.prior_mean)}{where} ({times})"
     if parsed.quantity == "softening":
-        return f"the tyres of {parsed.owner} soften more with the slip angle: use --tyres saturating ({times})"
+        saturating = setting("tyres", "saturating")
+        return f"the tyres of {parsed.owner} soften more with the slip angle: use {saturating} ({times})"
     if parsed.quantity == "self_steering" and not values.get(path):
         size = f"self_steering = {min(change, 1.0):.1f}"
         return f"{parsed.owner} steers itself, as a castor axle does: give it {size} in the vehicle file ({times})"
@@ -153,7 +155,7 @@ def describe_cause(cause: Cause, vehicle: Vehicle, logs: Sequence[str] = ()) -> 
         return f"{cause.name} is different ({times})"
     if path == STIFFNESS_SENSITIVITY and change < -INSENSITIVE * value:
         what = "the stiffness of the tyres hardly depends on their load"
-        return f"{what}, as in simulations with linear tyres: there use --tyres linear ({times})"
+        return f"{what}, as in simulations with linear tyres: there use {setting('tyres', 'linear')} ({times})"
     if quantity_of(path).is_position or not value:
         side = "front" if change > 0 else "rear"
         size = f"{digits(abs(change), 2)} {unit_of(path)} further to the {side}"

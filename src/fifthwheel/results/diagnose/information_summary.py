@@ -9,6 +9,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import approximate, digits, enumerated, percent, relative
 from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.design.assess import InformationAssessment
 from fifthwheel.estimate.design.remedies import TESTED_AXIS, TESTED_STIFFNESS, Remedy
@@ -167,7 +168,7 @@ def _largest_correlation(identification: Identification, e: Estimate) -> tuple[s
 def describe_remedy(
     remedy: Remedy, lane_change: str = "one more lane change", naming: Callable[[str], str] = str
 ) -> str:
-    """A change as the end of a sentence: "if x is measured and fixed (--set)", "if roll_rate.x is logged".
+    """A change as the end of a sentence: "if x is measured and fixed (given)", "if roll_rate.x is logged".
 
     Args:
         naming: the words for a channel, such as `spoken_names.named`; by default its name.
@@ -205,5 +206,5 @@ def _how_to_know(name: str, naming: Callable[[str], str]) -> tuple[str, str]:
     if name == MASS_SCALE or path.quantity in together:
         return together.get(path.quantity, "all masses"), "known exactly (state it in the vehicle file)"
     if name == TIME_BASE:
-        return "the rate of the time base", "checked (--set time_base=exact)"
-    return naming(name), "measured and fixed (--set)"
+        return "the rate of the time base", f"checked ({setting('statements', 'time_base=exact')})"
+    return naming(name), f"measured and fixed ({setting('statements')})"

@@ -9,6 +9,7 @@ from enum import StrEnum
 from typing import NamedTuple
 
 from fifthwheel.base.names import split_log
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
     PLACE_KINDS,
@@ -128,15 +129,23 @@ class Message(NamedTuple):
         **data: object,
     ) -> Caution:
         """The caution with its data; `log` is a datum of the sentences too."""
-        message, cure = (text.format(log=log, **data) for text in (self.message, self.cure))
+        message, cure = (text.format(log=log, setting=_Settings(), **data) for text in (self.message, self.cure))
         return Caution(self.kind, message, cure, value, self.severity, parameters, signals, log)
+
+
+class _Settings:
+    """Settings in a sentence as the front end in use spells them: "{setting[tyres saturating]}"."""
+
+    def __getitem__(self, words: str) -> str:
+        name, _, value = words.partition(" ")
+        return setting(name, *filter(None, [value]))
 
 
 UNSTABLE = Message(
     CautionKind.UNSTABLE,
     "{truck} is unstable above {critical:.0f} km/h, and the logs reach {highest:.0f} km/h.",
     "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
-    "prediction errors (--form prediction-error).",
+    "prediction errors ({setting[form prediction-error]}).",
 )
 LOG_DIFFERS = Message(
     CautionKind.CONTRADICTION,
@@ -147,7 +156,7 @@ LOG_DIFFERS = Message(
 LOG_SET_ASIDE = Message(
     CautionKind.CONTRADICTION,
     "{log} {reason}. It is set aside, and these estimates are of it alone.",
-    "Check whether it is of this truck and trailer, and its signals; with another load, name it (--load).",
+    "Check whether it is of this truck and trailer, and its signals; with another load, name it ({setting[load]}).",
 )
 VALIDATION_CONTRADICTS = Message(
     CautionKind.CONTRADICTION,
@@ -193,7 +202,7 @@ NONLINEAR_RANGE = Message(
     CautionKind.NONLINEAR_RANGE,
     "{log}: the lateral acceleration reaches {acceleration:.1f} m/s². The model of tyres and suspensions is linear, "
     "which holds up to about {limit:g} m/s².",
-    "Use tyres that saturate (--tyres saturating), or a log with a smaller lateral acceleration.",
+    "Use tyres that saturate ({setting[tyres saturating]}), or a log with a smaller lateral acceleration.",
 )
 WHEEL_LIFT = Message(
     CautionKind.WHEEL_LIFT,
@@ -230,7 +239,7 @@ _PLACE = SensorErrorWords(
 _DELAY = SensorErrorWords(
     "the estimated delay of {value} is unusual. If it is wrong, the stiffness estimates are wrong too.",
     "Check the delay. If all channels have a common time base, set the prior sigma of the delay to 5 ms "
-    "(--set 'steer.*.delay=+- 5 ms') and identify again.",
+    "({setting[statements steer.*.delay=+- 5 ms]}) and identify again.",
     "{signal} is {size} {late}",
 )
 _OTHER = SensorErrorWords(

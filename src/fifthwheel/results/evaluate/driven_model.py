@@ -63,7 +63,7 @@ def fmu_results(path: str | Path, log: Record) -> Record:
         names = ", ".join(f"{channel.quantity}.<unit>" for channel in EVALUATED)
         raise SignalError(
             f"{name}: expected an output with the name of a signal ({names}), got {', '.join(every) or 'none'}; rename "
-            "its outputs, or run it in its tool and give the results, with --results-signals"
+            "its outputs, or run it in its tool and give the results with a signal map of their own"
         )
     units = {n: _factor(name, variables[n]) for n in (*known, *outputs)}
     time = _times(log)
@@ -106,7 +106,7 @@ def plant_results(vehicle: "Vehicle", log: Record) -> Record:
 
 def _check_inputs(name: str, inputs: list[str], log: Record) -> None:
     if measured := [n for n in inputs if n.startswith(MEASURED)]:
-        raise SignalError(f"{name}: {measured[0]} is an input of an observer; export the truck: --what truck")
+        raise SignalError(f"{name}: {measured[0]} is an input of an observer; export the truck")
     steers = [n for n in log.signals if is_of(n, STEER)]
     if not set(steers) & set(inputs):
         raise SignalError(

@@ -16,6 +16,7 @@ from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.base.plots.items import Dash
 from fifthwheel.base.plots.palette import CYCLE, DARK, GREY
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.results.assess import Assessment, MeasureResult
@@ -142,7 +143,7 @@ def explanations(assessment: Assessment) -> list[str]:
         f"Sigma: from {assessment.origin}.",
         f"Body: half track {with_sigma(body.half_track, sigma, 'm')}, width {body.width:g} m, front overhang "
         f"{body.front_overhang:g} m, {overhang}{others}. A vehicle file does not have these numbers: give them by "
-        "--body.",
+        f"{setting('body')}.",
         "Thresholds: strictest level that is met of the Australian performance-based standards (2008), or of the "
         "source that is named; not confirmed: check the number in the current rules. "
         "The linear model decides, of the tracking ability with what the roughness adds to the nonlinear truck; "

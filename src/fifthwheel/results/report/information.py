@@ -6,6 +6,7 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, enumerated, fixed, percent, relative, with_sigma
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.channels import SignalName, si_unit
 from fifthwheel.estimate.design import ExperimentDesign, ProposedRun, UnmetTarget
 from fifthwheel.estimate.design.assess import InformationAssessment, ParameterAssessment
@@ -85,7 +86,7 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
     """What "known" means, if a remedy uses it, and how a number is stated."""
     known = {name: describe_remedy(Remedy(known=(name,))) for remedy in remedies for name in remedy.known}
     if fixed := [name for name, text in known.items() if "measured and fixed" in text]:
-        settings = " ".join(f"--set {name}='VALUE exact'" for name in fixed)
+        settings = setting("statements", *(f"{name}=VALUE exact" for name in fixed))
         yield f"To fix a number that you have measured, add {settings}."
     if any("known exactly" in text for text in known.values()):
         yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'

@@ -19,6 +19,7 @@ from fifthwheel.base.atomic import MANIFEST, file_digest, recorded_digests
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import enumerated, fixed, kmh, percent, seconds
 from fifthwheel.base.input_files import read_json
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.results.diagnose.summaries import RunSummary
@@ -231,7 +232,8 @@ class Verification:
         failed = [f"{f.path} {'differs' if f.state == 'differs' else 'is missing'}" for f in self.failed]
         words = enumerated(failed) if failed else f"{counted(len(self.files), 'file')} as recorded"
         table = pages.Table(("File|name", "State"), [(pages.Code(file.path), file.state) for file in self.files])
-        hint = "A path is relative to the current folder. Give the folder of a missing file: --files FOLDER."
+        folder = setting("folders", "FOLDER")
+        hint = f"A path is relative to the current folder. Give the folder of a missing file: {folder}."
         hints = [pages.Hint(hint)] if any(file.state == "missing" for file in self.files) else []
         if not self.has_inputs and self.is_intact:
             hints.append(pages.Hint("The result does not record the files that it was made from."))

@@ -8,6 +8,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, enumerated, percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
 from fifthwheel.base.plots.palette import BLUE
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.checks.axle_loads import StaticLoad
 from fifthwheel.estimate.identify.knowledge.history import (
     EstimateHistory,
@@ -150,7 +151,7 @@ def knowledge_document(estimates: Sequence[SharedEstimate], logs: int, *, everyt
     if everything:
         blocks += [pages.Heading("Uncertain numbers and sensor errors"), _estimates(others, "Other shared unknowns")]
     else:
-        blocks.append(pages.Hint(f"{counted(len(others), 'more shared unknown')}: --all"))
+        blocks.append(pages.Hint(f"{counted(len(others), 'more shared unknown')}: {setting('everything')}"))
     return pages.Document("Knowledge", blocks)
 
 

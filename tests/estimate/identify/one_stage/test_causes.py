@@ -9,8 +9,7 @@ import pytest
 from scipy import stats
 
 import fifthwheel as fw
-from fifthwheel.apps.workflow.identification import run_identification
-from fifthwheel.apps.workflow.states import run_states
+from fifthwheel.apps.workflow.runs import run_identification, run_states
 from fifthwheel.estimate.identify.doubts import DoubtKind, PriorTest
 from fifthwheel.estimate.identify.one_stage import causes
 from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds

@@ -1,11 +1,11 @@
-"""Results beside each other: a table with differences in sigmas, and their predictions over one log."""
+"""Results beside each other, and the history of a truck: estimates over the dates of all logs that a result knows."""
 
 from dataclasses import replace
 from functools import partial
 
 from nicegui import ui
 
-from fifthwheel.apps.app import documents, inputs, jobs, layout, result_files, runs
+from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.base.plots import Plot
 from fifthwheel.results.diagnose import Comparison
@@ -57,7 +57,7 @@ def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> N
             address = f"/compared.{kind}?{layout.query(run=chosen)}"
             ui.link(f"Save as {kind.upper()}", address)
         for name in chosen:
-            ui.link(f"vehicle.toml of {name}", result_files.address(name, "vehicle.toml"))
+            ui.link(f"vehicle.toml of {name}", documents.file_address(name, "vehicle.toml"))
     layout.heading("Estimates ± 1 sigma")
     with ui.element("div").classes("fw-grid"):
         for parameter, plot in found.plots().items():
@@ -67,7 +67,7 @@ def _comparison(workspace: Workspace, found: Comparison, chosen: list[str]) -> N
 
 
 def _overlay(workspace: Workspace, chosen: list[str]) -> None:
-    used = inputs.used_logs(workspace)
+    used = runs.used_logs(workspace)
     if not used:
         return
     layout.heading("Measured and predicted, with linear tyres")
@@ -102,3 +102,16 @@ def _overlay(workspace: Workspace, chosen: list[str]) -> None:
 
     choose.on_value_change(draw)
     ui.timer(0, draw, once=True)
+
+
+def build_history(workspace: Workspace) -> None:
+    results = runs.known_results(workspace)
+    if not results:
+        layout.next_step("There is no result with knowledge of its logs yet; identify in one stage.", "identify")
+        return
+    query = ui.context.client.request.query_params.get("run")
+    chosen = query if query in results else results[0]
+    select = ui.select(results, value=chosen, label="Result").classes("fw-field")
+    select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
+    combine = partial(jobs.compute, runs.history, workspace.folder, chosen)
+    layout.later("Combining the logs", combine, lambda found: documents.show(*found.blocks))

@@ -10,8 +10,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.apps.app import documents, inputs, jobs, layout, runs
-from fifthwheel.apps.app.words import in_workbench
+from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
 from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
@@ -43,7 +42,7 @@ REST = 0.4
 
 
 def build(workspace: Workspace) -> None:
-    _Page(workspace, runs.vehicle(workspace), inputs.used_logs(workspace)).build()
+    _Page(workspace, runs.vehicle(workspace), runs.used_logs(workspace)).build()
 
 
 class _Page:
@@ -177,7 +176,7 @@ class _Page:
         assert self.log is not None
         self.record = self.prediction = None
         try:
-            record = await jobs.compute(inputs.record, self.workspace.folder, self.log)
+            record = await jobs.compute(runs.record, self.workspace.folder, self.log)
             self.prediction = await asyncio.to_thread(LogPrediction.of, record, self.truck)
             self.record = record
             self._given = await asyncio.to_thread(self.prediction.fits, {})
@@ -233,7 +232,7 @@ class _Page:
             changed = self.truck.replace(self.values)
             drawn = model_plot(self.kind, self.truck, changed, self.speed / 3.6, self.record)
         except FifthwheelError as error:
-            self._model_error.text = in_workbench(str(error))
+            self._model_error.text = str(error)
             return
         self._model_error.text = ""
         height = 420 if self.kind == "handling diagram" else 150 * len(drawn.panels) + 110

@@ -1,26 +1,138 @@
-"""Identification: settings, progress and report."""
+"""What the logs can tell before an identification, what is known then, and the identification itself."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from html import escape
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 from typing import Any, get_args, get_origin, get_type_hints
 
 from nicegui import ui
 
-from fifthwheel.apps.app import inputs, jobs, known, layout, result_files, runs, words
-from fifthwheel.apps.app.workspace import VEHICLE, Workspace
-from fifthwheel.apps.workflow import IdentifyOptions, starts_of
+from fifthwheel.apps.app import documents, jobs, layout, runs
+from fifthwheel.apps.app.workspace import SIGNALS, VEHICLE, Choices, Workspace
+from fifthwheel.apps.workflow.start import starts_of
 from fifthwheel.base.errors import FifthwheelError, printable
+from fifthwheel.base.formatting import enumerated
+from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.settings import options_of
-from fifthwheel.estimate.identify.statement import parse
+from fifthwheel.base.spelling import NAME_OF_RESULT, ONLY_PREDICT, question
+from fifthwheel.data.channels import SignalName, error_kinds, is_sensor_error
+from fifthwheel.estimate.identify import OneStage
+from fifthwheel.estimate.identify.given import possible_names
+from fifthwheel.estimate.identify.setup import with_tyre_law
+from fifthwheel.estimate.identify.statement import GROUPS, Statement, parse
+from fifthwheel.results.report.information import information_document
 from fifthwheel.truck import Vehicle
+from fifthwheel.truck.spoken_names import spoken
+
+
+def build_check(workspace: Workspace) -> None:
+    ui.label(
+        "The sigma that an identification of the logs would reach for each parameter, predicted from the vehicle file "
+        "without a fit, and what would reduce it. The settings are those of the page Identify."
+    )
+    runs.logs(workspace, workspace.choices())
+    runs.vehicle(workspace)
+    _check_result(workspace)
+
+
+@ui.refreshable
+def _check_result(workspace: Workspace) -> None:
+    """The check of the present files; it is computed if there is none."""
+    key = f"check {runs.stamp(workspace)}"
+    job = jobs.get(key)
+    if job.state == "none":
+        job = jobs.start(key, runs.check, workspace.folder)
+    layout.show_progress(key, lambda _: _check_result.refresh())
+    if job.state == "done":
+        documents.show(*information_document(job.result).blocks)
+        ui.link("Identify these logs", layout.address("identify"))
+    elif not job.running:
+        layout.failure(job.error or "The check was cancelled.")
+        ui.button("Check again", on_click=lambda: _check_again(workspace, key)).props("outline no-caps")
+
+
+def _check_again(workspace: Workspace, key: str) -> None:
+    jobs.start(key, runs.check, workspace.folder)
+    _check_result.refresh()
+
 
 KEY = "identify"
 """Of the job."""
-_KNOWLEDGE = "A result of the same truck: begin with the information of its logs."
-"""Help of the choice of an earlier result."""
+MANY = {**GROUPS, "*": "All numbers"}
+STATEMENTS = "statements"
+"""The option whose texts `stated_numbers` turns into sentences."""
+
+
+def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:
+    """What vehicle file and signal map state."""
+    assumed = len(truck.assumed)
+    numbers = f"{assumed} numbers are not in its file and are assumed" if assumed else "no number is assumed"
+    said = [f"Truck: {truck.name}; {numbers}."]
+    sensors = workspace.signal_map().sensors
+    for name, sensor in sensors.items():
+        kind = f"a sensor of the class {sensor.sensor_class}" if sensor.sensor_class else f"errors of {SIGNALS}"
+        said.append(f"{spoken(name)}: {kind}.")
+    others = "All other sensors" if sensors else "Sensors"
+    return [*said, f"{others}: the usual errors and noise of their kind."]
+
+
+def stated_numbers(workspace: Workspace, choices: Choices) -> dict[str, str]:
+    """Sentences of what the user states of numbers, by the texts of the statements."""
+    return {
+        str(statement): _sentence(statement) for statement in map(parse, runs.options(workspace, choices).statements)
+    }
+
+
+def _sentence(statement: Statement) -> str:
+    if statement.kind == "free":
+        return f"{words_of(statement.name)}: unknown; only the logs determine it."
+    spread = {"exact": "exact", "sigma": f"± {statement.sigma}"}.get(statement.kind, "")
+    mark = ", " if statement.value and statement.kind == "exact" else " "
+    return f"{words_of(statement.name)}: {mark.join(part for part in (str(statement.value), spread) if part)}."
+
+
+def words_of(name: str) -> str:
+    """A number, or many of them, in words.
+
+    >>> words_of("steer.*.delay"), words_of("sensors"), words_of("tractor.mass")
+    ('All sensors, steer angle delay', 'All errors of the sensors and clocks', 'Tractor, mass')
+    """
+    return MANY.get(name) or spoken(name).replace("*,", "All sensors,", 1)
+
+
+def changed_settings(choices: Choices) -> list[str]:
+    """The other settings that are not the default."""
+    said = []
+    for key, option in options_of(IdentifyOptions).items():
+        value = choices.identify.get(key)
+        if value is None or key == STATEMENTS:
+            continue
+        label = question(key, option)
+        if isinstance(value, bool):
+            said.append(f"{label}: {'yes' if value else 'no'}.")
+        else:
+            chosen = enumerated([str(each) for each in value]) if isinstance(value, list | tuple) else str(value)
+            said.append(f"{label}: {option.choices.get(chosen, chosen)}.")
+    if validate := choices.identify.get("validate"):
+        said.append(f"{ONLY_PREDICT}: {enumerated([Path(name).name for name in validate])}.")
+    return said
+
+
+def numbers(workspace: Workspace, truck: Vehicle) -> Mapping[str, str]:
+    """The numbers that a user can state: names with their words, those that are estimated first."""
+    signals = workspace.signal_map().signals
+    errors = [f"{signal}.{kind}" for signal in signals for kind in error_kinds(signal)]
+    possible = possible_names(truck, with_tyre_law(truck, OneStage())[0])
+    kinds = [f"{SignalName.of(signal).quantity}.*.{kind}" for signal in signals for kind in error_kinds(signal)]
+    names = (
+        *(name for name in possible if not is_sensor_error(name)),
+        *truck.moved_by_wheelbase(),
+        *errors,
+        *kinds,
+        *MANY,
+    )
+    return {name: f"{words_of(name)} ({name})" for name in dict.fromkeys(names)}
 
 
 def build(workspace: Workspace) -> None:
@@ -37,7 +149,7 @@ class _Settings:
         self.workspace, self.truck = workspace, truck
 
     def build(self) -> None:
-        used = inputs.used_logs(self.workspace)
+        used = runs.used_logs(self.workspace)
         windows = sum(len(self.workspace.choices().of(name).exclude) for name in used)
         left_out = f" {windows} windows are left out." if windows else ""
         ui.label(f"Logs: {', '.join(map(printable, used))}.{left_out}")
@@ -56,32 +168,32 @@ class _Settings:
     @ui.refreshable_method
     def _sentences(self) -> None:
         choices = self.workspace.choices()
-        removable = {str(parse(text)): text for text in choices.identify.get(known.STATEMENTS, ())}
+        removable = {str(parse(text)): text for text in choices.identify.get(STATEMENTS, ())}
         with ui.element("ul").classes("fw-known").props('aria-label="What is known"'):
-            for text in known.of_truck_and_sensors(self.workspace, self.truck):
+            for text in of_truck_and_sensors(self.workspace, self.truck):
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
-            for statement, text in known.stated(self.workspace, choices).items():
+            for statement, text in stated_numbers(self.workspace, choices).items():
                 with ui.element("li"):
                     ui.label(printable(text))
                     if statement in removable:
                         button = ui.button(icon="close", on_click=partial(self._unstate, removable[statement]))
                         button.props("flat dense size=sm").props["aria-label"] = f"Remove: {printable(text)}"
-            for text in known.changed_settings(choices):
+            for text in changed_settings(choices):
                 ui.html(escape(printable(text)), sanitize=False, tag="li")
 
     def _statement(self, label: str) -> None:
         with ui.element("div").classes("fw-question"):
             ui.label(label)
-            name = ui.select(dict(known.numbers(self.workspace, self.truck)), label="Number", with_input=True)
+            name = ui.select(dict(numbers(self.workspace, self.truck)), label="Number", with_input=True)
             value = ui.input("What you know", placeholder="33.4 t +- 0.5 %")
             for field in (name, value):
                 field.classes("w-full").props("dense outlined hide-bottom-space")
 
             def add() -> None:
                 if name.value and value.value:
-                    given = self._value(known.STATEMENTS, [])
+                    given = self._value(STATEMENTS, [])
                     stated = f"{name.value}={layout.with_decimal_points(value.value)}"
-                    self._keep(known.STATEMENTS, [], [*given, stated])
+                    self._keep(STATEMENTS, [], [*given, stated])
                     name.value, value.value = None, ""
 
             ui.button("Add", icon="add", on_click=add).props("outline dense no-caps")
@@ -91,28 +203,59 @@ class _Settings:
             ).classes("text-caption")
 
     def _unstate(self, text: str) -> None:
-        self._keep(known.STATEMENTS, [], [each for each in self._value(known.STATEMENTS, []) if each != text])
+        self._keep(STATEMENTS, [], [each for each in self._value(STATEMENTS, []) if each != text])
 
     def _fields(self, used: Sequence[str]) -> None:
         for key, option in options_of(IdentifyOptions).items():
-            kind, label = get_type_hints(IdentifyOptions)[key], words.label(key, option)
-            help = words.in_workbench(option.help.removesuffix(".") + ".")
-            if key == known.STATEMENTS:
+            kind, label, choices = get_type_hints(IdentifyOptions)[key], question(key, option), option.choices
+            help = f"{option.help.removesuffix('.')}."
+            if key == runs.KNOWLEDGE:
+                choices = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
+                help = "A result of the same truck: begin with the information of its logs."
+            if key == STATEMENTS:
                 self._statement(label)
-            elif key == runs.KNOWLEDGE:
-                results = {"": "the vehicle file"} | {name: name for name in runs.known_results(self.workspace)}
-                self._choice(key, label, results, _KNOWLEDGE)
-            elif option.choices:
-                self._choice(key, label, option.choices, help)
+            elif choices:
+                self._question(key, label, help, next(iter(choices)), partial(_choice, choices))
             elif kind is bool:
-                self._switch(key, label, getattr(IdentifyOptions, key), help)
+                self._question(key, label, help, getattr(IdentifyOptions, key), partial(_switch, label))
             elif get_origin(kind) is tuple:
-                self._list(key, label, [], help)
+                self._question(key, label, help, [], partial(_several, ()))
             elif str in get_args(kind):
-                self._text(key, label, help)
+                self._question(key, label, help, "", _text)
             else:
-                self._number(key, label, int in get_args(kind), help)
-        self._list("validate", words.ONLY_PREDICT, list(used), "Logs for validation; the others are identified on.")
+                self._question(key, label, help, None, _number, partial(_whole_number, label))
+        logs = "Logs for validation; the others are identified on."
+        self._question("validate", ONLY_PREDICT, logs, [], partial(_several, used))
+
+    def _question(
+        self,
+        key: str,
+        label: str,
+        help: str,
+        default: Any,
+        make: Callable[[Any], Any],
+        convert: Callable[[Any], Any] = lambda value: value,
+    ) -> None:
+        """A field below its label and above its explanation; a choice that is refused is taken back."""
+        switch = isinstance(default, bool)  # which has its label beside it
+        with ui.element("div").classes("fw-question"):
+            if not switch:
+                ui.label(label)
+            field = make(self._value(key, default))
+            ui.label(help).classes("text-caption")
+        field.props["aria-label"] = label if switch else f"{label}. {help}"
+        if not switch:
+            field.classes("w-full").props("dense outlined")
+
+        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
+            try:
+                self._keep(key, default, default if event.value in ("", None) else convert(event.value))
+            except FifthwheelError:
+                kept = self._value(key, default)
+                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
+                raise
+
+        field.on_value_change(change)
 
     def _keep(self, key: str, default: Any, value: Any) -> None:
         """Keep a setting that the options accept; a default is not written."""
@@ -133,65 +276,36 @@ class _Settings:
     def _value(self, key: str, default: Any) -> Any:
         return self.workspace.choices().identify.get(key, default)
 
-    def _choice(self, key: str, label: str, choices: Mapping[str, str], help: str) -> None:
-        first = next(iter(choices))
-        value = self._value(key, first)
-        with self._place(label, help) as named:
-            self._bind(ui.select(dict(choices), value=value if value in choices else first), key, first, named)
 
-    def _list(self, key: str, label: str, names: list[str], help: str) -> None:
-        value = [text for text in self._value(key, []) if isinstance(text, str)]
-        typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
-        known = list(dict.fromkeys([*names, *value]))
-        with self._place(label, help) as named:
-            field = ui.select(known, value=value, multiple=True, with_input=True, **typed)
-            self._bind(field.props("use-chips"), key, [], named)
+def _choice(choices: Mapping[str, str], value: Any) -> ui.select:
+    return ui.select(dict(choices), value=value if value in choices else next(iter(choices)))
 
-    def _text(self, key: str, label: str, help: str) -> None:
-        with self._place(label, help) as named:
-            self._bind(ui.input(value=self._value(key, "")).props("debounce=600"), key, "", named)
 
-    def _number(self, key: str, label: str, whole: bool, help: str) -> None:
-        def number(text: str) -> float | int | None:
-            value = layout.typed_number(text)
-            if whole and value is not None and value != round(value):
-                raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
-            return round(value) if whole and value is not None else value
+def _switch(label: str, value: Any) -> ui.checkbox:
+    return ui.checkbox(label, value=bool(value))
 
-        with self._place(label, help) as named:
-            field = ui.input(value=layout.shown_number(self._value(key, None)))
-            self._bind(field.props("clearable debounce=600 inputmode=decimal"), key, None, named, number)
 
-    def _switch(self, key: str, label: str, default: bool, help: str) -> None:
-        with self._place("", help):
-            self._bind(ui.checkbox(label, value=bool(self._value(key, default))), key, default, label)
+def _several(names: Sequence[str], value: Any) -> ui.select:
+    """Some of the names; of no names, any texts."""
+    chosen = [text for text in value if isinstance(text, str)]
+    typed: dict[str, Any] = {} if names else {"new_value_mode": "add-unique"}
+    known = list(dict.fromkeys([*names, *chosen]))
+    return ui.select(known, value=chosen, multiple=True, with_input=True, **typed).props("use-chips")
 
-    @contextmanager
-    def _place(self, label: str, help: str) -> Iterator[str]:
-        """The place of a field below its label and above its explanation; gives the name for screen readers."""
-        with ui.element("div").classes("fw-question"):
-            if label:
-                ui.label(label)
-            yield f"{label}. {help}"
-            ui.label(help).classes("text-caption")
 
-    def _bind(
-        self, field: Any, key: str, default: Any, named: str, convert: Callable[[Any], Any] = lambda value: value
-    ) -> None:
-        """Keep what is chosen; a choice that is refused is taken back."""
-        field.props["aria-label"] = named
-        if not isinstance(field, ui.checkbox):
-            field.classes("w-full").props("dense outlined")
+def _text(value: Any) -> ui.input:
+    return ui.input(value=value).props("debounce=600")
 
-        async def change(event: Any) -> None:  # not within the event: NiceGUI would not send the value back
-            try:
-                self._keep(key, default, default if event.value in ("", None) else convert(event.value))
-            except FifthwheelError:
-                kept = self._value(key, default)
-                field.set_value(layout.shown_number(kept) if isinstance(kept, float | int | None) else kept)
-                raise
 
-        field.on_value_change(change)
+def _number(value: Any) -> ui.input:
+    return ui.input(value=layout.shown_number(value)).props("clearable debounce=600 inputmode=decimal")
+
+
+def _whole_number(label: str, text: str) -> int | None:
+    value = layout.typed_number(text)
+    if value is not None and value != round(value):
+        raise FifthwheelError(f"{label}: expected a whole number, got {text}; correct it")
+    return None if value is None else round(value)
 
 
 @ui.refreshable
@@ -206,7 +320,7 @@ def _run(workspace: Workspace) -> None:
             ui.label("Cancelled; no result was changed.").props("role=status")
         with ui.row().classes("items-end"):
             made = job.product if job.unfinished else runs.next_name(workspace)
-            name = ui.input(words.NAME_OF_RESULT, value=made).classes("fw-field")
+            name = ui.input(NAME_OF_RESULT, value=made).classes("fw-field")
             ui.button("Identify", icon="play_arrow", on_click=lambda: _start(workspace, name.value)).props("no-caps")
     for left in runs.interrupted(workspace) if not job.running else ():
         with ui.row().classes("items-center"):
@@ -247,16 +361,16 @@ def _result(workspace: Workspace, results: list[str], chosen: str) -> None:
     with ui.row().classes("items-center"):
         select = ui.select(runs.labels(workspace), value=chosen, label="Result").classes("fw-field")
         select.on_value_change(lambda event: ui.navigate.to(f"?{layout.query(run=str(event.value))}"))
-        ui.link("Open in a new tab", result_files.address(chosen, "report.html"), new_tab=True)
-        for file in result_files.DATA:
+        ui.link("Open in a new tab", documents.file_address(chosen, "report.html"), new_tab=True)
+        for file in documents.DATA:
             if (workspace.run(chosen) / file).is_file():
-                ui.link(file, result_files.address(chosen, file))
+                ui.link(file, documents.file_address(chosen, file))
         take = ui.button("Use the identified truck", on_click=lambda: _take(workspace, chosen))
         take.props("outline no-caps").tooltip("It replaces vehicle.toml; this can be undone")
         rename = ui.button("Rename", on_click=lambda: _rename(workspace, chosen)).props("outline no-caps")
         rename.props["aria-label"] = f"Rename {printable(chosen)}"
         _delete_button(workspace, chosen)
-    result_files.show(chosen)
+    documents.show_report(chosen)
 
 
 def _delete_button(workspace: Workspace, name: str) -> None:

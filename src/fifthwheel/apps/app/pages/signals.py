@@ -5,10 +5,8 @@ from typing import Any
 
 from nicegui import events, ui
 
-from fifthwheel.apps.app import documents, inputs, jobs, layout
-from fifthwheel.apps.app.words import in_workbench
+from fifthwheel.apps.app import documents, jobs, layout, runs
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
-from fifthwheel.apps.workflow import ChannelEvidence, SignalEvidence
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
@@ -19,6 +17,7 @@ from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.map_text import with_channel, without_channel
 from fifthwheel.data.logs.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
+from fifthwheel.estimate.time_bases.findings import ChannelEvidence, SignalEvidence
 from fifthwheel.truck import Vehicle
 
 HEIGHT = 170
@@ -28,12 +27,12 @@ _WAIT = 500
 
 
 def build(workspace: Workspace) -> None:
-    known = [path.name for path in workspace.logs() if inputs.is_stored(workspace, path.name)]
+    known = [path.name for path in workspace.logs() if runs.is_stored(workspace, path.name)]
     if not known:
         layout.next_step("There is no log yet; drop one on the page Log.", "log")
         return
     asked = ui.context.client.request.query_params.get("log")
-    used = [name for name in inputs.used_logs(workspace) if name in known]
+    used = [name for name in runs.used_logs(workspace) if name in known]
     name = asked if asked in known else (used or known)[0]
     if len(known) > 1:
         choose = ui.select(known, value=name, label="Log").classes("w-full").style("max-width: 30rem")
@@ -46,7 +45,7 @@ class _Page:
 
     def __init__(self, workspace: Workspace, name: str) -> None:
         self.workspace, self.name = workspace, name
-        self.columns = inputs.survey(workspace, name).contents
+        self.columns = runs.survey(workspace, name).contents
         self.evidence: SignalEvidence | None = None
         self.error = ""
         self._latest = 0
@@ -83,7 +82,7 @@ class _Page:
     async def propose(self) -> None:
         self._busy.visible = True
         try:
-            text = await jobs.compute(inputs.propose, self.workspace.folder, self.name)
+            text = await jobs.compute(runs.propose, self.workspace.folder, self.name)
         finally:
             self._busy.visible = False
         await self._write(text, "propose a map")
@@ -118,7 +117,7 @@ class _Page:
         number = self._latest
         self._busy.visible = True
         try:
-            evidence, error = await jobs.compute(inputs.evidence, self.workspace.folder, self.name), ""
+            evidence, error = await jobs.compute(runs.evidence, self.workspace.folder, self.name), ""
         except FifthwheelError as refusal:
             evidence, error = None, str(refusal)
         if number != self._latest:
@@ -267,7 +266,7 @@ class _Page:
         try:
             await self.change(signal, **{key: value})
         except SignalError as error:
-            refusal.text = in_workbench(str(error))
+            refusal.text = str(error)
 
     def _unit_in_log(self, channel: SignalSource) -> str | None:
         content = self.columns.get(channel.columns[0])

@@ -8,10 +8,8 @@ from typing import Any
 from nicegui import events, ui
 
 from fifthwheel.apps.app import documents, jobs, layout
-from fifthwheel.apps.app.words import in_workbench
 from fifthwheel.apps.app.workspace import CHOICES, VEHICLE, Workspace
-from fifthwheel.apps.workflow.new_vehicle import new_vehicle
-from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS, Question, describe
+from fifthwheel.apps.workflow.new_vehicle import QUESTIONS, Question, new_vehicle
 from fifthwheel.base.errors import FifthwheelError, VehicleError, printable
 from fifthwheel.base.input_files import MAX_TOML_SIZE
 from fifthwheel.model.dynamics.summary import summarize
@@ -157,7 +155,7 @@ def _open_questions(given: Mapping[str, str]) -> tuple[list[str], list[str]]:
 
 def _described(given: Mapping[str, str]) -> str:
     """The vehicle file that complete answers describe; a VehicleError if there is no such truck."""
-    return new_vehicle(describe({key: text for key, text in given.items() if _applies(_BY_KEY[key], given)}))
+    return new_vehicle({key: text for key, text in given.items() if _applies(_BY_KEY[key], given)})
 
 
 @ui.refreshable
@@ -231,7 +229,7 @@ def _error(question: Question, text: str) -> str | None:
         if answer := _answer(question, text):
             question.parse(answer)
     except VehicleError as error:
-        return in_workbench(str(error))
+        return str(error)
     return None
 
 

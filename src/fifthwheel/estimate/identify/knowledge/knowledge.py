@@ -13,6 +13,7 @@ from fifthwheel.base.arguments import expect_each
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.names import ParameterPath
 from fifthwheel.base.options import FleetSettings
+from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import ComparedByContents
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.information import (
@@ -169,7 +170,7 @@ class Knowledge(ComparedByContents):
             if abs(mass - before) > SAME_LOAD * before:
                 raise SignalError(
                     f"{path}: {mass:g} kg, but {before:g} kg with the same load in {name}: another load? Name it "
-                    "(--load half, or Occasion(load=...)); what depends on it then begins from the vehicle file"
+                    f"({setting('load', 'half')}); what depends on it then begins from the vehicle file"
                 )
 
     def with_logs(self, logs: Sequence[LogKnowledge]) -> "Knowledge":

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 
 from fifthwheel.base.names import ParameterPath, split_log
+from fifthwheel.base.spelling import setting
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.doubts import UNUSUAL_ESTIMATE, DoubtKind
 from fifthwheel.estimate.identify.given import applied
@@ -22,12 +23,6 @@ from fifthwheel.estimate.identify.setup import Setup, with_tyre_law
 from fifthwheel.estimate.identify.unknowns.parameters import VARIATION
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.truck import Vehicle
-
-NEARLY_UNSTABLE = (
-    "The truck is unstable, or nearly, at the speed of the logs, so that no free-running model follows them: the "
-    "parameters are estimated from prediction errors (--form prediction-error)."
-)
-
 
 UNEXPLAINED = "contradicts the earlier logs, and no single change of tyres, load or sensor explains it"
 """Why a log is set aside."""
@@ -54,7 +49,10 @@ def identify_one_stage(
     solution = solve(earlier=partial(before.prior, occasion=occasion) if before.used else None)
     notes = [note]
     if solution.settings.form != settings.form:
-        notes.append(NEARLY_UNSTABLE)
+        notes.append(
+            "The truck is unstable, or nearly, at the speed of the logs, so that no free-running model follows them: "
+            f"the parameters are estimated from prediction errors ({setting('form', 'prediction-error')})."
+        )
     logs = log_knowledge(solution, occasion)
     if before.used:
         before, solution, logs, found = _reconciled(solve, before, occasion, solution, logs)

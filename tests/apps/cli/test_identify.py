@@ -1,4 +1,4 @@
-"""`fifthwheel states`: smoothed, on a bank, and with the identification's uncertainty."""
+"""`fifthwheel identify` and `states`: the report, figures, smoothing, a bank, uncertainty, late channels."""
 
 import json
 from pathlib import Path
@@ -8,13 +8,72 @@ import pytest
 from pyarrow import parquet
 from typer.testing import CliRunner
 
+import fifthwheel as fw
 from fifthwheel import truck as vehicle
 from fifthwheel.apps import cli
-from fifthwheel.data.logs import write_record
+from fifthwheel.data.checks import Fault
+from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.estimate.identify import Identification, LogSummary, OneStage
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
+from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 from tests.estimate.observe.conftest import STEER
+from tests.results.report.conftest import Page
+from tests.test_faults import run
+
+
+@pytest.fixture(scope="module")
+def log(result, tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("commands") / "first.csv"
+    write_record(result.records[0], path)
+    return path
+
+
+def ran(*arguments) -> dict:
+    outcome = CliRunner().invoke(cli.app, [str(a) for a in arguments], catch_exceptions=False)
+    assert outcome.exit_code == 0, outcome.stderr
+    return json.loads(outcome.stdout)
+
+
+def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
+    note = "40 t, dry"
+    told = ran(
+        *("identify", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--tyres", "linear"),
+        *("--note", note, "--author", "J. Smith"),
+    )
+    conclusion = told["conclusion"]
+    assert conclusion.keys() >= {"good", "headline", "results", "not_identified", "cautions", "next_steps", "notes"}
+    assert conclusion["next_steps"] == [step["message"] for step in conclusion["steps"]]
+    assert conclusion["headline"].startswith("All 5 parameters are identified")
+    assert json.loads((tmp_path / "identification.json").read_text())["conclusion"] == conclusion
+    assert json.loads((tmp_path / "identification.json").read_text())["note"]["text"] == note
+    assert fw.Identification.load(tmp_path).method == "one-stage"
+    assert "figures" not in told["files"]
+    page = Page((tmp_path / "report.html").read_text(encoding="utf-8"))
+    assert conclusion["headline"] in page.text
+    assert "Reproduce this result" in page.text
+    assert "cheng_cebon_2011 (catalogue)" in page.text
+    assert "information" in page.ids
+    assert page.text.index(f"{note} (J. Smith, ") < page.text.index(conclusion["headline"])
+
+
+def test_states_concludes_and_draws(log, tmp_path):
+    told = ran("states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--figures", "svg")
+    assert (
+        told["conclusion"]["headline"]
+        == "The states are reliable in all samples of 1 log in which the filter has settled."
+    )
+    assert told["files"]["figures"] == str(tmp_path / "figures")
+    assert (tmp_path / "figures" / "first" / "states" / "sideslip.semitrailer.svg").is_file()
+    text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
+    assert "The band does not include the uncertainty of the parameters and sensor errors." in text
+
+
+def test_another_kind_of_figure_is_refused(log, tmp_path):
+    outcome = CliRunner().invoke(cli.app, ["states", str(log), "-v", "cheng_cebon_2011", "--figures", "gif"])
+    assert outcome.exit_code == 2
+
 
 NAME = "cheng_cebon_2011"
 OFFSET = f"{STEER}.offset"
@@ -119,3 +178,38 @@ def test_a_folder_without_a_result_is_refused_with_the_cure(record, monkeypatch,
         cli.main()
     assert stop.value.code == 2
     assert "empty: a folder without vehicle.toml; give a vehicle file, or the result folder" in capsys.readouterr().err
+
+
+LATE = ("yaw_rate.semitrailer", "roll_rate.semitrailer")
+
+
+@pytest.fixture
+def late(tmp_path):
+    record = simulate(get("cheng_cebon_2011"), count=4)
+    shifted = {n: np.interp(record.time - 0.35, record.time, record.signals[n]) for n in LATE}
+    write_record(record.with_signals(shifted), tmp_path / "late.csv")
+    return tmp_path / "late.csv"
+
+
+def test_signals_writes_the_delay_that_check_asks_for(late, tmp_path, capsys):
+    out = tmp_path / "signals.toml"
+    code, _, err = run(capsys, "signals", late, "-v", "cheng_cebon_2011", "-o", out)
+    assert (code, err) == (0, "")
+    proposed = SignalMap.load(out)
+    delays = {name: channel.delay for name, channel in proposed.signals.items() if channel.delay}
+    assert delays == {name: pytest.approx(0.35, abs=0.02) for name in LATE}
+    findings = check_signals(read_log(late, proposed), get("cheng_cebon_2011"))
+    assert Fault.TIME_OFFSET not in [finding.fault for finding in findings]
+
+
+def test_check_names_and_draws_the_late_channels(late, tmp_path, capsys):
+    page = tmp_path / "time.html"
+    code, out, err = run(capsys, "check", late, "-v", "cheng_cebon_2011", "--plot", page)
+    assert (code, err) == (0, "")
+    words = " ".join(out.split())
+    assert "0.35 s late" in words
+    assert "set delay = 0.35" in words
+    text = page.read_text()
+    for name in LATE:
+        assert name in text
+    assert "+0.35 ± 0.0" in text

@@ -1,12 +1,52 @@
-"""A command whose extra is not installed names it."""
+"""Names that others have chosen on a terminal, and packages that are missing."""
 
+import io
 import json
 import subprocess
 import sys
 
 import pytest
 
+from fifthwheel.apps.cli import common
+from tests.apps.cli.conftest import TRUCK
 from tests.apps.live.truck_bus import write_files
+
+HOSTILE = "x\x1b[2J[/bold]\udcff"
+
+
+def test_a_path_cannot_control_the_terminal(run):
+    outcome = run("identify", f"missing {HOSTILE}.csv", "-v", TRUCK)
+    assert outcome.code == 2
+    assert outcome.err.startswith(r"error: missing x\u001b[2J[/bold]\udcff.csv: cannot be read")
+    outcome = run("simulate", f"no folder {HOSTILE}/run.csv")
+    assert outcome.code == 2
+    assert r"no folder x\u001b[2J" in outcome.err
+    assert "\x1b" not in outcome.err
+
+
+def test_a_title_cannot_control_the_progress_bar(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    shown = Terminal()
+    monkeypatch.setattr(sys, "stderr", shown)
+    monkeypatch.setenv("COLUMNS", "200")
+    with common.progress_bar(quiet=False) as progress:
+        progress(f"reading {HOSTILE}", 1, 2)
+    assert r"x\u001b[2J[/bold]\udcff" in shown.getvalue()
+    assert "\x1b[2J" not in shown.getvalue()
+
+
+@pytest.mark.parametrize("option", ["--signals", "--identification", "--vehicle"])
+def test_devices_are_refused(run, option):
+    given = ["states", "run.csv", "-v", TRUCK] if option != "--vehicle" else ["states", "run.csv"]
+    outcome = run(*given, option, "/dev/zero")
+    assert outcome.code == 2
+    assert outcome.err.startswith("error: /dev/zero")
+    outcome = run("identify", "/dev/zero", "-v", TRUCK)
+    assert outcome.err.startswith("error: /dev/zero: cannot be read, it is not a regular file")
+
 
 LIVE = ("live", "--signals", "signals.toml", "--vehicle", "cheng_cebon_2011", "--bus")
 MANIFEST = "log,truck,vehicle\na.csv,t,cheng_cebon_2011\nb.csv,t,cheng_cebon_2011\n"

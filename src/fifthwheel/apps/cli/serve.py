@@ -1,4 +1,4 @@
-"""fifthwheel live"""
+"""fifthwheel live, app and selfcheck"""
 
 import signal
 import sys
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fifthwheel.apps.cli import options
+from fifthwheel.apps.cli import common
 from fifthwheel.apps.cli.app import Only, command, quantity_option
 from fifthwheel.base.options import LiveOptions, ObserverOptions
 
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
     "fifthwheel live --replay log.blf --rate 0 -s signals.toml -v truck.toml --record states.parquet",
 )
 def live(
-    vehicle: options.VehicleOption,
+    vehicle: common.VehicleOption,
     signals: Annotated[
         Path, typer.Option("--signals", "-s", help="Signal map (signals.toml) with columns of CAN messages.")
     ],
-    allow_outside: options.AllowOutsideOption = False,
-    force: options.ForceFileOption = False,
+    allow_outside: common.AllowOutsideOption = False,
+    force: common.ForceFileOption = False,
     *,
     chosen: LiveOptions,
     observer: Annotated[ObserverOptions, Only(("min_speed", "friction", "half_track"))],
@@ -132,3 +132,65 @@ class _StatusLine:
         """End the line."""
         if self._terminal:
             print(file=sys.stderr)
+
+
+@command(
+    "fifthwheel app",
+    "fifthwheel app trial --port 8080 --no-browser",
+    "fifthwheel app trial --host 0.0.0.0 --token 'a long password'",
+)
+def app(
+    folder: Annotated[Path, typer.Argument(help="Folder of the workspace; made if it is missing.")] = Path("workspace"),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen at; 0 for a free one.")] = 8080,
+    host: Annotated[str, typer.Option(help="Address to listen at; any other than this computer needs --token.")] = (
+        "127.0.0.1"
+    ),
+    token: Annotated[
+        str | None, typer.Option(help="Who opens the pages must know it.", envvar="FIFTHWHEEL_TOKEN")
+    ] = None,
+    max_file: Annotated[float, typer.Option(min=0.001, help="Largest dropped file, GB.")] = 8.0,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the first page.")] = True,
+) -> None:
+    """Open the workbench: pages in your browser from a log to the identified truck.
+
+    Logs, signals.toml, vehicle.toml and results are files in the folder, the same as those of the other commands.
+    Ctrl-C ends the server; nothing is lost.
+    """
+    from fifthwheel.apps.app.serve import serve
+
+    serve(
+        folder,
+        host=host,
+        port=port,
+        token=token,
+        max_file=round(max_file * 1e9),
+        ready=lambda address: typer.echo(f"{address}\nCtrl-C ends the workbench."),
+        browser=browser,
+    )
+
+
+@command("fifthwheel selfcheck", "fifthwheel selfcheck /var/lib/fifthwheel", "fifthwheel selfcheck --json")
+def selfcheck(
+    folder: Annotated[
+        Path, typer.Argument(help="Folder that results are written to.", exists=True, file_okay=False)
+    ] = Path(),
+    as_json: common.JsonOption = False,
+) -> None:
+    """Check this installation: cache, machine code against stored states, disk and clock.
+
+    `fifthwheel live` does the same when it starts. The exit code is 1 if a check fails.
+    """
+    from dataclasses import asdict
+
+    from fifthwheel.apps.selfcheck import self_check
+
+    checks = self_check(folder)
+    if as_json:
+        common.print_json(
+            {"passed": all(check.passed for check in checks), "checks": [asdict(check) for check in checks]}
+        )
+    else:
+        for check in checks:
+            typer.echo(f"{'ok    ' if check.passed else 'FAILED'} {check.name}: {check.text}")
+    if not all(check.passed for check in checks):
+        raise typer.Exit(1)

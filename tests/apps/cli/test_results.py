@@ -1,0 +1,278 @@
+"""`fifthwheel assess`, `compare`, `evaluate` and `validate`: output, files and exit codes."""
+
+import csv
+import json
+
+import pytest
+
+import fifthwheel as fw
+from tests.apps.cli.conftest import TRUCK, refused
+from tests.results.report.conftest import NASTY, Page
+
+QUICK = ("--linear", "--speed", "80km/h")
+
+
+@pytest.fixture(scope="module")
+def exact(tmp_path_factory):
+    """A vehicle file without uncertainty, so that only the half track has a sigma."""
+    truck = fw.vehicle(TRUCK)
+    path = tmp_path_factory.mktemp("trucks") / "exact.toml"
+    truck.with_stated(dict.fromkeys(truck.parameters(), 0.0)).save(path)
+    return path
+
+
+def test_the_table_and_the_files(exact, run, tmp_path):
+    outcome = run("assess", exact, *QUICK, "-o", tmp_path / "out", "--body", "rear_overhang=2.7m")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith(f"{TRUCK} at 80 km/h: meets all thresholds of the Australian PBS that are assessed.")
+    assert "static rollover threshold" in outcome.out
+    assert "wheel lift, drive axle" in outcome.out
+    assert ">= 0.35 g" in outcome.out
+    assert "level 1: <= 0.3 m" in outcome.out  # of the tail swing
+    contents = json.loads((tmp_path / "out" / "assessment.json").read_text())
+    assert contents["speed"] == pytest.approx(80 / 3.6)
+    page = (tmp_path / "out" / "assess.html").read_text()
+    assert all(text in page for text in ("steer tyre friction demand", "Lane change", "Low-speed turn of 90°"))
+    (source,) = contents["provenance"]["files"]
+    for text in (source["sha256"], "steer tyre friction demand", "met"):
+        assert text in (tmp_path / "out" / "evidence.html").read_text()
+    assert run("verify", tmp_path / "out").out.startswith(f"{tmp_path / 'out'}: 4 files as recorded.")
+    (tmp_path / "out" / "assess.html").write_text("other")
+    outcome = run("verify", tmp_path / "out", "--json")
+    assert (outcome.code, outcome.json()["intact"], outcome.json()["files"][0]["state"]) == (1, False, "differs")
+
+
+def test_a_file_is_no_folder_for_results(exact, run, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    outcome = run("assess", exact, *QUICK, "-o", tmp_path / "file")
+    assert outcome.code == 2
+    assert outcome.err.endswith("file: expected a folder, got a file; choose another name\n")
+    assert (tmp_path / "file").read_text() == "mine"
+
+
+def test_set_changes_a_parameter_and_its_sigma(exact, run):
+    plain = run("assess", exact, *QUICK, "--json").json()
+    text = "semitrailer.payload.height=1.8 m +- 10 %"
+    changed = run("assess", exact, *QUICK, "--set", text, "--body", "half_track=1m", "--json").json()
+    assert plain["uncertain"] == {"half_track": {"name": "Half track", "sigma": 0.03, "unit": "m"}}
+    assert list(changed["uncertain"]) == ["semitrailer.payload.height"]
+    assert changed["uncertain"]["semitrailer.payload.height"]["sigma"] == pytest.approx(0.18)
+    assert plain["units"] == {"speed": "m/s", "body": "m"}
+    assert changed["measures"][0]["value"] < plain["measures"][0]["value"]
+
+
+def test_an_identification_in_a_folder(result, run, tmp_path):
+    result.identification.save(tmp_path / "found")
+    outcome = run("assess", tmp_path / "found", "--linear", "--json")
+    assert outcome.code == 0
+    assert "joint covariance" in outcome.json()["origin"]
+    path = tmp_path / "found" / "identification.json"
+    assert run("assess", path, "--linear", "--json").json()["measures"] == outcome.json()["measures"]
+
+
+def test_the_evidence_of_an_identification_has_its_conclusion_its_note_and_its_logs(identified, run, tmp_path):
+    folder, printed = identified
+    run("assess", folder, "--linear", "-o", "assessed")
+    contents = json.loads((tmp_path / "assessed" / "assessment.json").read_text())
+    assert contents["identification"][0] == printed["conclusion"]["headline"]
+    assert {row["verdict"] for row in contents["parameters"]} >= {"converged", "assumed"}
+    names = [file["path"].rpartition("/")[2] for file in contents["provenance"]["files"]]
+    assert names == ["identification.json", "first.csv", "second.parquet", "flat.csv"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--set", "semitrailer.payload.height"), "--set semitrailer.payload.height: expected PATH=VALUE"),
+        (("--set", "semitrailer.payload.height=1.8kg"), "--set semitrailer.payload.height: "),
+        (("--set", "semitrailer.payload.hight=1.8m"), "semitrailer.payload.hight: expected the path of a parameter"),
+        (("--body", "half_track"), "--body half_track: expected NAME=VALUE"),
+        (("--body", "half_tracks=1m"), "half_tracks: no such dimension of the body"),
+        (("--speed", "80kg"), "--speed 80kg: "),
+        (("--speed", "10"), "speed: expected 5 to 40 m/s (18 to 144 km/h), got 2.778 m/s (10 km/h); give a road speed"),
+        (("--figures", "svg"), "--figures: needs a folder; add -o FOLDER"),
+    ],
+)
+def test_what_is_refused_names_the_key_and_the_cure(run, options, message):
+    outcome = run("assess", TRUCK, *options)
+    assert (outcome.code, outcome.out) == (2, "")
+    assert outcome.err.startswith(f"error: {message}")
+    assert outcome.err.count("\n") == 1
+
+
+def test_a_folder_without_an_identification(run, tmp_path):
+    outcome = run("assess", tmp_path)
+    assert outcome.code == 2
+    assert "identification.json" in outcome.err
+
+
+@pytest.fixture
+def runs(result, tmp_path):
+    for name in ("monday", NASTY.replace("/", "")):
+        result.identification.save(tmp_path / name)
+    return tmp_path / "monday", tmp_path / NASTY.replace("/", "")
+
+
+def test_table_and_files(runs, run, tmp_path):
+    page, table = tmp_path / "c.html", tmp_path / "c.csv"
+    outcome = run("compare", *runs, "--csv", table, "--html", page)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("No difference beyond chance. Largest: ")
+    assert "Front tyres, cornering stiffness" in outcome.out
+    assert "share lane changes" in " ".join(outcome.out.split())
+    with table.open(newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == 16
+    assert {row["difference_in_sigmas"] for row in rows} == {"", "0.0"}
+    text = Page(page.read_text()).text
+    assert runs[1].name in text
+    assert "Rollover threshold" in text
+    assert "No difference beyond chance." in text
+    assert 'title="tractor.front.cornering_stiffness">Front tyres, cornering stiffness' in page.read_text()
+
+
+def test_json(runs, run):
+    contents = run("compare", *runs, "--json").json()
+    assert contents["runs"][0] == "monday"
+    assert contents["parameters"][0]["differences"][1]["at_least"] is True
+
+
+def test_the_folder_of_a_command(identified, run, tmp_path):
+    out, _ = identified
+    outcome = run("compare", out, out / "identification.json", "--json")
+    assert outcome.code == 0
+    assert outcome.json()["runs"] == [str(out), str(out / "identification.json")]
+
+
+def test_refusals(runs, run, tmp_path):
+    refused(run("compare", runs[0]), "runs: expected at least two")
+    refused(run("compare", runs[0], tmp_path / "absent"), ".*absent")
+    (tmp_path / "c.csv").touch()
+    refused(run("compare", *runs, "--csv", tmp_path / "c.csv"), ".*c.csv: exists")
+
+
+SIGNALS = ("steer.tractor.front", "yaw_rate.tractor")
+MAP = """
+[time]
+column = "t"
+[signals]
+speed = { column = "v", unit = "km/h" }
+"steer.tractor.front" = { column = "delta", unit = "rad" }
+"yaw_rate.tractor" = { column = "r", unit = "rad/s" }
+"""
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tests")
+    truck = fw.vehicle(TRUCK)
+    truck.save(folder / "truck.toml")
+    for name in ("slowly_increasing_steer", "step"):
+        fw.write_record(fw.simulate(truck, manoeuvre=name, rate=50.0, seed=1), folder / f"{name}.parquet")
+    return folder
+
+
+def test_the_tables_and_the_files(logs, run, tmp_path):
+    log, out = logs / "slowly_increasing_steer.parquet", tmp_path / "out"
+    outcome = run("evaluate", log, "--test", "steady_state", "-v", logs / "truck.toml", "-o", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("slowly_increasing_steer by ISO 14792:2011: understeer gradient 0.")
+    assert "understeer gradient" in outcome.out
+    assert "deg/g" in outcome.out
+    assert "within 2 km/h of its mean" in outcome.out
+    contents = json.loads((out / "evaluation.json").read_text())
+    gradient = contents["measures"][0]
+    assert gradient["name"] == "understeer_gradient"
+    exact = fw.summarize(fw.vehicle(TRUCK)).understeer_gradient
+    assert abs(gradient["value"] - exact) < 3 * gradient["sigma"]
+    assert len(contents["arrays"]["lateral_acceleration"]) > 20
+    page = (out / "evaluation.html").read_text()
+    assert all(text in page for text in ("Steer angle less Ackermann angle", "Conditions of ISO 15037-2", "truck.toml"))
+    again = run("evaluate", log, "--test", "steady_state", "-v", logs / "truck.toml", "-o", out, "--json")
+    assert again.json()["files"] == {n: str(out / n) for n in ("evaluation.json", "evaluation.html")}
+
+
+def test_a_result_folder_as_vehicle(logs, run, tmp_path):
+    folder = tmp_path / "result"
+    folder.mkdir()
+    (folder / "vehicle.toml").write_text((logs / "truck.toml").read_text())
+    (folder / "identification.json").write_text("{}")
+    outcome = run("evaluate", logs / "step.parquet", "--test", "step", "-v", folder, "-o", tmp_path / "out")
+    assert (outcome.code, outcome.err) == (0, "")
+    assert str(folder / "vehicle.toml") in (tmp_path / "out" / "evaluation.html").read_text()
+
+
+def test_without_a_vehicle_and_a_folder(logs, run):
+    result = run("evaluate", logs / "step.parquet", "--test", "step", "--json").json()
+    assert "response_time.yaw_rate.semitrailer" in [m["name"] for m in result["measures"]]
+    assert result["files"] == {}
+    assert all(c["met"] is not False for c in result["conditions"])
+
+
+def test_the_nonlinear_truck_is_driven_with_the_inputs_of_the_log(logs, run, tmp_path):
+    pytest.importorskip("mujoco")
+    truck = logs / "truck.toml"
+    result = run(
+        "validate", "plant", logs / "step.parquet", "--test", "step", "-v", truck, "-o", "out", "--json"
+    ).json()
+    assert result["results"]["log"] == "nonlinear truck"
+    assert {curve["name"]: curve["verdict"] for curve in result["curves"]}["steer.tractor.front"] == "inside"
+    assert run("verify", "out").code == 0
+    outcome = run("validate", "plant", logs / "step.parquet", "--test", "step")
+    assert outcome.err == "error: plant: needs the truck; add --vehicle\n"
+    outcome = run("validate", "truck.fmu", logs / "step.parquet", "--test", "step", "--results-signals", "map.toml")
+    assert outcome.err.startswith("error: --results-signals: a map of a file of results; omit it")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--test", "stepp"), "test: 'stepp' is not known; did you mean 'step'"),
+        (("--test", "pulse"), "no pulse, but steering for"),
+        (("--test", "step", "--figures", "svg"), "--figures: needs a folder; add -o FOLDER"),
+        ((), "Missing option '--test'"),
+    ],
+)
+def test_wrong_calls(logs, run, arguments, message):
+    outcome = run("evaluate", logs / "step.parquet", *arguments)
+    assert outcome.code == 2
+    assert message in " ".join(outcome.err.split())
+
+
+def test_a_validation_with_maps_of_both_files(logs, run, tmp_path):
+    log, out = logs / "step.parquet", tmp_path / "out"
+    record = fw.read_log(log)
+    columns = ["t", "v", "delta", "r"]
+    values = [record.time, 3.6 * record.signals["speed"], *(record.signals[n] for n in SIGNALS)]
+    lines = [",".join(columns), *(",".join(map(repr, map(float, row))) for row in zip(*values, strict=True))]
+    (tmp_path / "tool.csv").write_text("\n".join(lines))
+    (tmp_path / "tool.toml").write_text(MAP)
+    files = (tmp_path / "tool.csv", log, "--results-signals", tmp_path / "tool.toml", "--test", "step")
+    outcome = run("validate", *files, "-v", logs / "truck.toml", "-o", out)
+    assert (outcome.code, outcome.err) == (0, "")
+    assert outcome.out.startswith("Step input, tool against step: undecided, ")
+    contents = json.loads((out / "validation.json").read_text())
+    assert contents["curves"][0]["exceedance"] == 0
+    assert any("only in the log: " in note and "yaw_rate.semitrailer" in note for note in contents["notes"])
+    page = (out / "validation.html").read_text()
+    assert all(text in page for text in ("of no standard", "tool.toml", "Front axle, steer angle", "Verdict"))
+    again = run("validate", *files, "--tolerance", "yaw_rate=1% + 2deg/s", "-o", out, "--json").json()
+    assert again["files"] == {n: str(out / n) for n in ("validation.json", "validation.html")}
+    (curve,) = (c for c in again["curves"] if c["name"] == "yaw_rate.tractor")
+    assert (curve["tolerance"]["text"], curve["verdict"]) == ("1% + 2deg/s", "inside")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--test", "steady_state"), "results, step: 10.0 s long, this test needs at least 15 s"),
+        (("--test", "step", "--tolerance", "yaw_rate=5 kg"), "tolerance yaw_rate=5 kg: expected rad/s"),
+        (("--test", "step", "--tolerance", "yaw_rate"), "--tolerance yaw_rate: expected NAME=VALUE, such as yaw_rate="),
+        (("--test", "step", "--tolerance", "jaw_rate=5%"), "tolerance jaw_rate: nothing with this name is compared;"),
+        (("--test", "step", "--figures", "svg"), "--figures: needs a folder; add -o FOLDER"),
+    ],
+)
+def test_wrong_validations(logs, run, arguments, message):
+    outcome = run("validate", logs / "step.parquet", logs / "step.parquet", *arguments)
+    assert outcome.code == 2
+    assert message in " ".join(outcome.err.split())
