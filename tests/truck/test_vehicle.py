@@ -219,7 +219,5 @@ def test_import_is_light() -> None:
         "fifthwheel.base.settings",
         "fifthwheel.base.units",
         "fifthwheel.base.atomic",
-        "fifthwheel.base.atomic.files",
-        "fifthwheel.base.atomic.locks",
         "fifthwheel.base.input_files",
     }

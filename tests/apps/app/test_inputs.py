@@ -10,7 +10,7 @@ import pytest
 from fifthwheel import read_log
 from fifthwheel.apps.app import inputs
 from fifthwheel.apps.app.workspace import SIGNALS, Workspace
-from fifthwheel.base.atomic.locks import try_lock
+from fifthwheel.base.atomic import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.logs import SignalMap
 

@@ -18,7 +18,7 @@ from fifthwheel.apps.workflow.vehicle_questions import QUESTIONS
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.pages import Code, Plots
 from fifthwheel.base.pages.html import cell
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge

@@ -10,8 +10,7 @@ import pytest
 
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots import Area, Axis, Band, Bars, Guide, Label, Line, Panel, Plot, Points, Span, plotly_figure
-from fifthwheel.base.plots.palette import BLUE, CYCLE, VERMILLION
-from fifthwheel.base.plots.panels import trimmed, visible_range
+from fifthwheel.base.plots.items import BLUE, CYCLE, VERMILLION, trimmed, visible_range
 
 TIME = np.linspace(0, 10, 50)
 SINE = np.sin(TIME)

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.base.plots.items import BLUE, VERMILLION
 from fifthwheel.data.record import Record
 
 TIME = np.arange(100) / 10

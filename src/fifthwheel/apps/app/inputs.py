@@ -16,7 +16,7 @@ from pydantic import TypeAdapter
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
 from fifthwheel.apps.workflow import SignalEvidence, propose_signals, signal_evidence
 from fifthwheel.apps.workflow.inputs import report_fraction
-from fifthwheel.base.atomic.locks import try_lock
+from fifthwheel.base.atomic import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.logs import SignalMap

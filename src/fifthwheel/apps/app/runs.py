@@ -25,7 +25,7 @@ from fifthwheel.base.atomic import one_run, result_folder
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.base.pages import Document
 from fifthwheel.base.plots import Line, Plot
-from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.plots.items import CYCLE
 from fifthwheel.base.settings import arguments, options_of
 from fifthwheel.estimate.identify import Fit, Identification
 from fifthwheel.estimate.identify.design.assess import InformationAssessment, predict_sigmas

@@ -20,7 +20,7 @@ from fifthwheel.apps.cluster import run_all
 from fifthwheel.apps.studies.result_table import write_table
 from fifthwheel.base.atomic import write_text
 from fifthwheel.base.errors import FifthwheelError, VehicleError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.truck import Vehicle, get
 

@@ -14,7 +14,7 @@ from fifthwheel.base.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.base.options import FleetSettings
 from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.results.report.words import counted

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from fifthwheel.base.native.instructions import translate
+from fifthwheel.base.native.llvm_ir import translate
 
 _BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*"}
 _COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}

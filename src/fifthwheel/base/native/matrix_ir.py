@@ -10,11 +10,8 @@ from dataclasses import replace
 
 import casadi as ca
 
-from fifthwheel.base.native.instructions import translate
-from fifthwheel.base.native.llvm_ir import ArrayLayout, Emitter, function
-from fifthwheel.base.native.loops import WIDTH, Address, pieces_of
-from fifthwheel.base.native.matrix_memory import Memory, StoredMatrix
-from fifthwheel.base.native.matrix_products import Products
+from fifthwheel.base.native.llvm_ir import ArrayLayout, Emitter, function, translate
+from fifthwheel.base.native.matrix_loops import WIDTH, Address, Memory, Products, StoredMatrix, pieces_of
 
 COPIED = 24
 """Elements that are copied without a loop, at most."""

@@ -9,7 +9,7 @@ import numpy as np
 from fifthwheel.base import pages
 from fifthwheel.base.errors import printable_lines
 from fifthwheel.base.plots import downsample
-from fifthwheel.base.plots.palette import BLUE
+from fifthwheel.base.plots.items import BLUE
 from fifthwheel.base.types import Array
 
 NOTEBOOK_STYLE = (

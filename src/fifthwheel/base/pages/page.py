@@ -19,7 +19,7 @@ from typing import Any
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.native import cache
 from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot, plotly_figure

@@ -9,7 +9,7 @@ from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.formatting import digits, percent, shown
 from fifthwheel.base.pages.html import course, notebook
 from fifthwheel.base.plots import Axis, Line, Panel, Plot
-from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.plots.items import CYCLE
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import CHANNELS, SignalName, split_reference
 from fifthwheel.data.record.timestamps import missing_fraction, typical_step

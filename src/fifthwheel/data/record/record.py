@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import SignalError, UnitError, printable, suggestion
-from fifthwheel.base.extras import require
-from fifthwheel.base.lazy import lazy
+from fifthwheel.base.lazy import lazy, require
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import REFERENCE, checked_name, si_unit, split_reference

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import MODELLED, SignalName, si_unit

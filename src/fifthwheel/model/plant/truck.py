@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.errors import SignalError, VehicleError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record

@@ -8,8 +8,8 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.errors import suggestion
-from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import with_sigma
+from fifthwheel.base.lazy import require
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.plots import Plot
 from fifthwheel.base.types import Array

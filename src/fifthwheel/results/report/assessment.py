@@ -11,8 +11,7 @@ from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, enumerated, with_sigma
 from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
-from fifthwheel.base.plots.items import Dash
-from fifthwheel.base.plots.palette import CYCLE, DARK, GREY
+from fifthwheel.base.plots.items import CYCLE, DARK, GREY, Dash
 from fifthwheel.base.types import Array
 from fifthwheel.results.assess import Assessment, MeasureResult
 from fifthwheel.results.assess.lane_change import LaneChangeRun

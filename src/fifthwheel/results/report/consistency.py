@@ -7,8 +7,7 @@ import numpy as np
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import percent
 from fifthwheel.base.plots import Axis, Band, Bars, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, DARK, GREY, SKY, VERMILLION
-from fifthwheel.base.plots.panels import visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, SKY, VERMILLION, visible_range
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import Fit
 from fifthwheel.estimate.observe import States

@@ -8,8 +8,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import enumerated, kmh, percent, seconds, shown_parts, with_sigma
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
-from fifthwheel.base.plots.panels import visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION, visible_range
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.lateral_acceleration import lateral_acceleration
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict

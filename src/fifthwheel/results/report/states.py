@@ -13,7 +13,7 @@ from fifthwheel.base.names import split_log
 from fifthwheel.base.pages import page
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import DARK, rgba
+from fifthwheel.base.plots.items import DARK, rgba
 from fifthwheel.data.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
 from fifthwheel.data.channels.lateral import SIDESLIP
 from fifthwheel.data.record import Record

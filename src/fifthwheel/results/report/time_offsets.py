@@ -10,7 +10,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import shown
 from fifthwheel.base.pages import page
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.record import Record

@@ -9,8 +9,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import shown_parts
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Area, Line, Panel, Points
-from fifthwheel.base.plots.items import as_array
-from fifthwheel.base.plots.palette import DARK
+from fifthwheel.base.plots.items import DARK, as_array
 from fifthwheel.estimate.identify import Estimate, Verdict
 from fifthwheel.results.report.words import spoken_verdict
 from fifthwheel.truck import Vehicle

@@ -17,7 +17,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, percent, with_sigma
 from fifthwheel.base.plots import Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.base.plots.items import BLUE, VERMILLION
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, OneStage

@@ -6,7 +6,7 @@ import numpy as np
 
 from fifthwheel.base.formatting import shown
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY
+from fifthwheel.base.plots.items import BLUE, GREY
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify.result.posterior import normal_quantile
 

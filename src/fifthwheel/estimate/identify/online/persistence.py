@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from fifthwheel.base.checked_json import FileKind
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.input_files import FileKind
 from fifthwheel.base.types import Array, selected
 from fifthwheel.estimate.identify.one_stage.prior import JointPrior
 from fifthwheel.estimate.identify.stored import Matrix, Vector, restored

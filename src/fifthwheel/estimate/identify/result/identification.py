@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from fifthwheel.base.errors import FifthwheelError, suggestion
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.options import FRICTION_RANGE
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,

@@ -15,9 +15,9 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from fifthwheel.base.atomic.locks import cleaned_up
+from fifthwheel.base.atomic import cleaned_up
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 
 
 class Platform(NamedTuple):
