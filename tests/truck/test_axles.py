@@ -6,7 +6,7 @@ from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.model.dynamics.model import topology
 from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 
 TEXT = catalogue.text("cheng_cebon_2011")
 REAR = '{ name = "rear", position = "-9.3 m", steerable = true }'

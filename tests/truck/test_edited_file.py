@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 from tests.truck.test_classes import TEXT
 
 FILE = catalogue.text("cheng_cebon_2011")

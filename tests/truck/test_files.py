@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.model.dynamics.model import topology
 from fifthwheel.truck import Vehicle, catalogue, unit_of
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 from fifthwheel.truck.toml_format import read_quantity
 from fifthwheel.truck.uncertainty import changes
 

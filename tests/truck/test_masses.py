@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.masses import unusual_masses
+from fifthwheel.truck.weighing import unusual_masses
 from tests.truck.test_classes import TEXT
 
 PAYLOAD, BODY = "semitrailer.payload.mass", "semitrailer.sprung.mass"

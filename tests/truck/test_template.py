@@ -4,7 +4,7 @@ import pytest
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.classes.template import COMBINATIONS, template
+from fifthwheel.truck.catalogue import COMBINATIONS, template
 
 
 @pytest.mark.parametrize("name", COMBINATIONS)

@@ -14,11 +14,10 @@ from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.names import ends_with
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import toml_format
-from fifthwheel.truck.axle_loads import axle_loads
 from fifthwheel.truck.classes import complete
 from fifthwheel.truck.component import Component, NonNegatives, Texts
 from fifthwheel.truck.driveline import Driveline
-from fifthwheel.truck.payload import laden, lumped_sigmas, unit_cog_height
+from fifthwheel.truck.loads import axle_loads, laden, lumped_sigmas, unit_cog_height
 from fifthwheel.truck.quantities import unit_of
 from fifthwheel.truck.steering import STEERING, Steering, stated_steering
 from fifthwheel.truck.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique

@@ -12,7 +12,7 @@ import fifthwheel as fw
 from fifthwheel.apps import cli
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.mass import mass_findings
-from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.results.diagnose.caution import CautionKind
 from fifthwheel.results.diagnose.cautions import signal_cautions
 

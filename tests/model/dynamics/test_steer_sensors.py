@@ -44,7 +44,7 @@ def test_the_inverse_of_a_sensor_that_is_not_linear(monkeypatch: pytest.MonkeyPa
         root = np.sqrt(1 + 4 * measured)
         return dynamics.SteerAngle((root - 1) / 2, 1 / root)
 
-    monkeypatch.setattr("fifthwheel.model.dynamics.steer_sensors.steer_angle", root)
+    monkeypatch.setattr("fifthwheel.model.dynamics.steering.steer_angle", root)
     true = np.linspace(-0.1, 0.1, 5)
     np.testing.assert_allclose(dynamics.measured_angle(NAME, true, {}), true + true**2, atol=1e-15)
 

@@ -6,9 +6,9 @@ import pytest
 from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.sensors import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.dynamics.tyres import TyreLaw
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.truck import Vehicle, get
 
 TRAILER, FRONT = "wheel_speed_difference.semitrailer", "wheel_speed_difference.tractor.front"

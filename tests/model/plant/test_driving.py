@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.model.plant.driving import GRAVITY, DrivenTruck, drive
+from fifthwheel.model.plant.powered import GRAVITY, DrivenTruck, drive
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.braking import DECELERATION, measure
 from fifthwheel.results.assess.truck import Body, Truck
 from fifthwheel.truck import get
-from fifthwheel.truck.payload import unit_cog_height
+from fifthwheel.truck.loads import unit_cog_height
 from tests.results.assess.trucks import CATALOGUE, rigid
 
 

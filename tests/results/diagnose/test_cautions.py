@@ -11,7 +11,7 @@ from fifthwheel.results.diagnose.caution import ranked
 from fifthwheel.results.diagnose.cautions import CautionKind, fit_cautions, identification_cautions, state_cautions
 from fifthwheel.results.diagnose.fit_quality import white_noise_sigma
 from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.truck.masses import unusual_masses
+from fifthwheel.truck.weighing import unusual_masses
 from tests.results.report.conftest import NASTY
 
 STEER = "steer.tractor.front"

@@ -32,7 +32,7 @@ def load_records(
 
 def warn_of_masses(vehicle: "Vehicle") -> None:
     """Print unusual masses in the vehicle file."""
-    from fifthwheel.truck.masses import unusual_masses
+    from fifthwheel.truck.weighing import unusual_masses
 
     for warning in unusual_masses(vehicle):
         typer.secho(f"warning: {warning}", fg="yellow", err=True)

@@ -7,12 +7,11 @@ from typing import Any
 
 from fifthwheel.base.errors import VehicleError, suggestion
 from fifthwheel.truck import Vehicle
-from fifthwheel.truck.classes import CLASSES, complete
-from fifthwheel.truck.classes.table import TYRES
-from fifthwheel.truck.classes.template import commented_toml
-from fifthwheel.truck.masses import COUPLING_RANGE, MAX_SOLO
+from fifthwheel.truck.catalogue import commented_toml
+from fifthwheel.truck.classes import CLASSES, TYRES, complete
 from fifthwheel.truck.quantities import quantity_of
 from fifthwheel.truck.slip import CONTRADICTION, Lengths, Number, Slip, weigh, weigh_solo
+from fifthwheel.truck.weighing import COUPLING_RANGE, MAX_SOLO
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 MEASURED, WEIGHED, BROCHURE, GIVEN = "measured", "weighbridge", "brochure", "given"

@@ -32,7 +32,7 @@ from fifthwheel.results.report import (
 from fifthwheel.results.report.evaluation import write_evaluation_report
 from fifthwheel.results.report.evidence import TruckEvidence, write_evidence
 from fifthwheel.truck import Vehicle
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html", "evidence.html")
 """Results of an assessment, besides figures."""

@@ -12,8 +12,7 @@ from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.options import TruckOptions
 from fifthwheel.base.settings import options_of
 from fifthwheel.base.units import quantity, uncertain_quantity
-from fifthwheel.truck.classes import CLASSES
-from fifthwheel.truck.classes.table import TYRES
+from fifthwheel.truck.classes import CLASSES, TYRES
 from fifthwheel.truck.slip import ACCURACY, CONDITIONS, Slip, fraction
 
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)

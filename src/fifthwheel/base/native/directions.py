@@ -270,9 +270,9 @@ class AdjointScan(_Scan):
         waiting: list[tuple[Future[None], int, int, Single]] = []
 
         def finish() -> None:
-            done, *of_block = waiting.pop(0)
+            done, begin, size, jacobians = waiting.pop(0)
             done.result()
-            propagate(*of_block)
+            propagate(begin, size, jacobians)
 
         for number, begin in enumerate(range(0, rows, BLOCK)):
             shared, jacobians = buffers[number % count]

@@ -41,7 +41,7 @@ from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import simplified
 from fifthwheel.estimate.identify.statement import statement
 from fifthwheel.estimate.time_bases import check_signals
-from fifthwheel.model.dynamics.wheel_speeds import with_wheel_speed_differences
+from fifthwheel.model.dynamics.sensors import with_wheel_speed_differences
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 

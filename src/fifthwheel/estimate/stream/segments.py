@@ -12,7 +12,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.estimate.stream.settings import InputRule, Status, StreamSettings
-from fifthwheel.model.dynamics import steps
+from fifthwheel.model.dynamics import simulation
 from fifthwheel.model.dynamics.speed_rate import speed_rates
 
 
@@ -49,12 +49,12 @@ class StreamSegment:
 
 
 def stream_segments(
-    record: Record, settings: StreamSettings, limit: steps.StepLimit
+    record: Record, settings: StreamSettings, limit: simulation.StepLimit
 ) -> tuple[NDArray[np.int8], list[StreamSegment]]:
     """Status (N,) of every sample as determined by the inputs, and the segments in which it is OK.
 
     Raises:
-        SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
+        SignalError: a gap between samples needs too many steps; see `simulation.step_counts`.
     """
     time = record.time
     inputs, fresh = held_inputs(record, settings)
@@ -68,7 +68,7 @@ def stream_segments(
     for first, following in itertools.pairwise([*begins, len(time)]):
         stop = first + int(np.argmin(np.append(ok[first:following], False)))
         samples = slice(int(first), stop)
-        fine, columns, indices = steps.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
+        fine, columns, indices = simulation.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
         y = measured[samples]
         if len(fine) > len(y):
             y = np.full((len(fine), measured.shape[1]), np.nan)

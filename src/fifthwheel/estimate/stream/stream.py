@@ -8,7 +8,7 @@ import numpy as np
 
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.stream.settings import Status, StreamSettings
-from fifthwheel.model.dynamics import steps
+from fifthwheel.model.dynamics import simulation
 from fifthwheel.model.dynamics.speed_rate import SpeedRate
 
 
@@ -40,7 +40,7 @@ class Stream:
         step_limit: longest step of the model.
     """
 
-    def __init__(self, settings: StreamSettings, step_limit: steps.StepLimit) -> None:
+    def __init__(self, settings: StreamSettings, step_limit: simulation.StepLimit) -> None:
         self.settings, self.step_limit = settings, step_limit
         self.time = self.accepted = -math.inf
         """Times of the last sample and of the last accepted measurement, s."""
@@ -147,8 +147,8 @@ class Stream:
     ) -> tuple[float, Sequence[float]]:
         """Process all steps since the previous sample but the last; the length of that, and the inputs before it."""
         limits = self.step_limit(np.array([before[0], after[0]]))
-        times, inputs, _ = steps.subdivide(np.array([previous, self.time]), np.array([before, after]), limits)
-        dt, d = steps.step_inputs(times, inputs)
+        times, inputs, _ = simulation.subdivide(np.array([previous, self.time]), np.array([before, after]), limits)
+        dt, d = simulation.step_inputs(times, inputs)
         memory, n_d = np.asarray(driven.row), d.shape[1]
         memory[1 + n_d :] = 0.0
         for k in range(1, len(dt) - 1):

@@ -32,13 +32,7 @@ from fifthwheel.model.dynamics.state_space import (
     steady_steer,
     understeer_gradient,
 )
-from fifthwheel.model.dynamics.steer_sensors import (
-    SteerAngle,
-    measured_angle,
-    steer_angle,
-    steer_parameters,
-    true_angles,
-)
+from fifthwheel.model.dynamics.steering import SteerAngle, measured_angle, steer_angle, steer_parameters, true_angles
 
 __all__ = [
     "CONTACT",

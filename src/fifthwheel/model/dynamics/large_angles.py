@@ -50,8 +50,8 @@ from fifthwheel.model.dynamics.tyres import (
 )
 from fifthwheel.model.dynamics.unit_equations import suspension_moment
 from fifthwheel.truck import Unit, Vehicle
-from fifthwheel.truck.axle_loads import group_position
 from fifthwheel.truck.driveline import drag
+from fifthwheel.truck.loads import group_position
 from fifthwheel.truck.quantities import DRAG_AREA
 
 AIR_HEIGHT = 1.5

@@ -19,8 +19,7 @@ from fifthwheel.model.dynamics import chain, sensors, tyre_law
 from fifthwheel.model.dynamics import steering as steered
 from fifthwheel.model.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.model.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.model.dynamics.steer_sensors import PLAY, steer_parameters, true_angles
-from fifthwheel.model.dynamics.steering import SteeringSlopes, Wheels
+from fifthwheel.model.dynamics.steering import PLAY, SteeringSlopes, Wheels, steer_parameters, true_angles
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
 from fifthwheel.model.dynamics.tyre_law import Tyres
 from fifthwheel.model.dynamics.tyres import (

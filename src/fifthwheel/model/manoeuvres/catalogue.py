@@ -14,10 +14,18 @@ import numpy as np
 from fifthwheel.base.arguments import expect_road_speed
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.types import Array
-from fifthwheel.model.manoeuvres import accelerations, open_loops, paths
-from fifthwheel.model.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
-from fifthwheel.model.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
-from fifthwheel.model.manoeuvres.linear import inverse_steer
+from fifthwheel.model.manoeuvres import accelerations, courses, open_loops
+from fifthwheel.model.manoeuvres.accelerations import inverse_steer
+from fifthwheel.model.manoeuvres.courses import (
+    Course,
+    LaneChange,
+    OpenLoop,
+    Path,
+    braked,
+    lane_changes,
+    lane_changes_on_test_track,
+    require_positive,
+)
 from fifthwheel.truck import Vehicle
 
 
@@ -65,15 +73,15 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         acceleration=accelerations.random,
         open_loop=open_loops.random,
     ),
-    "straight": Manoeuvre(description="straight ahead", acceleration=np.zeros_like, path=paths.straight),
+    "straight": Manoeuvre(description="straight ahead", acceleration=np.zeros_like, path=courses.straight),
     "bend": Manoeuvre(
         description="a bend of 8 s with 1 m/s^2, straight before and after it", acceleration=accelerations.bend
     ),
-    "constant_radius": Manoeuvre(description="circle of constant radius", path=paths.constant_radius),
+    "constant_radius": Manoeuvre(description="circle of constant radius", path=courses.constant_radius),
     "slow_turns": Manoeuvre(
-        description="turns of 90 degrees to the left and to the right, with a radius of 20 m", path=paths.slow_turns
+        description="turns of 90 degrees to the left and to the right, with a radius of 20 m", path=courses.slow_turns
     ),
-    "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=paths.everyday),
+    "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=courses.everyday),
 }
 """Every manoeuvre by its name."""
 

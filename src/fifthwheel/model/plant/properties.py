@@ -7,7 +7,7 @@ from typing import Any
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.units import quantity
 from fifthwheel.model.plant.magic_formula import MagicFormula
-from fifthwheel.truck.brakes import require_shares
+from fifthwheel.truck.driveline import require_shares
 
 UNITS = {
     "wheel_radius": "m",

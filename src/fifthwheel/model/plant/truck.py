@@ -15,9 +15,8 @@ from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
 from fifthwheel.model.manoeuvres import Course
 from fifthwheel.model.plant import tyre_forces
-from fifthwheel.model.plant.bodies import SprungBody, sprung_bodies
+from fifthwheel.model.plant.bodies import SIDES, SprungBody, model_xml, sprung_bodies
 from fifthwheel.model.plant.driver import Driver, Pose
-from fifthwheel.model.plant.mujoco_model import SIDES, model_xml
 from fifthwheel.model.plant.powered import (
     LONGITUDINAL,
     STEPS_PER_COMMAND,

@@ -8,7 +8,7 @@ from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.mapping.propose import as_toml, propose_map
 from fifthwheel.data.logs.mapping.survey import survey_log
 from fifthwheel.data.logs.readers import open_log
-from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.results.report.log_contents import record_document, survey_document
 
 DEGREE = np.pi / 180

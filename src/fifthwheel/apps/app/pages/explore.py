@@ -28,7 +28,7 @@ from fifthwheel.results import plot
 from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.results.report.words import counted
 from fifthwheel.truck import Vehicle, unit_of
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 from fifthwheel.truck.spoken_names import named_unit, spoken
 
 KINDS = ("step response", "Bode diagram", "handling diagram")

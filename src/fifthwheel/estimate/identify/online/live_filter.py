@@ -23,7 +23,7 @@ from fifthwheel.estimate.observe.observer_step import reported_signals
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.stream import VALID, InputRule, Status, Stream, StreamSettings, magnitude
 from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.steps import StepLimit
+from fifthwheel.model.dynamics.simulation import StepLimit
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are

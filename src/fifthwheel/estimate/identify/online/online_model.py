@@ -18,8 +18,8 @@ from fifthwheel.estimate.identify.unknowns.parameters import VARIATION, fixed_la
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, UnknownKind
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.model.dynamics.sensors import wheel_pairs
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
 from fifthwheel.truck import Vehicle
 
 LINEAR_TYRES = 0.06

@@ -16,8 +16,8 @@ from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.chain import equations
 from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.simulation import SPEEDS, step_limit
 from fifthwheel.model.dynamics.state_space import MAX_SPEED
-from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.results.export import project
 from fifthwheel.results.export.c_text import table
 from fifthwheel.results.export.fmu.variables import TIME, FmuModel, Role, Variable, of_signal
