@@ -131,11 +131,8 @@ class Laden(NamedTuple):
 def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
     """Laden sprung mass, CoG height and roll inertia of a unit.
 
-    The CoG of a payload is at half its height above the floor. A point mass has no term (D_p^2 + h_p^2) / 12.
-
-    Args:
-        p: parameters by path; numbers, arrays or symbols.
-        unit: gives the name and the shape of the payload; its numbers are not used.
+    The CoG of a payload is at half its height above the floor. A point mass has no term (D_p^2 + h_p^2) / 12. p has the
+    parameters by path; the unit gives its name and the shape of the payload, its numbers are not used.
     """
     mass, cog_height = p[f"{unit.name}.sprung.mass"], p[f"{unit.name}.sprung.cog_height"]
     roll_axis = p[f"{unit.name}.roll_axis_height"]
@@ -154,9 +151,8 @@ def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
 
 
 def unit_cog_height(p: Mapping[str, Any], unit: Unit) -> Any:
-    """CoG height of a laden unit above the ground, m, with its unsprung mass at the height of the roll axis.
-
-    Arguments as of `laden`.
+    """CoG height of a laden unit above the ground, m, with its unsprung mass at the height of the roll axis; else as
+    `laden`.
     """
     body = laden(p, unit)
     sprung = body.mass / p[f"{unit.name}.mass"]

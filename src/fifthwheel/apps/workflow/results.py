@@ -12,7 +12,6 @@ from fifthwheel.apps.workflow.start import Start
 from fifthwheel.apps.workflow.states import StatesRun
 from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.memory import release_memory
 from fifthwheel.base.pages.page import write as write_page
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
@@ -151,7 +150,6 @@ def write_results(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    release_memory()
     report = folder / "report.html"
     write_states(run.states, folder / "states.parquet")
     if isinstance(run, StatesRun):

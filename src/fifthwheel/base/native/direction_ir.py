@@ -333,11 +333,10 @@ def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
         pointer = emit(f"getelementptr double, ptr %row.slope, i64 {at}")
         lines.append(f"  store double {value}, ptr {pointer}, align 8")
     of_result = take()
-    sum_phis = "\n".join(
-        f"  %sum.{g} = phi {vector} [{totals[g]}, %direction], [{sums[g]}, %element]" for g in range(groups)
-    )
-    total_phis = "\n".join(
-        f"  %total.{g} = phi {vector} [{totals[g]}, %direction], [{sums[g]}, %element]" for g in range(groups)
+    ends = list(zip(totals, sums, strict=True))
+    sum_phis, total_phis = (
+        "\n".join(f"  %{name}.{g} = phi {vector} [{a}, %direction], [{b}, %element]" for g, (a, b) in enumerate(ends))
+        for name in ("sum", "total")
     )
     return f"""
 define void @propagate(i64 %samples, i64 %directions, ptr noalias %adjoint, ptr noalias %output, ptr noalias %slopes,

@@ -70,7 +70,14 @@ def translate(
     return results
 
 
-_BINARY = {ca.OP_ADD: "fadd contract", ca.OP_SUB: "fsub contract", ca.OP_MUL: "fmul contract"}
+_SINGLE = {
+    ca.OP_ADD: "fadd contract {type} {a}, {b}",
+    ca.OP_SUB: "fsub contract {type} {a}, {b}",
+    ca.OP_MUL: "fmul contract {type} {a}, {b}",
+    ca.OP_NEG: "fneg {type} {a}",
+    ca.OP_SQ: "fmul contract {type} {a}, {a}",
+    ca.OP_TWICE: "fadd contract {type} {a}, {a}",
+}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSIC = {
     ca.OP_SQRT: "sqrt",
@@ -187,8 +194,8 @@ class Emitter:
         invariant = all(invariant for _, invariant in arguments)
         a = arguments[0][0]
         b = arguments[-1][0]
-        if op in _BINARY:
-            return self.emit(f"{_BINARY[op]} {self.type} {a}, {b}", invariant)
+        if op in _SINGLE:
+            return self.emit(_SINGLE[op].format(type=self.type, a=a, b=b), invariant)
         if op in _COMPARE:
             truth, _ = self.emit(f"fcmp {_COMPARE[op]} {self.type} {a}, {b}", invariant)
             return self.select(truth, invariant, self.constant(1.0), self.constant(0.0))
@@ -200,12 +207,6 @@ class Emitter:
             return self.emit(f"call {self.type} @llvm.{name}.{self.suffix}({parameters})", invariant)
         if op in _LIBRARY and self.scalar == "double":
             return self.library(_LIBRARY[op], a, invariant)
-        if op == ca.OP_NEG:
-            return self.emit(f"fneg {self.type} {a}", invariant)
-        if op == ca.OP_SQ:
-            return self.emit(f"fmul contract {self.type} {a}, {a}", invariant)
-        if op == ca.OP_TWICE:
-            return self.emit(f"fadd contract {self.type} {a}, {a}", invariant)
         if op == ca.OP_INV:
             return self.reciprocal(arguments[0])
         if op == ca.OP_DIV:
@@ -318,6 +319,20 @@ done:
 """
 
 
+def scan_layouts(step: ca.Function, kind: str) -> tuple[list[ArrayLayout], list[str]]:
+    """The arrays of `scan`, whose elements have this type, and the lines that compute the registers of the layouts."""
+    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
+    n_output = step.numel_out(1)
+    layouts = [
+        ArrayLayout("carry", kind, str(n_carry)),
+        ArrayLayout("sample", kind, "%samples.sample", str(n_sample)),
+        ArrayLayout("constant", kind, str(n_constant)),
+        ArrayLayout("output", kind, "%samples.output", str(n_output)),
+    ]
+    counts = {"sample": n_sample, "output": n_output}
+    return layouts, [f"  %samples.{name} = mul i64 %samples, {count}" for name, count in counts.items()]
+
+
 def module(step: ca.Function, lanes: int = 1) -> str:
     """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
 
@@ -334,16 +349,5 @@ def module(step: ca.Function, lanes: int = 1) -> str:
     )
     for place, element, (value, _) in results:  # last, so that the old carry is read before the new one is written
         emitter.store(value, ("carry", "output")[place], element)
-    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
-    n_output = step.numel_out(1)
-    layouts = [
-        ArrayLayout("carry", emitter.type, str(n_carry)),
-        ArrayLayout("sample", emitter.type, "%samples.sample", str(n_sample)),
-        ArrayLayout("constant", emitter.type, str(n_constant)),
-        ArrayLayout("output", emitter.type, "%samples.output", str(n_output)),
-    ]
-    strides = [
-        f"  %samples.sample = mul i64 %samples, {n_sample}",
-        f"  %samples.output = mul i64 %samples, {n_output}",
-    ]
+    layouts, strides = scan_layouts(step, emitter.type)
     return function("scan", emitter, layouts, strides=strides) + "\n".join(sorted(emitter.intrinsics)) + "\n"

@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
     ARTICULATION,
@@ -190,7 +189,6 @@ def prepare_dataset(
     if settings.tyre_law == "linear":
         logs, steady = zip(*map(_at_steady_speed, logs), strict=True)
         notes += filter(None, steady)
-    release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
     unused = [c for c in IDENTIFIED if c.of_roll and not settings.roll]

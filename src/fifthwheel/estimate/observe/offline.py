@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import smoother
@@ -69,7 +68,6 @@ def _outputs(
     """Status (N,) and outputs of a record of N samples."""
     stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
-    release_memory()
     output = Outputs.nothing(len(record.time), len(observer.report.outputs), len(stream.measured))
     for segment in segments:
         within, settings = output.at(segment.samples), observer.settings

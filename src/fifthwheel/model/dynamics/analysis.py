@@ -43,7 +43,7 @@ def _function(structure: ChainModel) -> ca.Function:
 def matrices(
     vehicle: Vehicle, speed: float, *, roll: bool, bank: bool = False, changed: Mapping[str, float] | None = None
 ) -> Matrices:
-    """Matrices of the equations of motion at one speed.
+    """Matrices of the equations of motion at one speed, m/s.
 
     Args:
         vehicle: with its numbers.
@@ -115,15 +115,10 @@ def slowest_decay(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float
 
 
 def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:
-    """Lowest speed at which the vehicle is unstable with fixed straight wheels, m/s, to 1e-6 m/s.
+    """Lowest speed at which the vehicle is unstable with fixed straight wheels, m/s, to 1e-6 m/s; `roll` as in
+    `matrices`.
 
-    Args:
-        vehicle: with its numbers.
-        roll: yaw and roll, or yaw only.
-        highest: upper limit of the search, m/s; the lower limit is 2 m/s.
-
-    Returns:
-        None if the vehicle is stable in the whole range; 2 if it is unstable at 2 m/s.
+    The search is from 2 m/s to `highest`. None if the vehicle is stable in this range; 2 if it is unstable at 2 m/s.
     """
     speeds = np.arange(2.0, highest + 0.5, 0.5)
     i = next((i for i, speed in enumerate(speeds) if not is_stable(vehicle, speed, roll=roll)), None)
@@ -139,13 +134,8 @@ def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0
 
 
 def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll: bool = True) -> dict[str, float]:
-    """Steady state of a stable vehicle at constant speed and steer angles, by name, SI.
-
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        steer: one angle for each steered axle, rad.
-        roll: yaw and roll, or yaw only.
+    """Steady state, by name, SI, of a stable vehicle at a constant speed, m/s, and one steer angle, rad, for each
+    steered axle.
     """
     m = matrices(vehicle, speed, roll=roll)
     return dict(zip(m.states, -np.linalg.solve(m.A, m.B @ np.array(list(steer))), strict=True))

@@ -88,16 +88,10 @@ class LinearSystem:
         return np.asarray(self.frequency_response([0.0])[0].real)
 
     def response(self, time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Outputs over time by name, (N,) each, from rest.
+        """Outputs over time by name, (N,) each, from rest; exact for inputs that change linearly between the samples.
 
-        Exact for inputs that change linearly between the samples.
-
-        Args:
-            time: (N,), in equal steps, s.
-            inputs: steer angles by name, (N,) each, rad; those that are left out are 0.
-
-        Raises:
-            SignalError: an input does not exist.
+        The time (N,) is in equal steps, s; inputs are steer angles by name, (N,) each, rad, 0 by default. A SignalError
+        if an input does not exist.
         """
         from scipy import signal
 
@@ -108,12 +102,10 @@ class LinearSystem:
         return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
 
     def step(self, dt: float) -> tuple[Array, Array, Array]:
-        """Exact step of dt seconds for inputs that change linearly: x+ = F x + G d + H d+.
+        """F (n, n), G (n, k) and H (n, k) of an exact step of dt seconds, x+ = F x + G d + H d+, with inputs that
+        change linearly.
 
         Van Loan (1978), Computing integrals involving the matrix exponential.
-
-        Returns:
-            F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
         """
         from scipy.linalg import expm
 
@@ -235,11 +227,7 @@ def steady_steer(vehicle: Vehicle, *, roll: bool = True) -> tuple[float, float]:
     """L, m, and K, rad s^2/m, of the steer angle (L + K u^2) / R of a steady turn with radius R at speed u.
 
     L is the wheelbase with the effect of axles that scrub in a bend, K the understeer gradient of the first unit
-    (ISO 4138). The first steered axle steers.
-
-    Args:
-        vehicle: with its numbers.
-        roll: yaw and roll, or yaw only.
+    (ISO 4138). The first steered axle steers. `roll`: yaw and roll, or yaw only.
 
     Raises:
         VehicleError: no axle is steerable.
@@ -270,13 +258,8 @@ def rearward_amplification(
     """Rearward amplification and its frequency, Hz: ISO 14791, section 7.6, in the frequency domain.
 
     It is the largest gain from the lateral acceleration of the first unit's CoG to that of the last unit's CoG, with
-    steering at the first steered axle.
-
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        frequency: (f,) Hz; 0.05 to 1.5 Hz by default.
-        roll: yaw and roll, or yaw only.
+    steering at the first steered axle, at a speed, m/s, and frequencies (f,), Hz, 0.05 to 1.5 Hz by default. `roll`:
+    yaw and roll, or yaw only.
     """
     frequency = np.linspace(0.05, 1.5, 291) if frequency is None else np.asarray(frequency)
     ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (vehicle.units[0], vehicle.units[-1])]

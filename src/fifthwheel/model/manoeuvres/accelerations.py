@@ -67,15 +67,9 @@ CUTOFF = 10.0
 def inverse_steer(vehicle: Vehicle, speed: float, time: Array, acceleration: Array, *, roll: bool = True) -> Array:
     """Steer angle (N,), rad, of the first steered axle for a lateral acceleration (N,) of the first unit's CoG, m/s^2.
 
-    Inverts the linear model in the frequency domain, up to `CUTOFF`. The inverse is periodic, so `DECAY_TIME` without
-    acceleration is appended and removed again: otherwise the decay after the end would appear at the start.
-
-    Args:
-        vehicle: truck, stable at this speed.
-        speed: constant, m/s.
-        time: (N,), in equal steps, s.
-        acceleration: (N,), m/s^2.
-        roll: use the yaw-roll model, or the yaw model.
+    Inverts the linear model, with or without roll, in the frequency domain, up to `CUTOFF`. The inverse is periodic, so
+    `DECAY_TIME` without acceleration is appended and removed again: otherwise the decay after the end would appear at
+    the start. The vehicle is stable at the constant speed, m/s; the time (N,) is in equal steps, s.
     """
     if not acceleration.any():
         return np.zeros_like(time)

@@ -134,17 +134,10 @@ def linear_course(
 
 
 def acceleration_course(name: str, time: Array, *, speed: float, count: int, seed: int) -> Array:
-    """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model.
+    """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model that has one.
 
-    Args:
-        name: one of `LINEAR_MANOEUVRES` that has an acceleration.
-        time: (N,), in equal steps from 0, s.
-        speed: m/s.
-        count: number of lane changes; other manoeuvres do not use it.
-        seed: seed of the random manoeuvre; others do not use it.
-
-    Raises:
-        SignalError: the manoeuvre is unknown, or the linear model does not have it.
+    The time (N,) is in equal steps from 0, s, the speed in m/s; lane changes use the count, the random manoeuvre the
+    seed. A SignalError if the manoeuvre is unknown, or has no acceleration.
     """
     form = _manoeuvre(name, LINEAR_MANOEUVRES).acceleration
     if form is None:

@@ -171,9 +171,8 @@ class LaneChange:
         return max(self.min_period, self.length / speed + self.rest)
 
     def acceleration(self, time: Array, speed: float, count: int) -> Array:
-        """Lateral acceleration (N,), m/s^2, of `count` lane changes over time (N,), s.
-
-        The course is taken as parallel to x, so the lane change takes length / speed.
+        """Lateral acceleration (N,), m/s^2, of `count` lane changes over time (N,), s, for a course that is parallel to
+        x.
         """
         duration = self.length / speed
         peak = 2 * np.pi * self.offset / duration**2
@@ -244,13 +243,8 @@ def constant_radius(
 ) -> Path:
     """A circle to the left, entered by a clothoid after 2 s straight ahead: ISO 14792, constant radius.
 
-    The lateral jerk on the clothoid is 1 m/s^3.
-
-    Args:
-        radius: m.
-        speed: up to the circle, m/s.
-        acceleration: rate at which the speed rises on the circle, m/s^2; small for a quasi-steady state.
-        duration: of the run, s.
+    The lateral jerk on the clothoid is 1 m/s^3. On the circle the speed, m/s, rises with the acceleration, m/s^2, which
+    is small for a quasi-steady state. Radius in m, duration in s.
     """
     require_positive("speed", speed)
     require_positive("radius", radius)
@@ -289,15 +283,11 @@ LATERAL, SPEED_UP, SLOW_DOWN = 2.0, 0.4, 1.0
 
 
 def everyday(*, duration: float = 300.0, seed: int = 0, speed: float = 25.0) -> Path:
-    """A random road: straights, bends with clothoids, lane changes, speed limits.
+    """A random road of a seed: straights, bends with clothoids, lane changes, speed limits.
 
-    The truck drives at the speed limit between 8 m/s and the highest speed, within accelerations that are usual for
-    loaded trucks: 2 m/s^2 lateral, -1.0 to +0.4 m/s^2 longitudinal. The numbers are ours, not those of a standard.
-
-    Args:
-        duration: of the run, s.
-        seed: seed of road and speed limits.
-        speed: highest speed, m/s.
+    The truck drives at the speed limit between 8 m/s and `speed`, within accelerations that are usual for loaded
+    trucks: 2 m/s^2 lateral, -1.0 to +0.4 m/s^2 longitudinal. The numbers are ours, not those of a standard. Duration in
+    s.
     """
     if not MIN_EVERYDAY_SPEED <= speed < math.inf:
         raise SignalError(

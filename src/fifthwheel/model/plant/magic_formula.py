@@ -86,14 +86,8 @@ class MagicFormula:
     def side_force(
         self, slip: Any, load: Any, *, longitudinal: Any = 0.0, stiffness: Any = 1.0, friction: Any = 1.0
     ) -> Any:
-        """Side force, N.
-
-        Args:
-            slip: tangent of the slip angle; a positive slip gives a positive force.
-            load: vertical load, N, above 0.
-            longitudinal: longitudinal slip kappa.
-            stiffness: factor on the cornering stiffness.
-            friction: factor on the friction.
+        """Side force, N, at the tangent of the slip angle, positive for a positive one, and a vertical load above 0, N,
+        with a longitudinal slip kappa and factors on cornering stiffness and friction.
         """
         df = load / self.FNOMIN - 1
         D = (self.PDY1 + self.PDY2 * df) * friction * load
@@ -105,13 +99,8 @@ class MagicFormula:
         return pure * ca.cos(self.RCY1 * ca.atan(weight))
 
     def longitudinal_force(self, slip: Any, load: Any, *, lateral: Any = 0.0, friction: Any = 1.0) -> Any:
-        """Longitudinal force, N.
-
-        Args:
-            slip: longitudinal slip kappa, positive when driving.
-            load: vertical load, N, above 0.
-            lateral: tangent of the slip angle.
-            friction: factor on the friction.
+        """Longitudinal force, N, at the longitudinal slip kappa, positive when driving, and a vertical load above 0, N,
+        with the tangent of the slip angle and a factor on the friction.
         """
         df = load / self.FNOMIN - 1
         D = (self.PDX1 + self.PDX2 * df) * friction * load
