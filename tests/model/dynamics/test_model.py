@@ -123,15 +123,6 @@ def test_speed_within_a_step_is_the_mean() -> None:
     assert actual == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
-def test_a_step_of_zero_seconds_changes_nothing() -> None:
-    chain = model(ARTICLE, (), roll=True)
-    x, before, _ = random_step(2, chain)
-    constants = chain.known_values(all_parameters(ARTICLE, ()))
-    assert np.array(chain.transition(x, 0.0, np.r_[20.0, before, 20.0, before], [], constants)).ravel() == (
-        pytest.approx(x, abs=0)
-    )
-
-
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
 @pytest.mark.parametrize(
     "name",

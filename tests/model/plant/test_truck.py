@@ -422,19 +422,6 @@ def test_brakes_of_one_group():
         Plant(TRUCK, Properties(brakes={"trailer": 1.0}))
 
 
-def test_a_chain_of_three():
-    """A B-double: the semitrailer twice."""
-    fields = TRUCK.model_dump()
-    last = {**fields["units"][1], "name": "last"}
-    second = {**fields["couplings"][0], "name": "second_wheel", "leading_position": -8.0}
-    double = Vehicle(**{**fields, "units": [*fields["units"], last], "couplings": [*fields["couplings"], second]})
-    run = Plant(double).drive(sine(0.01, speed=20.0))
-    loads = [v[-1] for n, v in run.truth.items() if n.startswith("vertical_force")]
-    assert sum(loads) == pytest.approx(sum(unit.mass for unit in double.units) * GRAVITY, rel=1e-3)
-    assert "sideslip.last.landing_leg" in run.truth
-    assert np.abs(run.truth["yaw_rate.last"]).max() > 0.01
-
-
 def test_runs_and_records_are_reproducible(lane_change: PlantRun):
     again = Plant(TRUCK).drive(lane_changes(count=1))
     for name, values in lane_change.truth.items():
