@@ -26,7 +26,7 @@ from fifthwheel.estimate.filters.model import pack, pack_array, packed_size, spl
 from fifthwheel.estimate.observe.observed_chain import ObservedChain
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.observer_step import FilterFunction, FilterStep, ObserverLayout, monitored_step
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 
 class Deviations(NamedTuple):

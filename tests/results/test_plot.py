@@ -12,7 +12,7 @@ from fifthwheel.model import dynamics
 from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results import plot
-from tests.model.dynamics.test_analysis import WHEELBASE, truck, truck_and_trailer, understeer
+from tests.model.dynamics.test_state_space import WHEELBASE, truck, truck_and_trailer, understeer
 
 ARTICLE = fw.vehicle("cheng_cebon_2011")
 SYSTEM = dynamics.linear_system(ARTICLE, 20.0)

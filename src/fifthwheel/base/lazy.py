@@ -8,8 +8,6 @@ from contextlib import nullcontext
 from importlib import import_module
 from typing import Any, TypeVar
 
-from fifthwheel.base.errors import FifthwheelError
-
 T = TypeVar("T")
 
 
@@ -68,6 +66,8 @@ def require(package: str, extra: str) -> Any:
     spec = getattr(module, "__spec__", None)
     if module and (spec is None or spec.origin):  # what pip left behind has no origin
         return module
+    from fifthwheel.base.errors import FifthwheelError  # most programs need no error
+
     top = package.partition(".")[0]
     project = _PROJECTS.get(top, top)
     raise FifthwheelError(

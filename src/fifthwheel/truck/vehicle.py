@@ -390,7 +390,7 @@ class Vehicle(Component):
                 proportion to the static loads. Without the sum m a, the first unit supplies the rest.
 
         Raises:
-            VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
+            VehicleError: the loads are not determined; see `loads.static_axle_loads`.
         """
         p = dict(self._parameters)
         if not acceleration and not forces:

@@ -5,15 +5,15 @@ import pytest
 
 from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.sensors import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.model.dynamics.tyres import TyreLaw
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle, get
 from fifthwheel.truck.unit import Accelerometer
 

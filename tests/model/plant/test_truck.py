@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.model.dynamics.tyres import TyreLaw
 from fifthwheel.model.manoeuvres import OpenLoop, braked, constant_radius, lane_changes, straight
 from fifthwheel.model.plant import Plant, PlantRun, Properties
 from fifthwheel.model.plant import truck as module
-from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.model.plant.properties import MagicFormula
 from fifthwheel.model.plant.truck import Simulation
 from fifthwheel.model.plant.tyre_forces import WHEEL_OUTPUTS
 from fifthwheel.truck import Vehicle, get

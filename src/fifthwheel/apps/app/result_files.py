@@ -13,7 +13,7 @@ from fifthwheel.apps.app import runs
 from fifthwheel.apps.app.words import page_in_workbench
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.pages import html, page
+from fifthwheel.base.pages import html
 from fifthwheel.results.report import comparison_page
 
 DATA = ("vehicle.toml", "identification.json", "states.parquet")
@@ -51,7 +51,7 @@ def register(folder: Path) -> None:
             if kind == "csv":
                 return Response(found.to_csv(), media_type="text/csv", headers=_attached("compared.csv"))
             if kind == "html":
-                content, _ = page.page(comparison_page(found))
+                content, _ = html.page(comparison_page(found))
                 return Response(content, media_type="text/html", headers=_attached("compared.html"))
         except FifthwheelError as error:
             raise HTTPException(404, str(error)) from None

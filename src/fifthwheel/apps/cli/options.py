@@ -81,7 +81,7 @@ def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
 def require_figures(figures: str | None, out: Path | None) -> None:
     """Refuse --figures before the computation, where they cannot be drawn or there is no folder for them."""
     from fifthwheel.base.errors import FifthwheelError
-    from fifthwheel.base.pages.page import checked_format
+    from fifthwheel.base.pages.html import checked_format
 
     if figures:
         checked_format(figures)

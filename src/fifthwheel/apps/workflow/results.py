@@ -12,7 +12,7 @@ from fifthwheel.apps.workflow.start import Start
 from fifthwheel.apps.workflow.states import StatesRun
 from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.pages.page import write as write_page
+from fifthwheel.base.pages.html import write as write_page
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
 from fifthwheel.estimate.identify.result.storage import read_contents

@@ -249,7 +249,7 @@ def direction_module(step: ca.Function, lanes: int, scalar: str = "double") -> D
 
 
 def propagation(sizes: Sequence[int], n: int, m: int, lanes: int) -> str:
-    """LLVM assembly of `propagate`, for a step with `sizes` as in `adjoint.AdjointScan`.
+    """LLVM assembly of `propagate`, for a step with `sizes` as in `directions.AdjointScan`.
 
         void propagate(i64 samples, i64 directions, ptr adjoint, ptr output, ptr slopes, ptr first, ptr column,
                        ptr value, ptr output')

@@ -13,9 +13,9 @@ from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 
 

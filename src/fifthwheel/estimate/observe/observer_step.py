@@ -40,9 +40,9 @@ from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.filters.model import pack, packed_size, partitioned, sizes, split, unpack
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.estimate.observe.observed_chain import ObservedChain
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.steering import own_states
 from fifthwheel.model.dynamics.symbolic import Matrix
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 
 

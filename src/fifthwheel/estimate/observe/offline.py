@@ -18,7 +18,7 @@ from fifthwheel.estimate.observe.parameter_variance import SigmaPoints, paramete
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:

@@ -20,11 +20,17 @@ from fifthwheel.data.record import Record
 from fifthwheel.data.record.wheel_speeds import all_pairs, with_differences
 from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.chain import Equations
-from fifthwheel.model.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.model.dynamics.steering import own_states
 from fifthwheel.model.dynamics.symbolic import Stages
 from fifthwheel.model.dynamics.tyres import Contact, axle_forces, linear
-from fifthwheel.model.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
+from fifthwheel.model.dynamics.unit_equations import (
+    BANK,
+    Motion,
+    load_transfer_moment,
+    mass_matrix,
+    side_force_height,
+    slip_angles,
+)
 from fifthwheel.truck import AxleGroup, Vehicle
 from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.quantities import HALF_TRACK, TYRES

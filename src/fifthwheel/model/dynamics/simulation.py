@@ -12,8 +12,8 @@ from fifthwheel.base.lazy import lazy
 from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.analysis import matrices
 from fifthwheel.model.dynamics.chain import relaxation_groups
+from fifthwheel.model.dynamics.state_space import matrices
 from fifthwheel.truck import Vehicle
 
 MAX_STEP_EIGENVALUE = {(False, False): 0.11, (False, True): 0.76, (True, False): 0.45, (True, True): 0.88}

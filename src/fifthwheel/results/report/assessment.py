@@ -9,7 +9,7 @@ import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, enumerated, with_sigma
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
 from fifthwheel.base.plots.items import CYCLE, DARK, GREY, Dash
 from fifthwheel.base.types import Array
@@ -57,7 +57,7 @@ def write_assessment_report(
         *(provenance.blocks() if provenance is not None else ()),
     ]
     subtitle = f"What this truck does, fifthwheel {fifthwheel.__version__}"
-    return page.write(path, pages.Document(assessment.title, blocks, subtitle), images=figures)
+    return html.write(path, pages.Document(assessment.title, blocks, subtitle), images=figures)
 
 
 def section(assessment: Assessment) -> Iterator[pages.Block]:

@@ -9,7 +9,7 @@ import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import file_digest
 from fifthwheel.base.formatting import fixed, with_sigma
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.results.assess import Assessment
 from fifthwheel.results.assess.measures import EDITIONS
@@ -113,7 +113,7 @@ class TruckEvidence:
 
 def write_evidence(path: Path, evidence: TruckEvidence, contents: Path) -> None:
     """Write the page of an evidence as one HTML file; `contents` is its JSON file."""
-    page.write(path, evidence.document(contents))
+    html.write(path, evidence.document(contents))
 
 
 def _measures(assessment: Assessment) -> pages.Table:

@@ -10,7 +10,7 @@ import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, percent
 from fifthwheel.base.names import split_log
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
 from fifthwheel.base.plots.items import DARK, rgba
@@ -78,7 +78,7 @@ def write_states_report(
     ]
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
     document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix, name)
-    return page.write(Path(path), document, images=figures)
+    return html.write(Path(path), document, images=figures)
 
 
 def states_document(

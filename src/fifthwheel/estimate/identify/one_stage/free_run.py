@@ -18,7 +18,7 @@ from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.parts import Fit
 from fifthwheel.estimate.identify.unknowns.unknown import UnknownKind
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
 from fifthwheel.truck import Vehicle
 
 

@@ -22,8 +22,8 @@ from fifthwheel.estimate.observe.monitor import Monitor
 from fifthwheel.estimate.observe.observer_step import reported_signals
 from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.stream import VALID, InputRule, Status, Stream, StreamSettings, magnitude
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import StepLimit
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are

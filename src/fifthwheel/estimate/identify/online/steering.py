@@ -8,7 +8,7 @@ import numpy as np
 from fifthwheel.estimate.filters.step_rows import SMALLEST_PLAY
 from fifthwheel.estimate.identify.online.settings import LearnerSettings
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
 from fifthwheel.truck import Vehicle
 
 REFERENCE_SPEED = 20.0

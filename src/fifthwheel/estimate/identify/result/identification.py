@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.statement import prior_of, with_values
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck.quantities import (
     BANK_VARIATION,
     DRIVE_AXLE_BRAKING,

@@ -8,7 +8,7 @@ from pathlib import Path
 from fifthwheel.base import pages
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError, suggestion
-from fifthwheel.base.pages.page import page
+from fifthwheel.base.pages.html import page
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export.fmu import description
 from fifthwheel.results.export.fmu.binaries import PLATFORMS, libraries
