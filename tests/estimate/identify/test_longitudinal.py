@@ -1,4 +1,4 @@
-"""Gross mass from ordinary driving: on closed-form motion, on the truth of `plant.driving`, with faults in the log."""
+"""Gross mass from ordinary driving: on closed-form motion, on the truth of `plant.powered`, with faults in the log."""
 
 import math
 
