@@ -29,11 +29,12 @@ from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Axle, AxleGroup, Coupling, Payload, SprungMass, Unit, Vehicle
-from fifthwheel.truck.classes.completion import FLOOR_HEIGHT, PAYLOAD_WIDTH
-from fifthwheel.truck.classes.table import (
+from fifthwheel.truck.classes import (
     CLASSES,
     DAMPING_TIME,
     FIFTH_WHEEL,
+    FLOOR_HEIGHT,
+    PAYLOAD_WIDTH,
     RELAXATION_LENGTH,
     AxleFigures,
     Figure,

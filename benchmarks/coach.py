@@ -26,8 +26,7 @@ from fifthwheel.estimate.design.next_manoeuvre import InformativeManoeuvre
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.online import LearnedValue, Learner
 from fifthwheel.model.manoeuvres import Course
-from fifthwheel.model.manoeuvres.courses import OpenLoop
-from fifthwheel.model.manoeuvres.lane_change import LaneChange
+from fifthwheel.model.manoeuvres.courses import LaneChange, OpenLoop
 from fifthwheel.model.plant import Plant, Properties
 from sharpness import KNOWLEDGE
 from trust_coverage import GYROS, SPEED, STEER, drawn_file, log_errors, measured_record, shared_errors

@@ -28,7 +28,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.model.manoeuvres import Course, OpenLoop, lane_changes
-from fifthwheel.model.manoeuvres.paths import everyday
+from fifthwheel.model.manoeuvres.courses import everyday
 from fifthwheel.model.plant import Plant, Properties
 from trust_coverage import drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK

@@ -33,8 +33,7 @@ from fifthwheel.estimate.filters.model import packed_size, unpack_array
 from fifthwheel.estimate.observe import Observer, ObserverSettings, monitor, offline
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.stream import stream_segments
-from fifthwheel.model.manoeuvres.courses import STANDARD_SPEED, Course
-from fifthwheel.model.manoeuvres.lane_change import LaneChange
+from fifthwheel.model.manoeuvres.courses import STANDARD_SPEED, Course, LaneChange
 from fifthwheel.model.manoeuvres.open_loops import single_sine
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, article_sensors, measure
 from fifthwheel.truck import Vehicle

@@ -2,7 +2,7 @@
 
     python benchmarks/mass.py [--seeds 40] [--first 0] [--minutes 10] [--cases 3] [--nonlinear]
 
-The truth is `model.plant.driving`, which shares no code with the estimator. Each seed draws a mass from 16 to 42 t, the
+The truth is `model.plant.powered`, which shares no code with the estimator. Each seed draws a mass from 16 to 42 t, the
 numbers and sensor errors of the truck (`DrivenTruck.drawn`), its driver, road, traffic and wind. The estimator has the
 driveline of no vehicle file, only the figures of heavy trucks, and starts from 40.6 t.
 
@@ -24,7 +24,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.model.manoeuvres import everyday
 from fifthwheel.model.plant import DrivenTruck, Plant, Properties, bus_sensors
-from fifthwheel.model.plant.driving import drive
+from fifthwheel.model.plant.powered import drive
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 MASSES = (16e3, 42e3)

@@ -24,10 +24,10 @@ from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.observe import Status
 from fifthwheel.model.manoeuvres import Course, OpenLoop, lane_changes
+from fifthwheel.model.manoeuvres.courses import everyday
 from fifthwheel.model.manoeuvres.open_loops import single_track_steer
-from fifthwheel.model.manoeuvres.paths import everyday
 from fifthwheel.model.plant import Plant, Properties
-from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.model.plant.properties import MagicFormula
 from trust_coverage import drawn_file, linear_signals, log_errors, measured_record, shared_errors
 from trust_runs import TRUCK, table
 

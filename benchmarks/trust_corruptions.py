@@ -19,8 +19,8 @@ from fifthwheel.data.channels import SignalName
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 from trust_runs import TRUCK, Changes
 

@@ -19,7 +19,7 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import least_squares
 
 from fifthwheel.model.dynamics.tyres import NOMINAL_LOAD
-from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.model.plant.properties import MagicFormula
 from trust_runs import table
 
 Array = NDArray[np.float64]

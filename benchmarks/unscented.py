@@ -31,7 +31,7 @@ from fifthwheel.estimate.observe.observer_step import (
     ObserverLayout,
     monitored_step,
 )
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 
 class Deviations(NamedTuple):

@@ -32,9 +32,8 @@ from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings, States
 from fifthwheel.model.manoeuvres import Course
-from fifthwheel.model.manoeuvres.courses import OpenLoop
+from fifthwheel.model.manoeuvres.courses import OpenLoop, everyday
 from fifthwheel.model.manoeuvres.open_loops import INTERVAL, sine_with_dwell, single_sine, single_track_steer
-from fifthwheel.model.manoeuvres.paths import everyday
 from fifthwheel.model.plant import Plant, PlantRun, Properties, Sensor, measure
 from fifthwheel.results.assess.rollover import rollover
 from fifthwheel.results.assess.truck import Truck

@@ -18,7 +18,7 @@ from causes import AXLES, moved
 from fifthwheel.apps.studies.scenarios import initial_guess
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.model.manoeuvres import lane_changes
-from fifthwheel.model.manoeuvres.paths import slow_turns
+from fifthwheel.model.manoeuvres.courses import slow_turns
 from fifthwheel.model.plant import Plant, Properties
 from sharpness import CAREFUL, careful_truck
 from trust_coverage import drawn_file, log_errors, measured_record, shared_errors

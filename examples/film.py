@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.types import Array
 
 if TYPE_CHECKING:

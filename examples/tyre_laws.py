@@ -3,7 +3,7 @@
     python examples/tyre_laws.py
 
 A truck with this law is simulated in a single sine of 3 m/s^2 on a wet road, and identified with both laws. A law is a
-function of CasADi expressions at the top level of a module; `fifthwheel.model.dynamics.tyre_law` says what it must
+function of CasADi expressions at the top level of a module; `fifthwheel.model.dynamics.tyres` says what it must
 satisfy.
 """
 

@@ -6,7 +6,7 @@ import svg
 
 from fifthwheel import truck as vehicle
 from fifthwheel.model.dynamics.tyres import Contact, saturating, saturation_parameters
-from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.model.plant.properties import MagicFormula
 from fifthwheel.truck.quantities import FRICTION
 
 GROUP, TYRES = "semitrailer", 6

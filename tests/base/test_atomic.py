@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from fifthwheel.base.atomic import atomic_write, locks, reserved
+from fifthwheel.base import atomic
+from fifthwheel.base.atomic import atomic_write, reserved
 from fifthwheel.base.errors import FifthwheelError
 
 
@@ -89,14 +90,14 @@ def test_the_next_writer_removes_what_a_killed_one_left(tmp_path: Path) -> None:
 
 def test_a_lock_that_ends_between_two_looks_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its owner removed the file before its name could be read: one of two writers failed."""
-    answers = [None, locks.try_lock]
+    answers = [None, atomic.try_lock]
 
     def busy_once(path: Path) -> int | None:
         answer = answers.pop(0)
         return answer(path) if answer else None
 
-    monkeypatch.setattr(locks, "try_lock", busy_once)
-    with locks.held(tmp_path / "lock", subject=tmp_path):
+    monkeypatch.setattr(atomic, "try_lock", busy_once)
+    with atomic.held(tmp_path / "lock", subject=tmp_path):
         assert (tmp_path / "lock").exists()
     assert not answers
 

@@ -10,7 +10,7 @@ from fifthwheel.data.checks import check
 from fifthwheel.data.record import Record
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
+from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, OpenLoop, course
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 
@@ -200,25 +200,6 @@ def test_the_response_starts_at_the_initial_state(truck):
 def test_speed_out_of_range(truck, speed):
     with pytest.raises(SignalError, match=r"^speed: expected 5 to 40 m/s"):
         simulate(truck, speed=speed)
-
-
-def test_an_unknown_manoeuvre(truck):
-    with pytest.raises(
-        SignalError, match=r"^manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine"
-    ):
-        simulate(truck, manoeuvre="slalom")
-
-
-@pytest.mark.parametrize("manoeuvre", sorted(set(MANOEUVRES) - set(LINEAR_MANOEUVRES)))
-def test_manoeuvres_of_the_nonlinear_truck_only(truck, manoeuvre):
-    with pytest.raises(SignalError, match=rf"^manoeuvre: '{manoeuvre}' exists only for the nonlinear truck"):
-        simulate(truck, manoeuvre=manoeuvre)
-
-
-def test_a_sweep_is_finite_at_any_rate_and_duration(truck):
-    """At the end of its window the sine may be below zero by rounding."""
-    record = simulate(truck, manoeuvre="sweep", rate=20, duration=23.4)
-    assert np.isfinite(record.signals[STEER]).all()
 
 
 @pytest.mark.parametrize("name", ["yaw_rate.lorry", "speeed.tractor", "articulation.tractor"])

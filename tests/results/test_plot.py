@@ -9,10 +9,10 @@ import fifthwheel as fw
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.plots import Line, Points
 from fifthwheel.model import dynamics
-from fifthwheel.model.manoeuvres.linear import lateral_acceleration
+from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results import plot
-from tests.model.dynamics.test_analysis import WHEELBASE, truck, truck_and_trailer, understeer
+from tests.model.dynamics.test_state_space import WHEELBASE, truck, truck_and_trailer, understeer
 
 ARTICLE = fw.vehicle("cheng_cebon_2011")
 SYSTEM = dynamics.linear_system(ARTICLE, 20.0)

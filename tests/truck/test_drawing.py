@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.plots import Area, Line, Points
-from fifthwheel.truck import Vehicle, catalogue, get
+from fifthwheel.truck import catalogue, get
 
 
 @pytest.mark.parametrize("name", catalogue.names())
@@ -43,10 +43,3 @@ def test_a_dolly_has_a_drawbar():
     assert len({frames[unit.name].colour for unit in truck.units}) == 4
     drawbar = [item for item in (*side.items, *top.items) if isinstance(item, Line) and eye in np.round(item.x, 9)]
     assert len(drawbar) == 3
-
-
-def test_a_vehicle_reads_and_writes_itself(tmp_path):
-    truck = get("cheng_cebon_2011")
-    truck.save(tmp_path / "truck.toml")
-    assert Vehicle.load(tmp_path / "truck.toml") == truck == Vehicle.loads(truck.to_toml())
-    assert len(repr(truck)) < 100

@@ -4,30 +4,13 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.truck import changes
-from fifthwheel.truck.driveline import DRIVELINE, Driveline, driveline_numbers
+from fifthwheel.truck.driveline import DRIVELINE, driveline_numbers
 
 TEXT = fw.vehicle("cheng_cebon_2011").to_toml()
 
 
 def with_driveline(text):
     return fw.Vehicle.loads(f"{TEXT}\n[driveline]\n{text}\n")
-
-
-def test_losses_rotating_masses_and_resistances_have_a_figure_and_engine_and_gears_none():
-    assert set(Driveline.model_fields) - set(DRIVELINE) == {
-        "engine_torque",
-        "engine_power",
-        "governed_speed",
-        "launch_torque",
-        "launch_speed",
-        "lowest_gear",
-        "highest_gear",
-        "gear_step",
-        "shift_time",
-        "final_drive",
-        "tyre_radius",
-    }
-    assert set(DRIVELINE) < set(Driveline.model_fields)
 
 
 def test_numbers_of_the_file_replace_the_figures():

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import catalogue, with_axle_loads
-from fifthwheel.truck.masses import exchanged_loads
 from fifthwheel.truck.slip import Lengths, Slip, weigh
+from fifthwheel.truck.weighing import exchanged_loads
 
 TRUCK = catalogue.get("cheng_cebon_2011")
 GROUPS = ("tractor.front", "tractor.drive", "semitrailer")

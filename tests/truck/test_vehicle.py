@@ -218,8 +218,7 @@ def test_import_is_light() -> None:
         "fifthwheel.base.options",
         "fifthwheel.base.settings",
         "fifthwheel.base.units",
+        "fifthwheel.base.formatting",
         "fifthwheel.base.atomic",
-        "fifthwheel.base.atomic.files",
-        "fifthwheel.base.atomic.locks",
         "fifthwheel.base.input_files",
     }

@@ -14,7 +14,7 @@ from itertools import islice
 from typing import Any, TypeVar
 
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.spelling import FrontEnd, front_end, spelled_for, start_front_end
 
 S = TypeVar("S")

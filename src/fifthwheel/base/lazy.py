@@ -1,4 +1,4 @@
-"""Attributes that are computed, and names that are imported, when they are first used."""
+"""Attributes that are computed, names that are imported, and packages that are required, when they are first used."""
 
 import functools
 import re
@@ -51,3 +51,25 @@ def lazy_names(
 
     names = sorted(places)
     return imported, lambda: names, names
+
+
+_PROJECTS = {"can": "python-can", "PIL": "pillow"}
+"""What pip installs for a package with another name."""
+
+
+def require(package: str, extra: str) -> Any:
+    """The imported package, or a FifthwheelError that names the extra of fifthwheel that installs it."""
+    try:
+        module = import_module(package)
+    except ImportError:
+        module = None
+    spec = getattr(module, "__spec__", None)
+    if module and (spec is None or spec.origin):  # what pip left behind has no origin
+        return module
+    from fifthwheel.base.errors import FifthwheelError  # most programs need no error
+
+    top = package.partition(".")[0]
+    project = _PROJECTS.get(top, top)
+    raise FifthwheelError(
+        f"{project} is needed but not installed; pip install 'fifthwheel[{extra}]', or pip install {project}"
+    )

@@ -15,7 +15,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.channels import limit_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import SampleRows
-from fifthwheel.model.dynamics import SPEED_RATE, steps
+from fifthwheel.model.dynamics import SPEED_RATE, simulation
 from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT, SpeedRate, speed_rates
 
 
@@ -125,12 +125,12 @@ class StreamSegment:
 
 
 def stream_segments(
-    record: Record, settings: StreamSettings, limit: steps.StepLimit
+    record: Record, settings: StreamSettings, limit: simulation.StepLimit
 ) -> tuple[NDArray[np.int8], list[StreamSegment]]:
     """Status (N,) of every sample as determined by the inputs, and the segments in which it is OK.
 
     Raises:
-        SignalError: a gap between samples needs too many steps; see `steps.step_counts`.
+        SignalError: a gap between samples needs too many steps; see `simulation.step_counts`.
     """
     time = record.time
     inputs, fresh = held_inputs(record, settings)
@@ -144,7 +144,7 @@ def stream_segments(
     for first, following in itertools.pairwise([*begins, len(time)]):
         stop = first + int(np.argmin(np.append(ok[first:following], False)))
         samples = slice(int(first), stop)
-        fine, columns, indices = steps.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
+        fine, columns, indices = simulation.subdivide(time[samples], inputs[samples], limit(inputs[samples, 0]))
         y = measured[samples]
         if len(fine) > len(y):
             y = np.full((len(fine), measured.shape[1]), np.nan)
@@ -229,7 +229,7 @@ class Stream:
         step_limit: longest step of the model.
     """
 
-    def __init__(self, settings: StreamSettings, step_limit: steps.StepLimit) -> None:
+    def __init__(self, settings: StreamSettings, step_limit: simulation.StepLimit) -> None:
         self.settings, self.step_limit = settings, step_limit
         self.time = self.accepted = -math.inf
         """Times of the last sample and of the last accepted measurement, s."""
@@ -336,8 +336,8 @@ class Stream:
     ) -> tuple[float, Sequence[float]]:
         """Process all steps since the previous sample but the last; the length of that, and the inputs before it."""
         limits = self.step_limit(np.array([before[0], after[0]]))
-        times, inputs, _ = steps.subdivide(np.array([previous, self.time]), np.array([before, after]), limits)
-        dt, d = steps.step_inputs(times, inputs)
+        times, inputs, _ = simulation.subdivide(np.array([previous, self.time]), np.array([before, after]), limits)
+        dt, d = simulation.step_inputs(times, inputs)
         memory, n_d = np.asarray(driven.row), d.shape[1]
         memory[1 + n_d :] = 0.0
         for k in range(1, len(dt) - 1):

@@ -8,8 +8,8 @@ from fifthwheel.truck.catalogue import get as get
 if TYPE_CHECKING:
     from fifthwheel.truck import catalogue as catalogue
     from fifthwheel.truck.catalogue import names as names
-    from fifthwheel.truck.payload import Laden as Laden
-    from fifthwheel.truck.payload import laden as laden
+    from fifthwheel.truck.loads import Laden as Laden
+    from fifthwheel.truck.loads import laden as laden
     from fifthwheel.truck.quantities import unit_of as unit_of
     from fifthwheel.truck.roll_test import Measured as Measured
     from fifthwheel.truck.roll_test import RollTest as RollTest

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from fifthwheel.base.plots import Area, Axis, Item, Label, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, DARK, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, DARK, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION
 from fifthwheel.truck.unit import Coupling, Unit
 
 WHEEL_RADIUS, WHEEL_WIDTH, TRACK = 0.5, 0.3, 2.0

@@ -1,4 +1,4 @@
-"""What the longitudinal balance of a vehicle needs: losses, rotating masses, resistances, engine and gears.
+"""What the longitudinal balance of a vehicle needs: losses, rotating masses, resistances, engine, gears and brakes.
 
     (m + m_rot) dv/dt = F - rho/2 CdA v^2 - m g (c_r + grade),    m_rot = wheels * rotating_mass + J ratio^2
 
@@ -11,7 +11,7 @@ from typing import Any, Self
 from pydantic import model_validator
 
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.truck.classes.table import Figure
+from fifthwheel.truck.classes import Figure
 from fifthwheel.truck.component import Component, NonNegative, Positive, number
 from fifthwheel.truck.quantities import DRAG_AREA, ROLLING_RESISTANCE, TYRES
 
@@ -99,3 +99,9 @@ def driveline_numbers(driveline: Driveline | None, stated: Mapping[str, float]) 
         value = given.get(key, figure.value)
         numbers[key] = value, stated.get(f"driveline.{key}", figure.relative * value)
     return numbers
+
+
+def require_shares(brakes: Mapping[str, float]) -> None:
+    """Raise VehicleError unless all shares are 0 or more, and one is above 0; no brakes at all are permitted."""
+    if brakes and not (min(brakes.values()) >= 0 and 0 < sum(brakes.values()) < 1e6):
+        raise VehicleError(f"brakes: expected fractions of 0 or more, one above 0, got {dict(brakes)}; correct them")

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.units import STANDARD_GRAVITY
-from fifthwheel.truck.payload import laden
+from fifthwheel.truck.loads import laden
 from fifthwheel.truck.unit import Unit
 from fifthwheel.truck.vehicle import Vehicle
 

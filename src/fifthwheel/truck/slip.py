@@ -15,8 +15,8 @@ from fifthwheel.base.errors import FifthwheelError, VehicleError, suggestion
 from fifthwheel.base.input_files import parse_toml, read_toml
 from fifthwheel.base.spelling import setting
 from fifthwheel.base.units import quantity
-from fifthwheel.truck.masses import COUPLING_RANGE, EXCHANGED, MAX_SOLO
 from fifthwheel.truck.quantities import quantity_of
+from fifthwheel.truck.weighing import COUPLING_RANGE, EXCHANGED, MAX_SOLO
 
 Number = tuple[float, float | None]
 """Value and standard deviation, SI; None where nothing is stated on it."""

@@ -14,11 +14,10 @@ from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.names import ends_with
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.truck import toml_format
-from fifthwheel.truck.axle_loads import axle_loads
 from fifthwheel.truck.classes import complete
 from fifthwheel.truck.component import Component, NonNegatives, Texts
 from fifthwheel.truck.driveline import Driveline
-from fifthwheel.truck.payload import laden, lumped_sigmas, unit_cog_height
+from fifthwheel.truck.loads import axle_loads, laden, lumped_sigmas, unit_cog_height
 from fifthwheel.truck.quantities import unit_of
 from fifthwheel.truck.steering import STEERING, Steering, stated_steering
 from fifthwheel.truck.unit import AxleGroup, Coupling, SprungMass, Unit, require_unique
@@ -92,10 +91,8 @@ class Vehicle(Component):
         return vehicle.with_stated(dict.fromkeys(vehicle.parameters(), 0.0)) if exact else vehicle
 
     def save(self, path: str | Path) -> None:
-        """Write the vehicle to a TOML file, from which `load` reads an equal vehicle.
-
-        Raises:
-            OSError: the file cannot be written.
+        """Write the vehicle to a TOML file, from which `load` reads an equal vehicle; an OSError if it cannot be
+        written.
         """
         write_text(path, self.to_toml())
 
@@ -184,11 +181,7 @@ class Vehicle(Component):
         return [axle.position for axle in unit.on_road] + front_coupling
 
     def unit(self, name: str) -> Unit:
-        """The unit of that name.
-
-        Raises:
-            VehicleError: there is no such unit.
-        """
+        """The unit of that name; a VehicleError if there is none."""
         for unit in self.units:
             if unit.name == name:
                 return unit
@@ -214,10 +207,8 @@ class Vehicle(Component):
         return {path: (*location, key) for path, (_, location, key) in self._numbers().items()}
 
     def paths(self, names: Iterable[str]) -> list[str]:
-        """Paths of the parameters that are named by their path or by the end of it, each once.
-
-        Raises:
-            VehicleError: a name is neither.
+        """Paths of the parameters that are named by their path or by the end of it, each once; a VehicleError for
+        another name.
         """
         known, paths = self.parameters(), list[str]()
         for name in names:
@@ -261,11 +252,9 @@ class Vehicle(Component):
         return numbers
 
     def replace(self, values: Mapping[str, float]) -> Self:
-        """The same vehicle with other values of some parameters, validated again. Stated standard deviations stay, but
-        an assumed parameter with another value is no longer assumed and has no stated standard deviation.
-
-        Args:
-            values: by path, SI.
+        """The same vehicle with other values of some parameters by path, SI, validated again. Stated standard
+        deviations stay, but an assumed parameter with another value is no longer assumed and has no stated standard
+        deviation.
 
         Raises:
             VehicleError: a path does not exist, or a value is not valid.
@@ -277,11 +266,8 @@ class Vehicle(Component):
         return type(self)(**fields)
 
     def restated(self, values: Mapping[str, float]) -> Self:
-        """The same vehicle with other values of some parameters, as if its file had them: the numbers that classes give
-        follow from them. Stated standard deviations stay.
-
-        Args:
-            values: by path, SI; they are not assumed.
+        """The same vehicle with other values of some parameters by path, SI, as if its file had them: the numbers that
+        classes give follow from them. Stated standard deviations stay.
 
         Raises:
             VehicleError: a path does not exist, a value is not valid, or no class gives a number that follows.
@@ -293,10 +279,8 @@ class Vehicle(Component):
         return type(self)(**complete(fields | {"stated": stated, "assumed": {}}))
 
     def with_stated(self, sigmas: Mapping[str, float]) -> Self:
-        """The same vehicle with other stated standard deviations of some parameters, which are then not assumed.
-
-        Args:
-            sigmas: by path, SI; 0 for an exact number.
+        """The same vehicle with other stated standard deviations of some parameters by path, SI, 0 for an exact number;
+        these parameters are then not assumed.
 
         Raises:
             VehicleError: a path does not exist, or a standard deviation is negative or not finite.
@@ -310,9 +294,8 @@ class Vehicle(Component):
         return all(self.stated.get(path) == 0 for path in self._parameters)
 
     def fields_with(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """All fields as nested dictionaries and lists, with other values of some scalars by path.
-
-        A VehicleError if a path does not exist.
+        """All fields as nested dictionaries and lists, with other values of some scalars by path; a VehicleError for no
+        path.
         """
         fields, locations = self.model_dump(), self.locations()
         self._require(values, locations)
@@ -346,11 +329,8 @@ class Vehicle(Component):
         return type(self)(**fields)
 
     def with_logged_steering(self, signals: Container[str], source: str) -> Self:
-        """The same vehicle with every axle locked whose steer angle is not among the signals.
-
-        Args:
-            signals: names of the signals.
-            source: name of what contains the signals, for the message.
+        """The same vehicle with every axle locked whose steer angle is not among the signals of a source, named in the
+        message.
 
         Raises:
             VehicleError: no axle is steerable.
@@ -410,7 +390,7 @@ class Vehicle(Component):
                 proportion to the static loads. Without the sum m a, the first unit supplies the rest.
 
         Raises:
-            VehicleError: the loads are not determined; see `axle_loads.static_axle_loads`.
+            VehicleError: the loads are not determined; see `loads.static_axle_loads`.
         """
         p = dict(self._parameters)
         if not acceleration and not forces:
@@ -452,11 +432,9 @@ class Vehicle(Component):
         return tuple(f"steer.{unit.name}.{axle.name}" for unit in self.units for axle in unit.axles if axle.steerable)
 
     def derived(self) -> dict[str, float]:
-        """CoG height and roll inertia of each laden sprung body; equations (8) and (9) of Cheng and Cebon (2011).
-
-        Returns:
-            <unit>.cog_height above the ground, m, and <unit>.roll_inertia about the roll axis, kg m^2, for each unit;
-            <unit>.wheelbase from the front coupling to the mean axle, m, for each unit behind the first.
+        """<unit>.cog_height above the ground, m, and <unit>.roll_inertia about the roll axis, kg m^2, of each laden
+        sprung body, equations (8) and (9) of Cheng and Cebon (2011); <unit>.wheelbase from the front coupling to the
+        mean axle, m, of each unit behind the first.
         """
         p, values = self.parameters(), {}
         for unit in self.units:

@@ -20,11 +20,11 @@ from fifthwheel.apps.app.pages.identify import plain_name
 from fifthwheel.apps.app.pages.signals import objections
 from fifthwheel.apps.app.workspace import SIGNALS, Choices, LogChoice, Workspace
 from fifthwheel.apps.workflow.new_vehicle import QUESTIONS
-from fifthwheel.base.atomic.locks import try_lock
+from fifthwheel.base.atomic import try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.pages import Code, Plots
 from fifthwheel.base.pages.html import cell
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge

@@ -15,7 +15,7 @@ from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.estimate.identify.dataset import prepare_dataset
 from fifthwheel.estimate.identify.mass import mass_findings
-from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose.cautions import signal_cautions
 from fifthwheel.results.diagnose.messages import CautionKind

@@ -43,7 +43,7 @@ SPECIAL = [0.0, 1.0, -1.0, 0.5, -3.25, 700.0, 1e-300, -1e300, np.inf, -np.inf, n
 
 def test_every_operation_of_the_tables_is_tested() -> None:
     tested = {*UNARY.values(), *BINARY.values()}
-    assert {*llvm_ir._BINARY, *llvm_ir._COMPARE, *llvm_ir._INTRINSIC, *llvm_ir._LIBRARY} <= tested
+    assert {*llvm_ir._SINGLE, *llvm_ir._COMPARE, *llvm_ir._INTRINSIC, *llvm_ir._LIBRARY} <= tested
 
 
 def operations(step: ca.Function) -> set[int]:

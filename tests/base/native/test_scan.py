@@ -1,9 +1,15 @@
-"""Scans over records and vehicles: shapes, order, constants, threads, and the lifetime of compiled code."""
+"""Scans over records and vehicles: shapes, order, constants, threads, copies, and the lifetime of compiled code."""
 
+import copy
 import gc
+import os
+import pickle
+import subprocess
+import sys
 import threading
 import time
 import weakref
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -114,27 +120,6 @@ def test_one_record_for_all_vehicles(scan: Scan) -> None:
     assert np.array_equal(one[1], each[1])
 
 
-def test_empty_record(scan: Scan) -> None:
-    carry, sample, constant = (array[0] for array in random_inputs(1, 5))
-    after, out = scan(carry, sample[:0], constant)
-    assert np.array_equal(after, carry)
-    assert out.shape == (0, 3)
-
-
-def test_no_vehicles(scan: Scan) -> None:
-    after, out = scan.batch(np.empty((0, 2)), np.zeros((5, 2)), np.empty((0, 3)))
-    assert after.shape == (0, 2)
-    assert out.shape == (0, 5, 3)
-
-
-@pytest.mark.parametrize("one", [True, False], ids=["one record", "a record each"])
-def test_empty_record_for_many_vehicles(scan: Scan, one: bool) -> None:
-    carry, sample, constant = random_inputs(6, 5)
-    after, out = scan.batch(carry, sample[0, :0] if one else sample[:, :0], constant)
-    assert np.array_equal(after, carry)
-    assert out.shape == (6, 0, 3)
-
-
 @pytest.mark.parametrize("without", ["sample", "constant", "output"])
 def test_many_vehicles_of_a_step_without(without: str) -> None:
     carry, one, none = ca.SX.sym("carry"), ca.SX.sym("one"), ca.SX.sym("none", 0)
@@ -160,24 +145,22 @@ SHAPES = {
 }
 
 
-@pytest.mark.parametrize("case", SHAPES)
-def test_wrong_shapes(scan: Scan, case: str) -> None:
-    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
-        scan(*[np.zeros(shape) for shape in SHAPES[case]])
-
-
 BATCH_SHAPES = {
     "carry too long": ((6, 3), (6, 5, 2), (6, 3)),
     "constant too short": ((6, 2), (6, 5, 2), (6, 2)),
     "constant of other vehicles": ((6, 2), (6, 5, 2), (5, 3)),
+    "sample too wide": ((6, 2), (6, 5, 3), (6, 3)),
+    "sample too narrow": ((6, 2), (6, 5, 1), (6, 3)),
+    "sample narrow for all": ((6, 2), (5, 1), (6, 3)),
+    "sample of other vehicles": ((6, 2), (4, 5, 2), (6, 3)),
+    "sample flat": ((6, 2), (10,), (6, 3)),
 }
-BATCH_SAMPLES = {
-    "too wide": (6, 5, 3),
-    "too narrow": (6, 5, 1),
-    "narrow for all": (5, 1),
-    "of other vehicles": (4, 5, 2),
-    "flat": (10,),
-}
+
+
+@pytest.mark.parametrize("case", SHAPES)
+def test_wrong_shapes(scan: Scan, case: str) -> None:
+    with pytest.raises(TypeError, match=rf"oscillator: expected {case.split()[0]} of shape"):
+        scan(*[np.zeros(shape) for shape in SHAPES[case]])
 
 
 @pytest.mark.parametrize("case", BATCH_SHAPES)
@@ -186,36 +169,27 @@ def test_wrong_shapes_of_many(scan: Scan, case: str) -> None:
         scan.batch(*[np.zeros(shape) for shape in BATCH_SHAPES[case]])
 
 
-@pytest.mark.parametrize("case", BATCH_SAMPLES)
-def test_wrong_samples_of_many(scan: Scan, case: str) -> None:
-    with pytest.raises(TypeError, match="oscillator: expected sample of shape"):
-        scan.batch(np.zeros((6, 2)), np.zeros(BATCH_SAMPLES[case]), np.zeros((6, 3)))
+def test_other_functions_are_no_steps() -> None:
+    a, b, c, d = (ca.SX.sym(name, 2) for name in "abcd")
+    for inputs, outputs in (([a, b], [a, b]), ([a, b, c, d], [a, b]), ([a, b, c], [a[0], a])):
+        with pytest.raises(TypeError, match="expected a step from"):
+            Scan(ca.Function("step", inputs, outputs))
+    with pytest.raises(TypeError, match="sparse: expected dense inputs and outputs"):
+        Scan(ca.Function("sparse", [a, b, c], [a, ca.vertcat(ca.SX(1, 1), b)]))
 
 
-def test_step_whose_carry_changes_length() -> None:
-    carry, sample, constant = ca.SX.sym("carry", 2), ca.SX.sym("sample"), ca.SX.sym("constant")
-    with pytest.raises(TypeError, match="expected a step from"):
-        Scan(ca.Function("step", [carry, sample, constant], [carry[0], carry]))
-
-
-@pytest.mark.parametrize("inputs", [pytest.param(2), 4])
-def test_step_with_other_inputs(inputs: int) -> None:
-    symbols = [ca.SX.sym(f"a{i}") for i in range(inputs)]
-    with pytest.raises(TypeError, match="expected a step from"):
-        Scan(ca.Function("step", symbols, [symbols[0], symbols[0]]))
-
-
-def test_step_with_a_sparse_output() -> None:
-    """It is refused, or the result is correct: (0, sample, 0, carry)."""
-    carry, sample, constant = (ca.SX.sym(name) for name in ("carry", "sample", "constant"))
-    zero = ca.SX(1, 1)
-    step = ca.Function("sparse", [carry, sample, constant], [carry, ca.vertcat(zero, sample, zero, carry)])
-    try:
-        scan = Scan(step)
-    except TypeError:
-        return
-    _, out = scan(np.array([3.0]), np.array([[1.0], [2.0]]), np.zeros(1))
-    assert out.tolist() == [[0, 1, 0, 3], [0, 2, 0, 3]]
+def test_nothing_to_process(scan: Scan) -> None:
+    """No samples, no vehicles, or no samples of many vehicles, which have one record or each its own."""
+    carry, sample, constant = random_inputs(6, 5)
+    for records in (sample[0, :0], sample[:, :0]):
+        after, out = scan.batch(carry, records, constant)
+        assert np.array_equal(after, carry)
+        assert out.shape == (6, 0, 3)
+    after, out = scan(carry[0], sample[0, :0], constant[0])
+    assert np.array_equal(after, carry[0])
+    assert out.shape == (0, 3)
+    after, out = scan.batch(carry[:0], sample[0], constant[:0])
+    assert (after.shape, out.shape) == ((0, 2), (0, 5, 3))
 
 
 def test_values_that_depend_only_on_constants_are_before_the_loop() -> None:
@@ -245,13 +219,6 @@ def test_constants_changed_between_calls_take_effect(scan: Scan) -> None:
     assert max_difference(scan(carry, sample, constant)[1], interpreted(STEP, carry, sample, constant)[1]) <= 1e-13
     constant /= 2.0
     assert np.array_equal(scan(carry, sample, constant)[1], first[1])
-
-
-def test_every_group_of_lanes_has_its_own_constants(scan: Scan) -> None:
-    carry, sample = np.zeros((12, 2)), np.tile([1.0, 0.1], (3, 1))
-    constant = np.column_stack([np.ones(12), np.ones(12), np.arange(12.0)])
-    _, out = scan.batch(carry, sample, constant)
-    assert np.array_equal(out[:, 0, 2], np.arange(12.0))  # fmax(0, k2)
 
 
 @pytest.mark.slow
@@ -319,3 +286,59 @@ def test_compiled_in_the_background(cache_folder: Path) -> None:
     for _ in range(2):
         with pytest.raises(NotImplementedError, match="refused"):
             refused(np.zeros(1), np.zeros((1, 1)), np.zeros(1))
+
+
+SAMPLE, CONSTANT = np.random.default_rng(0).uniform(0.1, 1.0, size=(20, 2)), np.array([0.5, 0.2, 0.1])
+
+COPIES = {"copy": copy.copy, "deepcopy": copy.deepcopy, "pickle": lambda scan: pickle.loads(pickle.dumps(scan))}
+
+FORK = """
+import multiprocessing, threading, time
+import casadi as ca, numpy as np
+from fifthwheel.base.native import Scan, compile_in_background, scan as module
+
+started, slow = threading.Event(), module._compile
+def slow_compile(*arguments):
+    started.set()
+    time.sleep(0.5)
+    return slow(*arguments)
+module._compile = slow_compile
+
+x, u, k = (ca.SX.sym(name) for name in "xuk")
+scans = [Scan(ca.Function("step", [x, u, k], [x + i * k * u, x])) for i in range(1, 4)]
+compile_in_background(scans[0])
+started.wait()
+def work():
+    compile_in_background(scans[2])
+    values = [scan(np.zeros(1), np.ones((5, 1)), np.ones(1))[0].item() for scan in scans[:2]]
+    while 1 not in scans[2]._compiled:
+        time.sleep(0.01)
+    raise SystemExit(0 if values == [5.0, 10.0] else 3)
+child = multiprocessing.get_context("fork").Process(target=work)
+child.start()
+child.join(20)
+print(child.exitcode)
+child.kill()
+assert scans[0](np.zeros(1), np.ones((5, 1)), np.ones(1))[0].item() == 5.0
+"""
+
+
+@pytest.mark.parametrize("name", COPIES)
+def test_a_copy_gives_the_same(name: str) -> None:
+    scan = Scan(oscillator(), lanes=2)
+    make: Callable[[Scan], Scan] = COPIES[name]
+    before = make(scan)
+    expected = scan(np.ones(2), SAMPLE, CONSTANT)
+    for one in (before, make(scan)):
+        assert one.lanes == 2
+        for actual, values in zip(one(np.ones(2), SAMPLE, CONSTANT), expected, strict=True):
+            np.testing.assert_array_equal(actual, values)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork on this system")
+def test_a_process_forked_while_another_thread_compiles() -> None:
+    """The child compiles too, in the foreground and in the background."""
+    run = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", FORK], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (run.stdout.strip(), run.returncode) == ("0", 0), run.stderr

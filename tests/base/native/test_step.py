@@ -13,10 +13,10 @@ import pytest
 
 import fifthwheel
 from fifthwheel import truck as vehicle
-from fifthwheel.base.native import AdjointScan, Scan, compiled, source
+from fifthwheel.base.native import AdjointScan, Scan, compiled, step
 from fifthwheel.base.native import step as module
 from fifthwheel.base.native.llvm_ir import module as assembly
-from fifthwheel.base.native.source import closure
+from fifthwheel.base.native.step import closure
 from fifthwheel.estimate.filters import kalman, tangent
 from fifthwheel.model import dynamics
 from tests.base.native.conftest import times
@@ -87,7 +87,7 @@ def test_other_source_builds_again(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_source_that_may_not_be_the_imported_one_is_unknown(monkeypatch: pytest.MonkeyPatch) -> None:
     modules = frozenset({"fifthwheel.estimate.filters.kalman", "fifthwheel.model.dynamics.model"})
     newest = max(max(p.stat().st_mtime, p.stat().st_ctime) for p in closure(modules))
-    digest = source.source_digest.__wrapped__
+    digest = step.source_digest.__wrapped__
     for imported_at, known in ((newest + 1, True), (newest, False)):
         monkeypatch.setattr(fifthwheel, "imported_at", imported_at)
         assert (digest(modules) is not None) == known
@@ -134,9 +134,7 @@ print(len(built))
 
 
 def test_the_package_is_imported_before_its_source_is_read() -> None:
-    code = (
-        "import time; t = time.time(); import fifthwheel.base.native as n; print(n.source.fifthwheel.imported_at - t)"
-    )
+    code = "import time; t = time.time(); import fifthwheel.base.native as n; print(n.step.fifthwheel.imported_at - t)"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert 0 <= float(run.stdout) < 10
     assert fifthwheel.imported_at < time.time()

@@ -7,8 +7,7 @@ import pytest
 from rich.console import Console
 
 from fifthwheel.base import pages
-from fifthwheel.base.pages import page
-from fifthwheel.base.pages.html import cell, notebook
+from fifthwheel.base.pages.html import cell, notebook, page
 from fifthwheel.base.pages.terminal import show
 from fifthwheel.base.plots import Line, Panel, Plot
 from tests.results.report.conftest import Page
@@ -44,7 +43,7 @@ WORDS += ("one result", "tolerance", "a < b", "is white noise.")
 
 @pytest.fixture(scope="module")
 def html() -> str:
-    return page.page(DOCUMENT)[0].decode()
+    return page(DOCUMENT)[0].decode()
 
 
 def printed() -> str:
@@ -68,7 +67,7 @@ def test_a_page_links_its_sections_and_has_places_for_its_figures(html):
     assert {"verdict", "first", "plot0"} <= set(parsed.ids)
     assert "yaw_<wbr/>rate.<wbr/>tractor</code>: explained<small>rms</small>" in html
     assert "not shown twice" not in parsed.data("figures").decode()
-    assert "figures" not in Page(page.page(pages.Document("t", []))[0].decode()).scripts
+    assert "figures" not in Page(page(pages.Document("t", []))[0].decode()).scripts
 
 
 def test_texts_are_escaped_and_markup_is_not(html):

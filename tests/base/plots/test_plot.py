@@ -3,15 +3,13 @@
 import json
 import re
 import sys
-from datetime import datetime
 
 import numpy as np
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots import Area, Axis, Band, Bars, Guide, Label, Line, Panel, Plot, Points, Span, plotly_figure
-from fifthwheel.base.plots.palette import BLUE, CYCLE, VERMILLION
-from fifthwheel.base.plots.panels import trimmed, visible_range
+from fifthwheel.base.plots.items import BLUE, CYCLE, VERMILLION, trimmed, visible_range
 
 TIME = np.linspace(0, 10, 50)
 SINE = np.sin(TIME)
@@ -209,24 +207,3 @@ def test_ticks_of_a_logarithmic_axis_have_their_whole_value(values, ticks):
     plot = Plot(panels=[Panel(items=[Line([1.0, 2.0], values)], y=axis)])
     y = plotly_figure.figure(plot)["layout"]["yaxis"]
     assert {key: y[key] for key in ("dtick", "ticktext") if key in y} == ticks
-
-
-def test_labels_of_values_have_a_ground_of_their_own():
-    """Not the colour of their line, which in dark mode is that of their text."""
-    label = plotly_figure.figure(Plot(panels=[Panel(items=[Line([0, 1], [0, 1], colour="#000000")])]))["layout"][
-        "hoverlabel"
-    ]
-    assert label["bgcolor"] == "#ffffff"
-    assert label["font"]["color"] != label["bgcolor"]
-
-
-def test_dates_are_iso_8601_at_any_distance_of_ticks():
-    axis = plotly_figure.axis_style(Axis(date=True))
-    forms = [stop["value"] for stop in axis["tickformatstops"]]
-    assert [datetime(2025, 6, 9, 10, 5).strftime(form) for form in forms] == [
-        "10:05\n2025-06-09",
-        "2025-06-09",
-        "2025-06",
-    ]
-    limits = [stop["dtickrange"] for stop in axis["tickformatstops"]]
-    assert [low for low, _ in limits[1:]] == [high for _, high in limits[:-1]]

@@ -8,7 +8,7 @@ from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.map_text import as_toml
 from fifthwheel.data.logs.propose import propose_map, survey_log
 from fifthwheel.data.logs.readers import open_log
-from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.results.report.logs import record_document, survey_document
 
 DEGREE = np.pi / 180

@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
-from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.base.plots.items import BLUE, VERMILLION
 from fifthwheel.data.logs import SignalMap, read_log, write_record
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.record import segments_above

@@ -25,8 +25,8 @@ from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration, steer_record
 from fifthwheel.model.manoeuvres.candidates import candidate_manoeuvres
-from fifthwheel.model.manoeuvres.linear import lateral_acceleration, steer_record
 from fifthwheel.truck import Vehicle
 
 GYROS = article_gyro_variance(["tractor", "semitrailer"])

@@ -1,4 +1,4 @@
-"""Gross mass from ordinary driving: on closed-form motion, on the truth of `plant.driving`, with faults in the log."""
+"""Gross mass from ordinary driving: on closed-form motion, on the truth of `plant.powered`, with faults in the log."""
 
 import math
 
@@ -8,7 +8,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.estimate.identify.longitudinal import drive_axle_braking
-from fifthwheel.model.plant.driving import DrivenTruck, drive
+from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.truck.driveline import AIR_DENSITY, driveline_numbers
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

@@ -12,8 +12,8 @@ from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.data.checks import check
 from fifthwheel.data.checks.axle_loads import mean_weights
 from fifthwheel.estimate.identify.mass import mass_findings
-from fifthwheel.model.plant.driving import DrivenTruck, drive
-from fifthwheel.truck.axle_loads import axle_loads
+from fifthwheel.model.plant.powered import DrivenTruck, drive
+from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.uncertainty import changes
 
 TRUCK = fw.vehicle("cheng_cebon_2011")

@@ -6,8 +6,8 @@ import pytest
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.observe.conftest import EXACT, STEER, YAWS, batched, pushed

@@ -8,7 +8,7 @@ import pytest
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings
 from fifthwheel.estimate.stream import Status, Stream, StreamSettings, held_inputs, stream_segments, without_measurement
-from fifthwheel.model.dynamics import SPEED_RATE, steps
+from fifthwheel.model.dynamics import SPEED_RATE, simulation
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.estimate.observe.conftest import STEER, YAWS, put
@@ -43,7 +43,7 @@ def test_both_forms_agree():
     record = LANE_CHANGES.with_signals(noisy)
     assert settings.names == (*noisy, SPEED_RATE)
     held, fresh = held_inputs(record, settings)
-    stream, rows = Stream(settings, steps.step_limit(TRUCK, True)), Rows(3)
+    stream, rows = Stream(settings, simulation.step_limit(TRUCK, True)), Rows(3)
     for k, time in enumerate(record.time.tolist()):
         status = stream.process_sample(rows, time, [float(values[k]) for values in noisy.values()], [0.1])
         assert (status is Status.OK) == fresh[k]
@@ -73,7 +73,7 @@ def interrupted() -> Record:
 
 def test_segments_have_the_rows_of_single_samples():
     record, settings = interrupted(), settings_of(max_acceleration=1e4, hold=0.3)
-    limit = steps.step_limit(TRUCK, True)
+    limit = simulation.step_limit(TRUCK, True)
     status, segments = stream_segments(record, settings, limit)
     stream, rows, found = Stream(settings, limit), Rows(3), []
     for k, time in enumerate(record.time.tolist()):
@@ -99,7 +99,7 @@ def test_segments_have_the_rows_of_single_samples():
 def test_a_part_of_a_segment_begins_at_a_sample():
     """As a segment of its own: no step leads to its first row."""
     record, settings = interrupted(), settings_of(max_acceleration=1e4, hold=0.3)
-    segment = stream_segments(record, settings, steps.step_limit(TRUCK, True))[1][2]
+    segment = stream_segments(record, settings, simulation.step_limit(TRUCK, True))[1][2]
     assert len(segment.rows) > len(segment.sample_indices)
     first, last = (int(segment.sample_indices[k]) for k in (70, -5))
     part = segment.part(first, last)

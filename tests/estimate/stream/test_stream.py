@@ -14,7 +14,7 @@ from fifthwheel.estimate.online import LearnerSettings
 from fifthwheel.estimate.online.live_filter import stream_settings
 from fifthwheel.estimate.online.online_model import online_setup
 from fifthwheel.estimate.stream import Status, Stream, StreamSettings
-from fifthwheel.model.dynamics import steps
+from fifthwheel.model.dynamics import simulation
 from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
 from fifthwheel.truck import get
 
@@ -22,7 +22,7 @@ EDGE = 1e-6
 STEER, YAW = "steer.tractor.front", "yaw_rate.tractor"
 SIGNALS = ("speed", STEER, YAW)
 TRUCK = get("cheng_cebon_2011")
-LIMIT = steps.step_limit(TRUCK, True)
+LIMIT = simulation.step_limit(TRUCK, True)
 PROBLEM = online_setup(TRUCK, SIGNALS, OneStage(given={"others": "exact", "sensors": "exact"}))
 LEARNER = stream_settings(
     PROBLEM, LearnerSettings(hold=0.4, max_steer=0.9, max_steer_rate=2.0, max_speed_change=1.5, coast=0.6)

@@ -10,9 +10,7 @@ from fifthwheel.model.dynamics import (
     TIME_SCALE,
     ChainModel,
     all_parameters,
-    contact_input,
     model,
-    rate_input,
 )
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
@@ -208,11 +206,6 @@ def test_a_remaining_delay_of_the_steering_is_corrected_by_its_rate(gain: float)
     settled = record.time > 2  # before that the contact of the play is unknown
     effect = np.abs(shifted - on_time)[settled].max(axis=0)
     assert (np.abs(by_rate - shifted)[settled].max(axis=0) < 0.05 * effect).all()
-
-
-def test_inputs_of_play_and_rate() -> None:
-    names = model(LOGGED, (), roll=True, extended=True).inputs
-    assert names == ("speed", STEER, contact_input(STEER), rate_input(STEER))
 
 
 def test_the_time_base_scales_every_step() -> None:

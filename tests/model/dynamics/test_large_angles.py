@@ -79,7 +79,7 @@ def rates(
 def test_small_motion_is_that_of_the_linear_chain(name: str, roll: bool) -> None:
     """The difference falls with the square of the motion, or faster."""
     vehicle, rng = with_trail(get(name), 0.04, 0.06), np.random.default_rng(1)
-    m = dynamics.analysis.matrices(vehicle, SPEED, roll=roll)
+    m = dynamics.state_space.matrices(vehicle, SPEED, roll=roll)
     x = rng.normal(size=len(m.states)) * 0.05
     linear = m.A @ x + m.B.sum(axis=1) * 0.02
     errors = [
@@ -307,7 +307,7 @@ def test_newton_with_the_forces_of_the_coupling(speed_rate: float, retarder: flo
         values = model.known_values(dynamics.all_parameters(truck, model.outputs, tyres="saturating"))
         force = float(model.observation(x, [SPEED, steer, SPEED, steer], [], values))
         assert force == pytest.approx((rotation.T @ solution[5:7])[1], rel=1e-6)
-    small = dynamics.analysis.matrices(truck, SPEED, roll=False)
+    small = dynamics.state_space.matrices(truck, SPEED, roll=False)
     assert np.abs(small.A @ x + small.B.ravel() * steer - expected).max() > 0.15  # it is not small
 
 

@@ -8,7 +8,7 @@ import pytest
 from scipy.linalg import expm
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.model.dynamics import ChainModel, all_parameters, model, steps
+from fifthwheel.model.dynamics import ChainModel, all_parameters, model, simulation
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.lagrangian import GRAVITY, Array, linear
 from tests.model.dynamics.test_lagrangian import (
@@ -64,7 +64,7 @@ def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) 
     chain = model(vehicle, (), roll=roll)
     constants = chain.known_values(all_parameters(vehicle, ()))
     A, B = by_lagrange(vehicle, chain.states, speed)
-    longest = float(steps.step_limit(vehicle, roll)(np.array([speed]))[0])
+    longest = float(simulation.step_limit(vehicle, roll)(np.array([speed]))[0])
     scale = typical(chain.states)
     for dt in (longest, longest / 3, 1e-3):
         for seed in range(5):
@@ -80,7 +80,7 @@ def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) 
     "lengths", [(0.0,), (0.1,), (0.3,), (0.45,), (0.8,), (0.45, 0.0, 0.0), (0.0, 0.3, 0.2)], ids=str
 )
 def test_longest_step_with_any_relaxation_length(lengths: tuple[float, ...], roll: bool) -> None:
-    """`steps.MAX_STEP_EIGENVALUE` keeps the error below 1e-6 of the largest state at either end of the step."""
+    """`simulation.MAX_STEP_EIGENVALUE` keeps the error below 1e-6 of the largest state at either end of the step."""
     vehicle = with_relaxation(TRUCK, *lengths)
     chain = model(vehicle, (), roll=roll)
     constants = chain.known_values(all_parameters(vehicle, ()))
@@ -92,7 +92,7 @@ def test_longest_step_with_any_relaxation_length(lengths: tuple[float, ...], rol
     )
     for speed in (3.0, 5.0, 8.0, 12.0, 15.0, 20.0, 25.0, 30.0, 35.0):
         A, B = by_lagrange(vehicle, chain.states, speed)
-        dt = float(steps.step_limit(vehicle, roll)(np.array([speed]))[0])
+        dt = float(simulation.step_limit(vehicle, roll)(np.array([speed]))[0])
         unit_vectors = (np.split(row, [n, n + k]) for row in np.eye(n + 2 * k))
         exact = np.column_stack([exact_state(A, B, start, first, last, dt) for start, first, last in unit_vectors])
         row = np.full((1, count), speed)
@@ -109,9 +109,9 @@ def test_step_limit_beyond_the_table() -> None:
     that roll on their tyres make the lag of the side forces longer. Without this part it is 1.0 % below.
     """
     for speed, tolerance in ((0.2, 0.01), (300.0, 0.022)):
-        longest = float(steps.step_limit(TRUCK, True)(np.array([speed]))[0])
+        longest = float(simulation.step_limit(TRUCK, True)(np.array([speed]))[0])
         fastest = np.abs(np.linalg.eigvals(by_lagrange(TRUCK, model(TRUCK, (), roll=True).states, speed)[0])).max()
-        assert longest * fastest <= (1 + tolerance) * steps.MAX_STEP_EIGENVALUE[True, True] / 1.25
+        assert longest * fastest <= (1 + tolerance) * simulation.MAX_STEP_EIGENVALUE[True, True] / 1.25
 
 
 def test_speed_within_a_step_is_the_mean() -> None:
@@ -121,15 +121,6 @@ def test_speed_within_a_step_is_the_mean() -> None:
     actual = np.array(chain.transition(x, 0.005, np.r_[19.0, before, 22.0, after], [], constants)).ravel()
     expected = exact_state(*by_lagrange(ARTICLE, chain.states, 20.5), x, before, after, 0.005)
     assert actual == pytest.approx(expected, rel=1e-7, abs=1e-9)
-
-
-def test_a_step_of_zero_seconds_changes_nothing() -> None:
-    chain = model(ARTICLE, (), roll=True)
-    x, before, _ = random_step(2, chain)
-    constants = chain.known_values(all_parameters(ARTICLE, ()))
-    assert np.array(chain.transition(x, 0.0, np.r_[20.0, before, 20.0, before], [], constants)).ravel() == (
-        pytest.approx(x, abs=0)
-    )
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
@@ -146,12 +137,12 @@ def test_irregular_samples(name: str, roll: bool) -> None:
     steer = {
         signal: 0.03 * np.sin((1.5 + 0.4 * i) * time + i) for i, signal in enumerate(chain.inputs) if signal != "speed"
     }
-    inputs = steps.input_columns({"speed": np.full(len(time), speed), **steer}, chain.inputs)
-    limit = steps.step_limit(vehicle, roll)(inputs[:, 0])
-    fine, between, indices = steps.subdivide(time, inputs, limit)
+    inputs = simulation.input_columns({"speed": np.full(len(time), speed), **steer}, chain.inputs)
+    limit = simulation.step_limit(vehicle, roll)(inputs[:, 0])
+    fine, between, indices = simulation.subdivide(time, inputs, limit)
     assert (fine[indices] == time).all()
     assert (between[indices] == inputs).all()
-    dt, d = steps.step_inputs(fine, between)
+    dt, d = simulation.step_inputs(fine, between)
     assert (dt[1:] > 0).all()
     assert dt.max() <= limit.min() * (1 + 1e-9)
 

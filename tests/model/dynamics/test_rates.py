@@ -7,7 +7,7 @@ import pytest
 from fifthwheel import truck as vehicle
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
 
 OUTPUTS = ("yaw_rate.tractor", "roll_rate.semitrailer")
 FREE = ("tractor.front.cornering_stiffness", "semitrailer.payload.height", "steer.tractor.front.delay")

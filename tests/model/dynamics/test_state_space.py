@@ -1,4 +1,4 @@
-"""The state-space system against the single-track model in closed form, balances of forces, and the simulation."""
+"""The linear model against published formulas, and as a state space."""
 
 import sys
 from itertools import pairwise
@@ -6,13 +6,233 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics import linear_system
+from fifthwheel.model.dynamics import (
+    critical_speed,
+    frequency_response,
+    linear_system,
+    matrices,
+    modes,
+    rearward_amplification,
+    steady_state,
+    steady_steer,
+    understeer_gradient,
+)
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.truck import get
-from tests.model.dynamics.test_analysis import ARTICLE, COG, FRONT, REAR, WHEELBASE, G, truck
+from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle, get
+
+ARTICLE = get("cheng_cebon_2011")
+G = 9.80665
+FRONT, REAR, COG = 0.4, -5.2, -2.3  # m, of the truck, from an arbitrary origin
+WHEELBASE = FRONT - REAR
+HITCH = -6.1
+
+
+def group(name: str, position: float, stiffness: float, *, steerable: bool = False) -> AxleGroup:
+    return AxleGroup(
+        name=name,
+        axles=(Axle(name=name, position=position, steerable=steerable),),
+        cornering_stiffness=stiffness,
+        roll_stiffness=9e5,
+        tyre_roll_stiffness=3e6,
+        roll_damping=2e4,
+    )
+
+
+def truck(*, front: float = 4e5, rear: float = 6e5) -> Vehicle:
+    unit = Unit(
+        name="truck",
+        mass=14000,
+        cog=COG,
+        yaw_inertia=6e4,
+        roll_axis_height=0.6,
+        sprung=SprungMass(mass=12000, cog_height=1.5, roll_inertia=8000),
+        axle_groups=(group("front", FRONT, front, steerable=True), group("rear", REAR, rear)),
+    )
+    return Vehicle(name="truck", units=(unit,))
+
+
+def truck_and_trailer() -> Vehicle:
+    trailer = Unit(
+        name="trailer",
+        mass=9000,
+        cog=-4.1,
+        yaw_inertia=5e4,
+        roll_axis_height=0.7,
+        sprung=SprungMass(mass=8000, cog_height=1.4, roll_inertia=6000),
+        axle_groups=(group("axle", -6.8, 5e5),),
+    )
+    eye = Coupling(name="eye", leading_position=HITCH, trailing_position=0.3, height=0.9, roll_stiffness=0)
+    return Vehicle(name="rig", units=(*truck().units, trailer), couplings=(eye,))
+
+
+def understeer(vehicle: Vehicle) -> float:
+    """Understeer gradient K of the single-track model, rad s^2/m: the steer angle on a radius R is L/R + K u^2/R."""
+    unit = vehicle.units[0]
+    front, rear = (g.cornering_stiffness for g in unit.axle_groups)
+    return unit.mass / WHEELBASE * ((COG - REAR) / front - (FRONT - COG) / rear)
+
+
+@pytest.mark.parametrize("roll", [True, False])
+@pytest.mark.parametrize("speed", [3.0, 14.0, 27.0])
+def test_steady_turn_equals_the_single_track_model(speed: float, roll: bool) -> None:
+    vehicle, steer = truck(), 0.02
+    state = steady_state(vehicle, speed, [steer], roll=roll)
+    yaw_rate = speed * steer / (WHEELBASE + understeer(vehicle) * speed**2)
+    assert understeer(vehicle) > 0
+    assert state["yaw_rate.truck"] == pytest.approx(yaw_rate, rel=1e-9)
+    rear_force = vehicle.units[0].mass * speed * yaw_rate * (FRONT - COG) / WHEELBASE
+    rear_slip = -rear_force / vehicle.units[0].axle_groups[1].cornering_stiffness
+    assert state["lateral_velocity.truck"] == pytest.approx(speed * rear_slip - (REAR - COG) * yaw_rate, rel=1e-9)
+    if roll:  # in a left turn the body rolls to the right, which is positive
+        moment, stiffness = 12000 * (1.5 - 0.6), 2 / (1 / 9e5 + 1 / 3e6)
+        assert state["roll.truck"] == pytest.approx(moment * speed * yaw_rate / (stiffness - moment * G), rel=1e-9)
+        assert state["roll_rate.truck"] == pytest.approx(0, abs=1e-12)
+
+
+@pytest.mark.parametrize("rear", [6e5, 1e5])
+def test_steer_angle_of_the_single_track_model(rear: float) -> None:
+    vehicle = truck(rear=rear)
+    assert steady_steer(vehicle) == pytest.approx((WHEELBASE, understeer(vehicle)), rel=1e-9)
+    assert understeer_gradient(vehicle) == steady_steer(vehicle)[1]
+
+
+def test_steer_angle_of_a_steady_turn_at_any_speed() -> None:
+    length, gradient = steady_steer(ARTICLE)
+    for speed in (6.0, 33.0):
+        yaw_rate = steady_state(ARTICLE, speed, [0.01, 0, 0, 0])["yaw_rate.tractor"]
+        assert (length + gradient * speed**2) * yaw_rate / speed == pytest.approx(0.01, rel=1e-8)
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_critical_speed_of_an_oversteering_truck(roll: bool) -> None:
+    vehicle = truck(front=8e5, rear=4e5)
+    expected = np.sqrt(-WHEELBASE / understeer(vehicle))
+    assert 10 < expected < 60
+    assert critical_speed(vehicle, roll=roll) == pytest.approx(expected, abs=2e-6)
+    assert critical_speed(vehicle, roll=roll, highest=expected - 1) is None
+
+
+def test_no_critical_speed() -> None:
+    assert critical_speed(ARTICLE) is None
+    assert critical_speed(truck(), roll=False) is None
+
+
+def test_critical_speed_of_a_swaying_trailer() -> None:
+    """A trailer with its CoG far to the rear becomes unstable by oscillation: the damping changes its sign."""
+    rig = truck_and_trailer().replace({"trailer.cog": -6.7, "trailer.yaw_inertia": 1.2e5, "trailer.mass": 16000})
+    critical = critical_speed(rig)
+    assert critical is not None
+    below, above = (modes(rig, critical + d) for d in (-1e-3, 1e-3))
+    assert min(mode.damping for mode in below) > 0
+    worst = min(above, key=lambda mode: mode.damping)
+    assert -1e-3 < worst.damping < 0
+    assert worst.eigenvalue.imag > 0.1
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_articulation_at_very_low_speed(roll: bool) -> None:
+    """At very low speed no axle slips: the articulation angle follows from the hitch overhang and L_2."""
+    steer = 0.03
+    overhang, trailer_wheelbase = HITCH - REAR, 0.3 + 6.8
+    state = steady_state(truck_and_trailer(), 0.05, [steer], roll=roll)
+    assert state["articulation.trailer"] == pytest.approx((overhang - trailer_wheelbase) * steer / WHEELBASE, rel=1e-4)
+    assert state["yaw_rate.trailer"] == pytest.approx(0.05 * steer / WHEELBASE, rel=1e-4)
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_frequency_response_at_zero_frequency_is_the_steady_state(roll: bool) -> None:
+    m = matrices(ARTICLE, 20.0, roll=roll)
+    response = frequency_response(ARTICLE, 20.0, np.array([0.0, 0.5]), roll=roll)
+    assert response.shape == (2, len(m.states), 4)
+    for k, steer in enumerate(np.eye(4)):
+        state = steady_state(ARTICLE, 20.0, steer, roll=roll)
+        assert response[0, :, k] == pytest.approx(np.array([state[name] for name in m.states]), rel=1e-9, abs=1e-12)
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_modes(roll: bool) -> None:
+    """The free response of each mode decays with its frequency and damping."""
+    A = matrices(ARTICLE, 24.4, roll=roll).A
+    result = modes(ARTICLE, 24.4, roll=roll)
+    assert sum(2 if mode.eigenvalue.imag else 1 for mode in result) == len(A)
+    assert list(result) == sorted(result, key=lambda mode: mode.frequency)
+    for mode in result:
+        assert np.abs(mode.shape).max() == pytest.approx(1)
+        w, d = 2 * np.pi * mode.frequency, mode.damping
+        if mode.eigenvalue.imag:
+            period = 2 * np.pi / (w * np.sqrt(1 - d**2))
+            decay = np.exp(-2 * np.pi * d / np.sqrt(1 - d**2))
+        else:
+            period, decay = 1 / w, np.exp(-d)
+        start = mode.shape.real
+        assert expm(A * period) @ start == pytest.approx(decay * start, abs=1e-9)
+
+
+def test_damping_of_an_unstable_real_mode() -> None:
+    vehicle = truck(front=8e5, rear=4e5)
+    critical = critical_speed(vehicle, roll=False)
+    assert critical is not None
+    assert sorted(mode.damping for mode in modes(vehicle, critical + 5, roll=False)) == pytest.approx([-1, 1])
+
+
+@pytest.mark.parametrize("roll", [True, False])
+def test_rearward_amplification_equals_simulation(roll: bool) -> None:
+    speed, frequency = 24.4, 0.4
+    gain, frequency_of_gain = rearward_amplification(ARTICLE, speed, np.array([frequency]), roll=roll)
+    assert gain > 1
+    assert frequency_of_gain == frequency
+
+    m = matrices(ARTICLE, speed, roll=roll)
+    B = m.B[:, 0]
+    settled = 30.0
+    end = settled + 2 / frequency
+    time = np.linspace(settled, end, 400, endpoint=False)
+    solved = solve_ivp(
+        lambda t, x: m.A @ x + B * 0.01 * np.sin(2 * np.pi * frequency * t),
+        (0, end),
+        np.zeros(len(B)),
+        t_eval=time,
+        rtol=1e-9,
+        atol=1e-12,
+    )
+    x = dict(zip(m.states, solved.y, strict=True))
+    tractor, trailer = ARTICLE.units
+    wheel = ARTICLE.couplings[0]
+    v = x["lateral_velocity.tractor"]
+    at_coupling = v + (wheel.leading_position - tractor.cog) * x["yaw_rate.tractor"]
+    v_trailer = at_coupling - speed * x["articulation.semitrailer"]
+    v_trailer -= (wheel.trailing_position - trailer.cog) * x["yaw_rate.semitrailer"]
+    if roll:
+        v_trailer -= (wheel.height - tractor.roll_axis_height) * x["roll_rate.tractor"]
+        v_trailer += (wheel.height - trailer.roll_axis_height) * x["roll_rate.semitrailer"]
+
+    def amplitude(velocity: np.ndarray, yaw_rate: np.ndarray) -> float:
+        """Amplitude of v' + u r over two periods, by the Fourier coefficient."""
+        wave = np.exp(-2j * np.pi * frequency * time)
+        v, r = (2 * np.mean(values * wave) for values in (velocity, yaw_rate))
+        return float(abs(2j * np.pi * frequency * v + speed * r))
+
+    simulated = amplitude(v_trailer, x["yaw_rate.semitrailer"]) / amplitude(v, x["yaw_rate.tractor"])
+    assert gain == pytest.approx(simulated, rel=1e-4)
+
+
+def test_largest_rearward_amplification() -> None:
+    gain, frequency_of_gain = rearward_amplification(ARTICLE, 24.4)
+    assert 0.2 < frequency_of_gain < 0.6
+    assert gain > 1
+    for frequency in (frequency_of_gain - 0.02, frequency_of_gain + 0.02):
+        assert rearward_amplification(ARTICLE, 24.4, np.array([frequency]))[0] < gain
+
+
+def test_speed_must_be_positive() -> None:
+    with pytest.raises(VehicleError, match="above 0"):
+        matrices(ARTICLE, 0.0, roll=True)
+
 
 SPEED = 20.0
 FREQUENCY = np.array([0.0, 0.1, 0.7, 2.0, 9.0])

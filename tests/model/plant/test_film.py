@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel.base.errors import FifthwheelError, SignalError
+from fifthwheel.base.errors import SignalError
 from fifthwheel.model.manoeuvres import course
 from fifthwheel.model.plant import Plant, PlantRun, Properties
 from fifthwheel.truck import Vehicle, get
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[3] / "examples"))
-from film import EXAGGERATION, LIGHT, _blocks, _Scene, _window, film
+from film import EXAGGERATION, LIGHT, _blocks, _Scene, film
 
 pytest.importorskip("matplotlib")
 
@@ -111,25 +111,6 @@ def test_any_chain(vehicle, tmp_path: Path):
     assert path.read_text(encoding="utf-8").rstrip().endswith("</svg>")
 
 
-def test_files_are_reproducible(tmp_path: Path):
-    run = synthetic_run(semitrailer())
-    first, second = (film(run, tmp_path / name).read_bytes() for name in ("a.svg", "b.svg"))
-    assert first == second
-
-
-@pytest.mark.parametrize(
-    ("vehicle", "bodies"), [(tractor, [0]), (semitrailer, [1]), (b_double, [1, 2]), (with_dolly, [0, 2])]
-)
-def test_units_with_a_body(vehicle, bodies):
-    truck = vehicle()
-    blocks = [_blocks(truck, i) for i in range(len(truck.units))]
-    assert [i for i, of_unit in enumerate(blocks) if LIGHT in [block.shade for block in of_unit]] == bodies
-    assert all(block.rear < block.front for of_unit in blocks for block in of_unit)
-    for unit, of_unit in zip(truck.units, blocks, strict=True):  # all axles are below the unit
-        front = max(block.front for block in of_unit)
-        assert all(of_unit[0].rear < axle.position < front for axle in unit.axles)
-
-
 @pytest.mark.parametrize("yaw", [0.0, 0.2, 3.0])
 def test_view_from_above_is_to_scale_with_the_direction_of_travel_upwards(yaw):
     run = synthetic_run(semitrailer(), yaw=yaw)
@@ -151,36 +132,12 @@ def test_body_rolls_towards_the_deflected_tyre(roll):
     assert np.sign(left.imag.max() - right.imag.max()) == np.sign(roll)
 
 
-def test_default_window_contains_the_largest_acceleration():
-    first, last = _window(synthetic_run(semitrailer(), acceleration=-2.0), 4.0)
-    assert first == pytest.approx(6.0)
-    assert last == pytest.approx(10.0)
-    assert _window(synthetic_run(semitrailer()), 20.0) == (0.0, 12.0)
-
-
 @pytest.mark.parametrize("name", ["roll.semitrailer", "speed", "load_transfer.semitrailer.rear"])
 def test_a_missing_signal_is_named(name, tmp_path: Path):
     run = synthetic_run(semitrailer())
     del run.truth[name]
     with pytest.raises(SignalError, match=f"{name}: missing"):
         film(run, tmp_path / "strip.png")
-
-
-def test_without_matplotlib(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(FifthwheelError, match=r"fifthwheel\[figures\]"):
-        film(synthetic_run(semitrailer()), tmp_path / "strip.png")
-
-
-def test_an_old_file_stays_when_drawing_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    def fail(*_args: object, **_more: object) -> None:
-        raise OSError("disk full")
-
-    (tmp_path / "strip.png").write_text("old", encoding="utf-8")
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", fail)
-    with pytest.raises(OSError, match="disk full"):
-        film(synthetic_run(semitrailer()), tmp_path / "strip.png")
-    assert [(path.name, path.read_text(encoding="utf-8")) for path in tmp_path.iterdir()] == [("strip.png", "old")]
 
 
 def _polygons(scene: _Scene, method: str, k: int) -> list[np.ndarray]:

@@ -80,12 +80,6 @@ def test_a_slow_sensor_has_no_values_between_its_samples(rate, start, step):
     assert len(sampled) == pytest.approx(min(rate, 1 / step) * step * len(time), abs=2)
 
 
-@pytest.mark.parametrize("rate", [100.0, 50.0, 20.0, 10.0])
-def test_a_rate_that_divides_the_sampling_rate(rate):
-    interval = round(100 / rate)
-    assert np.flatnonzero(~np.isnan(measured(YAW, rate=rate))).tolist() == list(range(0, len(TIME), interval))
-
-
 @pytest.mark.parametrize("name", [YAW, "speed"])
 def test_a_held_sensor_repeats_its_samples(name):
     samples = measured(name, rate=20.0, variance=1e-6)
@@ -222,11 +216,6 @@ def test_invalid_files_are_refused(tmp_path, text, message):
     file.write_text(text)
     with pytest.raises(SignalError, match=message):
         read_sensors(file)
-
-
-def test_a_missing_file_is_refused(tmp_path):
-    with pytest.raises(SignalError, match="cannot be read"):
-        read_sensors(tmp_path / "sensors.toml")
 
 
 @pytest.mark.parametrize(

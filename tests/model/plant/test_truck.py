@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.model.dynamics.tyres import TyreLaw
 from fifthwheel.model.manoeuvres import OpenLoop, braked, constant_radius, lane_changes, straight
 from fifthwheel.model.plant import Plant, PlantRun, Properties
 from fifthwheel.model.plant import truck as module
-from fifthwheel.model.plant.magic_formula import MagicFormula
+from fifthwheel.model.plant.properties import MagicFormula
 from fifthwheel.model.plant.truck import Simulation
 from fifthwheel.model.plant.tyre_forces import WHEEL_OUTPUTS
 from fifthwheel.truck import Vehicle, get
@@ -420,19 +420,6 @@ def test_brakes_of_one_group():
         Properties(brakes={"tractor.drive": 0.0})
     with pytest.raises(VehicleError, match="no such axle group"):
         Plant(TRUCK, Properties(brakes={"trailer": 1.0}))
-
-
-def test_a_chain_of_three():
-    """A B-double: the semitrailer twice."""
-    fields = TRUCK.model_dump()
-    last = {**fields["units"][1], "name": "last"}
-    second = {**fields["couplings"][0], "name": "second_wheel", "leading_position": -8.0}
-    double = Vehicle(**{**fields, "units": [*fields["units"], last], "couplings": [*fields["couplings"], second]})
-    run = Plant(double).drive(sine(0.01, speed=20.0))
-    loads = [v[-1] for n, v in run.truth.items() if n.startswith("vertical_force")]
-    assert sum(loads) == pytest.approx(sum(unit.mass for unit in double.units) * GRAVITY, rel=1e-3)
-    assert "sideslip.last.landing_leg" in run.truth
-    assert np.abs(run.truth["yaw_rate.last"]).max() > 0.01
 
 
 def test_runs_and_records_are_reproducible(lane_change: PlantRun):

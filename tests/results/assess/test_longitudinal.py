@@ -11,7 +11,7 @@ from fifthwheel.results.assess.longitudinal import DECELERATION, GRADE, measure,
 from fifthwheel.results.assess.truck import Body, Truck
 from fifthwheel.truck import get
 from fifthwheel.truck.driveline import AIR_DENSITY, DRIVELINE
-from fifthwheel.truck.payload import unit_cog_height
+from fifthwheel.truck.loads import unit_cog_height
 from tests.results.assess.trucks import CATALOGUE, ENGINE, rigid, with_engine
 
 N = {path.partition(".")[2]: value for path, value in ENGINE.items()}

@@ -11,7 +11,7 @@ from fifthwheel.results.diagnose.cautions import fit_cautions, identification_ca
 from fifthwheel.results.diagnose.messages import CautionKind, ranked
 from fifthwheel.results.diagnose.residuals import white_noise_sigma
 from fifthwheel.results.diagnose.summaries import RunSummary
-from fifthwheel.truck.masses import unusual_masses
+from fifthwheel.truck.weighing import unusual_masses
 from tests.results.report.conftest import NASTY
 
 STEER = "steer.tractor.front"

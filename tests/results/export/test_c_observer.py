@@ -19,7 +19,7 @@ from fifthwheel.results.export import FILES, c_text, export_c
 from fifthwheel.truck import Vehicle
 from tests.model.dynamics.test_lagrangian import b_double
 from tests.model.dynamics.test_steering import lag
-from tests.model.dynamics.test_tyre_law import brush, tanh_law
+from tests.model.dynamics.test_tyres import brush, tanh_law
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")

@@ -9,7 +9,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import with_sigma
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import largest_lateral_acceleration, lateral_acceleration
 from fifthwheel.estimate.identify import Verdict
@@ -197,6 +197,6 @@ def test_a_section_without_blocks_is_not_folded():
     assert list(pages.folded(())) == []
     section = (pages.Heading("Title", key="key"), pages.Paragraph("text"))
     assert list(pages.folded(section)) == [pages.Folded("Title", [section[1]], key="key")]
-    html = page.page(pages.Document("t", [], appendix=list(pages.folded(section))))[0].decode()
-    assert '<details id="key"><summary>Title</summary>' in html
-    assert '<a href="#appendix">' in html
+    made = html.page(pages.Document("t", [], appendix=list(pages.folded(section))))[0].decode()
+    assert '<details id="key"><summary>Title</summary>' in made
+    assert '<a href="#appendix">' in made

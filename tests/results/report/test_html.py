@@ -12,7 +12,7 @@ import pytest
 from fifthwheel.base.formatting import with_sigma
 from fifthwheel.base.pages import CaptionedPlot, page
 from fifthwheel.base.plots import Line, Panel, Plot, downsample, plotly_figure
-from fifthwheel.base.plots.palette import rgba
+from fifthwheel.base.plots.items import rgba
 from fifthwheel.estimate.identify.result import display
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status

@@ -13,7 +13,7 @@ from fifthwheel.apps.app import layout, runs
 from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.pages import html, page
+from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Plot
 from fifthwheel.base.plots.plotly_figure import figure
 from fifthwheel.results.report import comparison_page
@@ -155,7 +155,7 @@ def register_files(folder: Path) -> None:
             if kind == "csv":
                 return Response(found.to_csv(), media_type="text/csv", headers=_attached("compared.csv"))
             if kind == "html":
-                content, _ = page.page(comparison_page(found))
+                content, _ = html.page(comparison_page(found))
                 return Response(content, media_type="text/html", headers=_attached("compared.html"))
         except FifthwheelError as error:
             raise HTTPException(404, str(error)) from None

@@ -20,13 +20,12 @@ from fifthwheel.apps.workflow.inputs import propose_signals, report_fraction
 from fifthwheel.apps.workflow.results import IDENTIFICATION_FILES, compare_runs, write_loads
 from fifthwheel.apps.workflow.runs import run_loads
 from fifthwheel.apps.workflow.start import Note, starts_of
-from fifthwheel.base.atomic import one_run, result_folder
-from fifthwheel.base.atomic.locks import try_lock
+from fifthwheel.base.atomic import one_run, result_folder, try_lock
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.pages import Document
 from fifthwheel.base.plots import Line, Plot
-from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.plots.items import CYCLE
 from fifthwheel.base.settings import arguments, options_of
 from fifthwheel.data.channels import STEER, is_of
 from fifthwheel.data.logs import SignalMap

@@ -14,7 +14,7 @@ from fifthwheel.apps.addresses import is_loopback
 from fifthwheel.apps.app.access import MAX_FILE, Access, Guard
 from fifthwheel.apps.app.workspace import HIDDEN, Workspace
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.spelling import start_front_end
 
 

@@ -14,8 +14,7 @@ from typing import Any
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from fifthwheel.base.atomic import require_unused, write_text
-from fifthwheel.base.atomic.locks import held
+from fifthwheel.base.atomic import held, require_unused, write_text
 from fifthwheel.base.errors import FifthwheelError, printable
 from fifthwheel.base.input_files import parse_toml, read_json, read_toml
 from fifthwheel.data.logs import SignalMap

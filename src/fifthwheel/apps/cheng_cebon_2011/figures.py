@@ -24,7 +24,7 @@ from fifthwheel.apps.cheng_cebon_2011.experiments import (
 from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome
 from fifthwheel.base.pages import CaptionedPlot
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, DARK, GREEN, GREY, PURPLE, VERMILLION
+from fifthwheel.base.plots.items import BLUE, DARK, GREEN, GREY, PURPLE, VERMILLION
 from fifthwheel.base.types import Array
 
 ARMS = {"article": VERMILLION, "default": BLUE, "one stage": PURPLE}

@@ -19,8 +19,8 @@ from fifthwheel.apps.cheng_cebon_2011.outcomes import Outcome, history_table, ou
 from fifthwheel.apps.cluster import run_all
 from fifthwheel.apps.studies.result_table import write_table
 from fifthwheel.base.errors import FifthwheelError, VehicleError
-from fifthwheel.base.extras import require
-from fifthwheel.base.pages import page
+from fifthwheel.base.lazy import require
+from fifthwheel.base.pages import html
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.truck import Vehicle, get
 
@@ -96,7 +96,7 @@ def reproduce(
     for name, made in tables.items():
         write_table(made(experiments | changed, outcomes), out / name)
     drawn = figures.captioned(experiments, outcomes)
-    page.write(out / PAGE, table.document(rows, compare_variants(changed, outcomes), remarks, drawn))
+    html.write(out / PAGE, table.document(rows, compare_variants(changed, outcomes), remarks, drawn))
     images = [out / f"{figure.path[-1].replace(' ', '_')}.svg" for figure in drawn]
     for figure, image in zip(drawn, images, strict=True):
         figure.plot.save(image, size=(7.2, 1.5 + 0.7 * len(figure.plot.panels)))

@@ -90,7 +90,7 @@ def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
 def require_figures(figures: str | None, out: Path | None) -> None:
     """Refuse --figures before the computation, where they cannot be drawn or there is no folder for them."""
     from fifthwheel.base.errors import FifthwheelError
-    from fifthwheel.base.pages.page import checked_format
+    from fifthwheel.base.pages.html import checked_format
 
     if figures:
         checked_format(figures)
@@ -116,7 +116,7 @@ def load_records(
 
 def warn_of_masses(vehicle: "Vehicle") -> None:
     """Print unusual masses in the vehicle file."""
-    from fifthwheel.truck.masses import unusual_masses
+    from fifthwheel.truck.weighing import unusual_masses
 
     for warning in unusual_masses(vehicle):
         typer.secho(f"warning: {warning}", fg="yellow", err=True)

@@ -44,7 +44,7 @@ def live(
     missing, 4 inconsistent, 8 degraded: a fault limits the quality of the states, 9 failed. Ctrl-C ends the run; the
     record is then complete and the estimates are saved. At the end a summary is printed.
     """
-    from fifthwheel.base.extras import require
+    from fifthwheel.base.lazy import require
 
     for package in ("can", "cantools"):  # the modules below import them
         require(package, "live")

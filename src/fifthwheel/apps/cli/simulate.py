@@ -101,7 +101,7 @@ def simulate(
                 truck, manoeuvre=manoeuvre, rate=rate, seed=seed, roll=not yaw_only, name=log.stem, **given
             )
         elif model == "longitudinal":
-            from fifthwheel.model.plant.driving import drive
+            from fifthwheel.model.plant.powered import drive
 
             lateral = nonlinear_only | {"--count": count, "--speed": speed, "--yaw-only": yaw_only}
             lateral |= {"--manoeuvre": manoeuvre != "lane_changes"}

@@ -57,7 +57,7 @@ def new(
     from fifthwheel.apps.workflow.new_vehicle import QUESTIONS, conditions, new_vehicle
     from fifthwheel.base.errors import VehicleError
     from fifthwheel.truck import Vehicle
-    from fifthwheel.truck.classes.template import template
+    from fifthwheel.truck.catalogue import template
 
     given = {key: text for key, text in vars(chosen).items() if text is not None}
     if like and (given or slip or accuracy or asking):

@@ -12,9 +12,9 @@ from fifthwheel.apps.fleet.tables import SCHEMAS
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import enumerated, percent, shown, with_sigma
 from fifthwheel.base.options import FleetSettings
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.estimate.identify.knowledge.information import OUTLIER
 from fifthwheel.results.diagnose.thresholds import DOMINANT_FRACTION, NOTABLE_SIGMA
 from fifthwheel.results.report.conclusion import counted
@@ -51,7 +51,7 @@ def report(dataset: str | Path, out: str | Path) -> list[Attention]:
         *_histories(rows["history"], rows["changes"], attention),
         *_failed(rows["trips"]),
     )
-    page.write(Path(out), pages.Document("Fleet", blocks, f"{dataset}, fifthwheel {fifthwheel.__version__}"))
+    html.write(Path(out), pages.Document("Fleet", blocks, f"{dataset}, fifthwheel {fifthwheel.__version__}"))
     return attention
 
 

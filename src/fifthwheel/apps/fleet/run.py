@@ -14,7 +14,7 @@ from fifthwheel.apps.fleet.dataset import TripDataset, TruckTrips, batches
 from fifthwheel.apps.fleet.manifest import Trip, read_manifest
 from fifthwheel.apps.fleet.tables import SCHEMAS, CombinationJob, Rows, combine_trucks, table_of
 from fifthwheel.apps.fleet.trips import TripJob, TripOutcome, process_trip, write_failure
-from fifthwheel.base.atomic.locks import held
+from fifthwheel.base.atomic import held
 from fifthwheel.base.options import FleetSettings
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.knowledge.changes import WINDOWS

@@ -14,8 +14,8 @@ from typing import Any
 
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
 from fifthwheel.base.input_files import require_regular
+from fifthwheel.base.lazy import require
 
 STORES = ("s3", "gs", "gcs", "abfs", "az")
 """Protocols of object stores."""

@@ -10,6 +10,7 @@ from typing import Any
 from fifthwheel.apps.live.learning import Learning
 from fifthwheel.apps.live.outputs.recorder import BackgroundWriter
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.data.channels.sensors import SensorPrior
 from fifthwheel.estimate.identify import OneStage
@@ -17,7 +18,6 @@ from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.online import Learner
 from fifthwheel.estimate.online.start import LEARNER_FILE
-from fifthwheel.model.dynamics.tyres import TyreLaw
 from fifthwheel.truck import Vehicle
 
 PERIOD = 5.0

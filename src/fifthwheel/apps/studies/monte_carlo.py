@@ -18,7 +18,7 @@ from fifthwheel.apps.studies.estimators import Estimates, Estimator, Settings, a
 from fifthwheel.apps.studies.result_table import ResultTable, Row, RunName, run_rows
 from fifthwheel.apps.studies.scenarios import Scenario, SimulatedRun, initial_guess, simulated, true_value
 from fifthwheel.base.arguments import expect, expect_number, expect_optional
-from fifthwheel.base.atomic.locks import held
+from fifthwheel.base.atomic import held
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.settings import Settings as ValidatedSettings
 from fifthwheel.estimate.identify.settings import Progress

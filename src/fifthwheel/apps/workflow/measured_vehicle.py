@@ -16,7 +16,7 @@ from fifthwheel.estimate.identify.knowledge.load import laden_unit, with_payload
 from fifthwheel.estimate.identify.mass import GrossMass, contradiction, gross_mass, mass_of_file
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.truck import RollTest, Vehicle, changes, with_axle_loads, with_roll_test
-from fifthwheel.truck.edited_file import edited, with_numbers
+from fifthwheel.truck.catalogue import edited, with_numbers
 from fifthwheel.truck.quantities import quantity_of
 from fifthwheel.truck.slip import Lengths, Number, Slip, weigh
 

@@ -13,10 +13,8 @@ from fifthwheel.base.settings import options_of
 from fifthwheel.base.spelling import front_end, setting
 from fifthwheel.base.units import quantity, uncertain_quantity
 from fifthwheel.truck import Vehicle
-from fifthwheel.truck.classes import CLASSES, complete
-from fifthwheel.truck.classes.table import TYRES
-from fifthwheel.truck.classes.template import commented_toml
-from fifthwheel.truck.masses import COUPLING_RANGE, MAX_SOLO
+from fifthwheel.truck.catalogue import commented_toml
+from fifthwheel.truck.classes import CLASSES, TYRES, complete
 from fifthwheel.truck.quantities import quantity_of
 from fifthwheel.truck.slip import (
     ACCURACY,
@@ -29,6 +27,7 @@ from fifthwheel.truck.slip import (
     weigh,
     weigh_solo,
 )
+from fifthwheel.truck.weighing import COUPLING_RANGE, MAX_SOLO
 
 TRACTOR, TRAILER, COUPLING = "tractor", "semitrailer", "fifth_wheel"
 GROUPS = (f"{TRACTOR}.front", f"{TRACTOR}.drive", TRAILER)

@@ -10,8 +10,7 @@ from fifthwheel.apps.workflow.runs import IdentificationRun, StatesRun
 from fifthwheel.apps.workflow.start import Note, Start
 from fifthwheel.base.atomic import one_run, write_json, write_text
 from fifthwheel.base.errors import VehicleError
-from fifthwheel.base.memory import release_memory
-from fifthwheel.base.pages.page import write as write_page
+from fifthwheel.base.pages.html import write as write_page
 from fifthwheel.base.spelling import setting
 from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.knowledge.storage import KNOWLEDGE
@@ -31,7 +30,7 @@ from fifthwheel.results.report import (
 from fifthwheel.results.report.assessment import TruckEvidence, write_evidence
 from fifthwheel.results.report.comparison import write_evaluation_report
 from fifthwheel.truck import Vehicle
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 
 ASSESSMENT_FILES = ("assessment.json", "assess.html", "evidence.html")
 """Results of an assessment, besides figures."""
@@ -138,7 +137,6 @@ def write_results(
         FifthwheelError: figures without matplotlib, or of another format.
         OSError: a file cannot be written.
     """
-    release_memory()
     report = folder / "report.html"
     write_states(run.states, folder / "states.parquet")
     if isinstance(run, StatesRun):

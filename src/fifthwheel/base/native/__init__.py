@@ -1,7 +1,6 @@
 """Compilation of a symbolic step to machine code that processes a record; independent of vehicles."""
 
-from fifthwheel.base.native.adjoint import AdjointScan
-from fifthwheel.base.native.directions import DirectionScan
+from fifthwheel.base.native.directions import AdjointScan, DirectionScan
 from fifthwheel.base.native.scan import Scan, compile_in_background
 from fifthwheel.base.native.step import compiled
 

@@ -9,20 +9,36 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from fifthwheel.base.native.instructions import translate
+from fifthwheel.base.native.llvm_ir import translate
 
-_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*"}
-_COMPARE = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
-_FUNCTIONS = {
-    ca.OP_SQRT: "FW_SQRT",
-    ca.OP_FABS: "FW_ABS",
-    ca.OP_EXP: "FW_EXP",
-    ca.OP_LOG: "FW_LOG",
-    ca.OP_SIN: "FW_SIN",
-    ca.OP_COS: "FW_COS",
-    ca.OP_ATAN: "FW_ATAN",
-    ca.OP_TANH: "FW_TANH",
+_TEMPLATES = {
+    ca.OP_ADD: "{a} + {b}",
+    ca.OP_SUB: "{a} - {b}",
+    ca.OP_MUL: "{a} * {b}",
+    ca.OP_NEG: "-{a}",
+    ca.OP_SQ: "{a} * {a}",
+    ca.OP_TWICE: "{a} + {a}",
+    ca.OP_FMIN: "({a} < {b}) ? {a} : {b}",
+    ca.OP_FMAX: "({a} > {b}) ? {a} : {b}",
+    ca.OP_IF_ELSE_ZERO: "({a} != {zero}) ? {b} : {zero}",
+    ca.OP_SIGN: "({a} > {zero}) ? {one} : ({a} < {zero}) ? -{one} : {a}",
+    ca.OP_NOT: "({a} == {zero}) ? {one} : {zero}",
+    ca.OP_AND: "(({a} != {zero}) && ({b} != {zero})) ? {one} : {zero}",
+    ca.OP_OR: "(({a} != {zero}) || ({b} != {zero})) ? {one} : {zero}",
+    ca.OP_LT: "({a} < {b}) ? {one} : {zero}",
+    ca.OP_LE: "({a} <= {b}) ? {one} : {zero}",
+    ca.OP_EQ: "({a} == {b}) ? {one} : {zero}",
+    ca.OP_NE: "({a} != {b}) ? {one} : {zero}",
+    ca.OP_SQRT: "FW_SQRT({a})",
+    ca.OP_FABS: "FW_ABS({a})",
+    ca.OP_EXP: "FW_EXP({a})",
+    ca.OP_LOG: "FW_LOG({a})",
+    ca.OP_SIN: "FW_SIN({a})",
+    ca.OP_COS: "FW_COS({a})",
+    ca.OP_ATAN: "FW_ATAN({a})",
+    ca.OP_TANH: "FW_TANH({a})",
 }
+"""Expression of each operation on the values a and b."""
 ONE, ZERO = "FW_REAL(1.0)", "FW_REAL(0.0)"
 
 
@@ -73,37 +89,12 @@ def function(
         a, b = values[0], values[-1]
         if op == ca.OP_DIV:
             return assign(f"{a} * {reciprocal(b)}")
-        if op in _BINARY:
-            return assign(f"{a} {_BINARY[op]} {b}")
-        if op in _COMPARE:
-            return assign(f"({a} {_COMPARE[op]} {b}) ? {ONE} : {ZERO}")
-        if op in _FUNCTIONS:
-            return assign(f"{_FUNCTIONS[op]}({a})")
-        match op:
-            case ca.OP_NEG:
-                return assign(f"-{a}")
-            case ca.OP_SQ:
-                return assign(f"{a} * {a}")
-            case ca.OP_TWICE:
-                return assign(f"{a} + {a}")
-            case ca.OP_INV:
-                return reciprocal(a)
-            case ca.OP_FMIN:
-                return assign(f"({a} < {b}) ? {a} : {b}")
-            case ca.OP_FMAX:
-                return assign(f"({a} > {b}) ? {a} : {b}")
-            case ca.OP_IF_ELSE_ZERO:
-                return assign(f"({a} != {ZERO}) ? {b} : {ZERO}")
-            case ca.OP_SIGN:
-                return assign(f"({a} > {ZERO}) ? {ONE} : ({a} < {ZERO}) ? -{ONE} : {a}")
-            case ca.OP_NOT:
-                return assign(f"({a} == {ZERO}) ? {ONE} : {ZERO}")
-            case ca.OP_AND:
-                return assign(f"(({a} != {ZERO}) && ({b} != {ZERO})) ? {ONE} : {ZERO}")
-            case ca.OP_OR:
-                return assign(f"(({a} != {ZERO}) || ({b} != {ZERO})) ? {ONE} : {ZERO}")
-            case ca.OP_ASSIGN:
-                return a
+        if op == ca.OP_INV:
+            return reciprocal(a)
+        if op == ca.OP_ASSIGN:
+            return a
+        if op in _TEMPLATES:
+            return assign(_TEMPLATES[op].format(a=a, b=b, one=ONE, zero=ZERO))
         raise NotImplementedError(f"{name}: CasADi operation {op} cannot be written in C; write the step without it")
 
     stores = translate(step, literal, load, operation)

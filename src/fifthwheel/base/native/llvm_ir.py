@@ -6,15 +6,78 @@ dimension of each array is the lane, so that one instruction processes `lanes` v
 """
 
 import struct
-from collections.abc import Sequence
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from typing import NamedTuple, TypeVar
 
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.native.instructions import translate
+Value = TypeVar("Value")
 
-_BINARY = {ca.OP_ADD: "fadd contract", ca.OP_SUB: "fsub contract", ca.OP_MUL: "fmul contract"}
+
+class Instruction(NamedTuple):
+    """An instruction of a step in static single assignment form: operands are numbers of instructions."""
+
+    op: int
+    operands: tuple[int, ...]
+    place: tuple[int, int] = (0, 0)  # argument or result, and its element, of an input or output
+    constant: float = 0.0
+
+
+def instructions(step: ca.Function) -> list[Instruction]:
+    """All instructions of a step with dense column vectors as arguments and results."""
+    found: list[Instruction] = []
+    written: dict[int, int] = {}  # number of the last instruction that wrote a place of CasADi's work vector
+    for k in range(step.n_instructions()):
+        op, inputs, outputs = step.instruction_id(k), step.instruction_input(k), step.instruction_output(k)
+        if op == ca.OP_CONST:
+            found.append(Instruction(op, (), constant=step.instruction_constant(k)))
+        elif op == ca.OP_INPUT:
+            found.append(Instruction(op, (), (inputs[0], inputs[1])))
+        elif op == ca.OP_OUTPUT:
+            found.append(Instruction(op, (written[inputs[0]],), (outputs[0], outputs[1])))
+        else:
+            found.append(Instruction(op, tuple(written[i] for i in inputs)))
+        if op != ca.OP_OUTPUT:
+            written[outputs[0]] = k
+    return found
+
+
+def translate(
+    step: ca.Function,
+    constant: Callable[[float], Value],
+    load: Callable[[int, int], Value],
+    operation: Callable[[int, Sequence[Value]], Value],
+) -> list[tuple[int, int, Value]]:
+    """Write all instructions of a step: numbers, elements (argument, element) of arguments, each once, and operations.
+
+    Returns (result, element, value) of each element of the results.
+    """
+    values: dict[int, Value] = {}
+    loaded: dict[tuple[int, int], Value] = {}
+    results: list[tuple[int, int, Value]] = []
+    for k, (op, operands, place, number) in enumerate(instructions(step)):
+        if op == ca.OP_CONST:
+            values[k] = constant(number)
+        elif op == ca.OP_INPUT:
+            if place not in loaded:
+                loaded[place] = load(*place)
+            values[k] = loaded[place]
+        elif op == ca.OP_OUTPUT:
+            results.append((*place, values[operands[0]]))
+        else:
+            values[k] = operation(op, [values[i] for i in operands])
+    return results
+
+
+_SINGLE = {
+    ca.OP_ADD: "fadd contract {type} {a}, {b}",
+    ca.OP_SUB: "fsub contract {type} {a}, {b}",
+    ca.OP_MUL: "fmul contract {type} {a}, {b}",
+    ca.OP_NEG: "fneg {type} {a}",
+    ca.OP_SQ: "fmul contract {type} {a}, {a}",
+    ca.OP_TWICE: "fadd contract {type} {a}, {a}",
+}
 _COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
 _INTRINSIC = {
     ca.OP_SQRT: "sqrt",
@@ -131,8 +194,8 @@ class Emitter:
         invariant = all(invariant for _, invariant in arguments)
         a = arguments[0][0]
         b = arguments[-1][0]
-        if op in _BINARY:
-            return self.emit(f"{_BINARY[op]} {self.type} {a}, {b}", invariant)
+        if op in _SINGLE:
+            return self.emit(_SINGLE[op].format(type=self.type, a=a, b=b), invariant)
         if op in _COMPARE:
             truth, _ = self.emit(f"fcmp {_COMPARE[op]} {self.type} {a}, {b}", invariant)
             return self.select(truth, invariant, self.constant(1.0), self.constant(0.0))
@@ -144,12 +207,6 @@ class Emitter:
             return self.emit(f"call {self.type} @llvm.{name}.{self.suffix}({parameters})", invariant)
         if op in _LIBRARY and self.scalar == "double":
             return self.library(_LIBRARY[op], a, invariant)
-        if op == ca.OP_NEG:
-            return self.emit(f"fneg {self.type} {a}", invariant)
-        if op == ca.OP_SQ:
-            return self.emit(f"fmul contract {self.type} {a}, {a}", invariant)
-        if op == ca.OP_TWICE:
-            return self.emit(f"fadd contract {self.type} {a}, {a}", invariant)
         if op == ca.OP_INV:
             return self.reciprocal(arguments[0])
         if op == ca.OP_DIV:
@@ -262,6 +319,20 @@ done:
 """
 
 
+def scan_layouts(step: ca.Function, kind: str) -> tuple[list[ArrayLayout], list[str]]:
+    """The arrays of `scan`, whose elements have this type, and the lines that compute the registers of the layouts."""
+    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
+    n_output = step.numel_out(1)
+    layouts = [
+        ArrayLayout("carry", kind, str(n_carry)),
+        ArrayLayout("sample", kind, "%samples.sample", str(n_sample)),
+        ArrayLayout("constant", kind, str(n_constant)),
+        ArrayLayout("output", kind, "%samples.output", str(n_output)),
+    ]
+    counts = {"sample": n_sample, "output": n_output}
+    return layouts, [f"  %samples.{name} = mul i64 %samples, {count}" for name, count in counts.items()]
+
+
 def module(step: ca.Function, lanes: int = 1) -> str:
     """LLVM assembly of `void scan(i64 samples, i64 groups, ptr carry, ptr sample, ptr constant, ptr output)`.
 
@@ -278,16 +349,5 @@ def module(step: ca.Function, lanes: int = 1) -> str:
     )
     for place, element, (value, _) in results:  # last, so that the old carry is read before the new one is written
         emitter.store(value, ("carry", "output")[place], element)
-    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
-    n_output = step.numel_out(1)
-    layouts = [
-        ArrayLayout("carry", emitter.type, str(n_carry)),
-        ArrayLayout("sample", emitter.type, "%samples.sample", str(n_sample)),
-        ArrayLayout("constant", emitter.type, str(n_constant)),
-        ArrayLayout("output", emitter.type, "%samples.output", str(n_output)),
-    ]
-    strides = [
-        f"  %samples.sample = mul i64 %samples, {n_sample}",
-        f"  %samples.output = mul i64 %samples, {n_output}",
-    ]
+    layouts, strides = scan_layouts(step, emitter.type)
     return function("scan", emitter, layouts, strides=strides) + "\n".join(sorted(emitter.intrinsics)) + "\n"

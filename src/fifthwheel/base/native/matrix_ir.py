@@ -10,11 +10,8 @@ from dataclasses import replace
 
 import casadi as ca
 
-from fifthwheel.base.native.instructions import translate
-from fifthwheel.base.native.llvm_ir import ArrayLayout, Emitter, function
-from fifthwheel.base.native.loops import WIDTH, Address, pieces_of
-from fifthwheel.base.native.matrix_memory import Memory, StoredMatrix
-from fifthwheel.base.native.matrix_products import Products
+from fifthwheel.base.native.llvm_ir import ArrayLayout, Emitter, function, scan_layouts, translate
+from fifthwheel.base.native.matrix_loops import WIDTH, Address, Memory, Products, StoredMatrix, pieces_of
 
 COPIED = 24
 """Elements that are copied without a loop, at most."""
@@ -282,19 +279,8 @@ def matrix_module(step: ca.Function) -> str:
     """
     writer = _Writer(step)
     writer.write()
-    n_carry, n_sample, n_constant = (step.numel_in(i) for i in range(3))
-    n_output = step.numel_out(1)
-    layouts = [
-        ArrayLayout("carry", "double", str(n_carry)),
-        ArrayLayout("sample", "double", "%samples.sample", str(n_sample)),
-        ArrayLayout("constant", "double", str(n_constant)),
-        ArrayLayout("output", "double", "%samples.output", str(n_output)),
-    ]
-    entry = [
-        f"  %memory = alloca [{writer.memory.size} x double], align 64",
-        f"  %samples.sample = mul i64 %samples, {n_sample}",
-        f"  %samples.output = mul i64 %samples, {n_output}",
-    ]
-    scan = function("scan", writer.scalar, layouts, strides=entry, last=writer.block)
+    layouts, strides = scan_layouts(step, "double")
+    strides.append(f"  %memory = alloca [{writer.memory.size} x double], align 64")
+    scan = function("scan", writer.scalar, layouts, strides=strides, last=writer.block)
     called = [code for _, code in writer.functions.values()]
     return "\n".join([*writer.tables, *called, scan, *sorted(writer.declared), ""])

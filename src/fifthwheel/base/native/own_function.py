@@ -34,7 +34,7 @@ def find(name: str) -> Any:
 
 def digest(function: ca.Function) -> str:
     """All that determines a function: machine code of one is never that of another."""
-    from fifthwheel.base.native.instructions import instructions
+    from fifthwheel.base.native.llvm_ir import instructions
 
     return cache.DIGEST(repr(instructions(function)).encode()).hexdigest()
 

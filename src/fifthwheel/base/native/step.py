@@ -1,26 +1,90 @@
 """Symbolic steps that are built only if the cache does not have their machine code.
 
 To build a step and to translate it takes longer than to process a short log. What a step is follows from the function
-that builds it, its arguments, the source that both come from (`source`), and the versions of CasADi, NumPy and Python.
-The cache keeps, by the digest of all these, the sizes of the step and the key of its machine code.
+that builds it, its arguments, the source that both come from, and the versions of CasADi, NumPy and Python. The cache
+keeps, by the digest of all these, the sizes of the step and the key of its machine code. The source of a step is the
+module that builds it, with all modules of this package that this one imports: a change elsewhere does not compile the
+step again.
 """
 
 import functools
 import json
 import platform
+import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any, ParamSpec, TypeVar, cast
 
 import casadi as ca
 import numpy as np
 
+import fifthwheel
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.native import cache
-from fifthwheel.base.native.source import source_digest
 
 P = ParamSpec("P")
 S = TypeVar("S")
+PACKAGE = Path(fifthwheel.__file__).parent
+_IMPORT = re.compile(r"^\s*from (fifthwheel[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
+_COMMENT = re.compile(r"#.*")
+
+
+@functools.cache
+def source_digest(modules: frozenset[str]) -> bytes | None:
+    """Digest of the source of some modules of this package and of all that they import.
+
+    None if a module is not of this package, or if it may not be the source that this process has imported.
+    """
+    if not all(_file(module) for module in modules):
+        return None
+    result, newest = cache.DIGEST(), 0.0
+    for path in sorted(closure(modules)):
+        status, content = path.stat(), _content(path)
+        newest = max(newest, status.st_mtime, status.st_ctime)
+        result.update(f"{path.relative_to(PACKAGE)} {len(content)}\n".encode() + content)
+    return result.digest() if newest < fifthwheel.imported_at else None
+
+
+def closure(modules: frozenset[str]) -> set[Path]:
+    """The files of modules of this package and of all modules of it that they import, directly or not."""
+    found: set[Path] = set()
+    waiting = {file for module in modules if (file := _file(module))}
+    while waiting:
+        path = waiting.pop()
+        found.add(path)
+        waiting |= _imported(path) - found
+    return found
+
+
+@functools.cache
+def _imported(path: Path) -> frozenset[Path]:
+    """The files of the modules that a file imports, also those imported in a function."""
+    return frozenset(file for module in _imported_names(_content(path).decode()) if (file := _file(module)))
+
+
+def _imported_names(text: str) -> Iterator[str]:
+    for match in _IMPORT.finditer(text):
+        module, names = match[1], _COMMENT.sub("", match[2])
+        for name in names.strip("()").split(","):
+            whole = f"{module}.{name.split(' as ')[0].strip()}"
+            yield whole if _file(whole) else module
+
+
+@functools.cache
+def _file(module: str) -> Path | None:
+    """The file of a module of this package by its dotted name; None if there is none."""
+    first, *parts = module.split(".")
+    if first != PACKAGE.name or not parts:
+        return None
+    stem = PACKAGE.joinpath(*parts)
+    return next((path for path in (stem.with_suffix(".py"), stem / "__init__.py") if path.is_file()), None)
+
+
+@functools.cache
+def _content(path: Path) -> bytes:
+    return path.read_bytes()
+
 
 compiling = threading.RLock()
 """Held while a step is built, while LLVM is used, and while the process forks: a child never starts with a lock of LLVM

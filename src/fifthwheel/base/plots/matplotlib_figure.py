@@ -5,11 +5,24 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.plots import downsample
-from fifthwheel.base.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, as_array
-from fifthwheel.base.plots.palette import GRID, rgb
-from fifthwheel.base.plots.panels import Axis, Panel, PanelGrid
+from fifthwheel.base.plots.items import (
+    GRID,
+    Area,
+    Axis,
+    Band,
+    Bars,
+    Guide,
+    Item,
+    Label,
+    Line,
+    Panel,
+    PanelGrid,
+    Points,
+    as_array,
+    rgb,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

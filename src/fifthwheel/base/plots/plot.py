@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.plots import matplotlib_figure, plotly_figure
-from fifthwheel.base.plots.panels import PanelGrid
+from fifthwheel.base.plots.items import PanelGrid
 
 if TYPE_CHECKING:
     import matplotlib.figure

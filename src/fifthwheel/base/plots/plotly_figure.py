@@ -7,9 +7,24 @@ from typing import Any
 import numpy as np
 
 from fifthwheel.base.plots import downsample
-from fifthwheel.base.plots.items import Area, Band, Bars, Guide, Item, Label, Line, Points, Span, as_array
-from fifthwheel.base.plots.palette import DARK, GRID, rgba
-from fifthwheel.base.plots.panels import Axis, Panel, PanelGrid
+from fifthwheel.base.plots.items import (
+    DARK,
+    GRID,
+    Area,
+    Axis,
+    Band,
+    Bars,
+    Guide,
+    Item,
+    Label,
+    Line,
+    Panel,
+    PanelGrid,
+    Points,
+    Span,
+    as_array,
+    rgba,
+)
 from fifthwheel.base.types import Array
 
 Figure = dict[str, Any]

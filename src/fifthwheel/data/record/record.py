@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import SignalError, UnitError, printable, suggestion
-from fifthwheel.base.extras import require
-from fifthwheel.base.lazy import lazy
+from fifthwheel.base.lazy import lazy, require
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import CHANNELS, REFERENCE, SignalName, checked_name, si_unit, split_reference
@@ -303,8 +302,7 @@ class Record(ComparedByContents):
         """
         from fifthwheel.base.formatting import shown
         from fifthwheel.base.plots import Axis, Line, Panel, Plot
-        from fifthwheel.base.plots.items import Dash
-        from fifthwheel.base.plots.palette import CYCLE
+        from fifthwheel.base.plots.items import CYCLE, Dash
 
         channels = self._channels()
         for name in names:

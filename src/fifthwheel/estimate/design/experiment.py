@@ -26,7 +26,7 @@ from fifthwheel.estimate.identify.settings import OneStage, Progress
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.unknowns.parameters import known_of
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.model.manoeuvres.linear import steer_record
+from fifthwheel.model.manoeuvres.accelerations import steer_record
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import size_of
 

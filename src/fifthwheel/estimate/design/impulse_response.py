@@ -25,8 +25,8 @@ from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
+from fifthwheel.model.manoeuvres.accelerations import DECAY_TIME, steer_record
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre
-from fifthwheel.model.manoeuvres.linear import DECAY_TIME, steer_record
 
 PULSE_SIZE = 1e-5
 """Steer angle of the pulse, rad.

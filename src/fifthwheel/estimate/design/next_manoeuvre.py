@@ -27,8 +27,8 @@ from fifthwheel.estimate.identify.unknowns.parameters import VARIATION
 from fifthwheel.estimate.online import Learner
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
+from fifthwheel.model.manoeuvres.accelerations import steer_record
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
-from fifthwheel.model.manoeuvres.linear import steer_record
 from fifthwheel.truck.quantities import size_of
 
 DRIVEN = DesignSettings(frequencies=(0.3, 0.5), accelerations=(0.5,), max_acceleration=1.0)

@@ -36,8 +36,8 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.unknowns import parameters
 from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
-from fifthwheel.model.manoeuvres.linear import steer_record
+from fifthwheel.model.dynamics.sensors import wheel_pairs
+from fifthwheel.model.manoeuvres.accelerations import steer_record
 from fifthwheel.truck import Vehicle
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from fifthwheel.estimate.design.predict import InformationPredictor, PredictedPosterior, RunInformation
 from fifthwheel.estimate.identify.noise_model import NoiseModel
-from fifthwheel.model.manoeuvres.lane_change import LaneChange
-from fifthwheel.model.manoeuvres.linear import inverse_steer
+from fifthwheel.model.manoeuvres.accelerations import inverse_steer
+from fifthwheel.model.manoeuvres.courses import LaneChange
 from fifthwheel.truck import Unit
 from fifthwheel.truck.quantities import MASS_SCALE
 

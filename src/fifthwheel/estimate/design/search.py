@@ -17,8 +17,8 @@ from fifthwheel.estimate.design.road_noise import ROUGHNESS, road_noise
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model import dynamics
+from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration
 from fifthwheel.model.manoeuvres.candidates import CandidateManoeuvre, candidate_manoeuvres
-from fifthwheel.model.manoeuvres.linear import lateral_acceleration
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import size_of
 

@@ -19,7 +19,7 @@ from fifthwheel.data.channels import GRADE, STEER, names_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.model import sample_rows
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics import ChainModel, steps
+from fifthwheel.model.dynamics import ChainModel, simulation
 from fifthwheel.truck import Vehicle
 
 WIDTH = 0.28
@@ -151,7 +151,7 @@ class SampleRows:
     def __getitem__(self, rows: slice) -> Array:
         first, stop, _ = rows.indices(len(self))
         before = max(first - 1, 0)  # where the first step begins
-        dt, d = steps.step_inputs(self.time[before:stop], self.inputs[before:stop])
+        dt, d = simulation.step_inputs(self.time[before:stop], self.inputs[before:stop])
         return sample_rows(dt, d, self.measured[before:stop])[first - before :]
 
     def part(self, first: int, stop: int) -> "SampleRows":
@@ -264,10 +264,10 @@ def step_rows(
     """
     errors = errors or {}
     inputs = corrected_inputs(record, model.inputs, errors)
-    columns = steps.input_columns(inputs, model.inputs)
+    columns = simulation.input_columns(inputs, model.inputs)
     # of the measured speed: with one that is shifted by its delay, the number of steps would jump, and the cost with it
-    limit = steps.step_limit(vehicle, model.roll)(record.input("speed"))
-    fine, columns, indices = steps.subdivide(record.time, columns, limit)
+    limit = simulation.step_limit(vehicle, model.roll)(record.input("speed"))
+    fine, columns, indices = simulation.subdivide(record.time, columns, limit)
     measured = np.full((len(fine), len(model.outputs)), np.nan)
     for i, name in enumerate(model.outputs):
         if name in record.signals:

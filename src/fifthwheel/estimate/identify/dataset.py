@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.memory import release_memory
 from fifthwheel.base.spelling import command
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import (
@@ -42,7 +41,7 @@ from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import simplified
 from fifthwheel.estimate.identify.statement import statement
 from fifthwheel.estimate.time_bases import check_signals
-from fifthwheel.model.dynamics.wheel_speeds import with_wheel_speed_differences
+from fifthwheel.model.dynamics.sensors import with_wheel_speed_differences
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 
@@ -191,7 +190,6 @@ def prepare_dataset(
     if settings.tyre_law == "linear":
         logs, steady = zip(*map(_at_steady_speed, logs), strict=True)
         notes += filter(None, steady)
-    release_memory()  # of the checks
     logged, units = {name for record in records for name in record.signals}, [unit.name for unit in steered.units]
     yaw = measured_signals(logged, units, (YAW_RATE, ARTICULATION))
     unused = [c for c in IDENTIFIED if c.of_roll and not settings.roll]

@@ -26,7 +26,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import path_of_place
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, linear_unknown
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle, changes, unit_of
 from fifthwheel.truck.quantities import BANK_VARIATION, DISCREPANCY, ROAD_BANK, TIME_BASE, quantity_of
 

@@ -24,7 +24,7 @@ from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.parts import Fit
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import Setup
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
 from fifthwheel.truck import Vehicle
 
 FitsOf = Callable[[LogData, bool], list[Fit]]

@@ -46,7 +46,6 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
 )
 from fifthwheel.model.dynamics.tyres import saturation_names
 from fifthwheel.truck import Vehicle, changes, toml_format
-from fifthwheel.truck.masses import with_consistent_masses
 from fifthwheel.truck.quantities import (
     BANK_VARIATION,
     DISCREPANCY,
@@ -57,6 +56,7 @@ from fifthwheel.truck.quantities import (
     quantity_of,
     unit_of,
 )
+from fifthwheel.truck.weighing import with_consistent_masses
 
 S = TypeVar("S", bound=CommonSettings)
 

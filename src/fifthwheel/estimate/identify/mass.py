@@ -26,7 +26,7 @@ from fifthwheel.estimate.identify.knowledge.load import LOAD_POSITION
 from fifthwheel.estimate.identify.longitudinal import LOWEST_SPEED, DrivingMass, driving_mass
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.verdict import Verdict
-from fifthwheel.truck.axle_loads import axle_loads
+from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.uncertainty import changes
 from fifthwheel.truck.vehicle import Vehicle
 
@@ -101,7 +101,7 @@ def gross_mass(records: Sequence[Record], vehicle: Vehicle) -> GrossMass:
 
     Example:
         >>> import fifthwheel as fw
-        >>> from fifthwheel.model.plant.driving import DrivenTruck, drive
+        >>> from fifthwheel.model.plant.powered import DrivenTruck, drive
         >>> record, truck = drive(DrivenTruck(mass=30e3), seed=2), fw.vehicle("cheng_cebon_2011")
         >>> fw.gross_mass([record], truck).deviation(30e3, 0.0) < 3
         True

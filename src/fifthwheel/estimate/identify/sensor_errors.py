@@ -16,7 +16,7 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.parameters import given_parameters
 from fifthwheel.estimate.observe import Uncertainty
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle, toml_format
 from fifthwheel.truck.quantities import BANK_VARIATION, FRICTION, TIME_BASE, unit_of
 

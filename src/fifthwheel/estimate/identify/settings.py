@@ -12,8 +12,7 @@ from fifthwheel.base.settings import Count, Positive, Settings
 from fifthwheel.data.channels import ROLL_RATE, names_of
 from fifthwheel.estimate.filters.variances import Variances
 from fifthwheel.estimate.identify.statement import Given
-from fifthwheel.model.dynamics import tyre_law
-from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
+from fifthwheel.model.dynamics.tyres import ChosenTyres, Tyres, restored_law
 from fifthwheel.truck.steering import STEERING
 
 Progress = Callable[[str, int, int], None]
@@ -117,7 +116,7 @@ def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
     )
     try:
         if isinstance(tyres, dict):
-            tyre_law.restored(tyres)
+            restored_law(tyres)
         if isinstance(steering, dict):
             found(steering.get("equations"))
     except FifthwheelError as error:
@@ -150,7 +149,7 @@ class OneStage(CommonSettings):
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
     road, which all logs share and which is estimated too (`model.dynamics.tyres`); an own function that saturates
-    (`model.dynamics.tyre_law`); or auto: saturating if the static axle loads are determined."""
+    (`model.dynamics.tyres`); or auto: saturating if the static axle loads are determined."""
     roll: bool = True
     """Model yaw and roll. False: yaw only, without signals that contain roll (roll rates, lateral accelerations, wheel
     speeds), and no payload height is estimated."""

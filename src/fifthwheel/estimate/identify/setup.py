@@ -28,7 +28,7 @@ from fifthwheel.estimate.identify.unknowns.parameters import (
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.analysis import slowest_decay
+from fifthwheel.model.dynamics.state_space import slowest_decay
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DISCREPANCY, ROAD_BANK
 

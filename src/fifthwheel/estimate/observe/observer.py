@@ -28,8 +28,8 @@ from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import VALID, Stream
 from fifthwheel.model import dynamics
+from fifthwheel.model.dynamics.sensors import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.model.dynamics.tyres import saturation_names
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs, with_wheel_speed_differences
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 

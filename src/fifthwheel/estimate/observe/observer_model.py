@@ -34,9 +34,9 @@ from fifthwheel.estimate.observe.settings import ObserverSettings
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import InputRule, StreamSettings, magnitude
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.sensors import sensor_parameters
-from fifthwheel.model.dynamics.steps import StepLimit, step_limit
+from fifthwheel.model.dynamics.simulation import StepLimit, step_limit
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION, HALF_TRACK
 

@@ -47,10 +47,10 @@ from fifthwheel.estimate.filters.model import pack, packed_size, partitioned, si
 from fifthwheel.estimate.observe import monitor
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
-from fifthwheel.model.dynamics.kinematics import BANK
 from fifthwheel.model.dynamics.steering import own_states
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
-from fifthwheel.model.dynamics.tyre_law import Tyres
+from fifthwheel.model.dynamics.tyres import Tyres
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 
 

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.memory import release_memory
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import kalman
@@ -19,7 +18,7 @@ from fifthwheel.estimate.observe.parameter_variance import SigmaPoints, paramete
 from fifthwheel.estimate.observe.states import States
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.estimate.stream import Status, StreamSegment, measurements, stream_segments, without_measurement
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 
 def states(record: Record, observer: ObserverModel, uncertainty: Uncertainty | None, *, smooth: bool) -> States:
@@ -69,7 +68,6 @@ def _outputs(
     """Status (N,) and outputs of a record of N samples."""
     stream = observer.stream
     status, segments = stream_segments(record, stream, observer.step_limit)
-    release_memory()
     output = Outputs.nothing(len(record.time), len(observer.report.outputs), len(stream.measured))
     for segment in segments:
         within, settings = output.at(segment.samples), observer.settings

@@ -16,7 +16,7 @@ from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.estimate.observe.observer_model import ObserverModel
 from fifthwheel.estimate.observe.observer_step import ObserverLayout, TrackedLayout, sensitivity_step, tracked_step
 from fifthwheel.estimate.observe.uncertainty import Uncertainty, positive_parameters
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 CHUNK = 1_000
 """Number of rows in one pass; it bounds the memory for long records."""

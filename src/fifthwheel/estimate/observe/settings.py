@@ -22,7 +22,7 @@ from fifthwheel.data.channels import (
 from fifthwheel.estimate.filters.initial_state import initial_sigma
 from fifthwheel.estimate.filters.variances import Variances
 from fifthwheel.model.dynamics.speed_rate import TIME_CONSTANT
-from fifthwheel.model.dynamics.tyre_law import ChosenTyres, Tyres
+from fifthwheel.model.dynamics.tyres import ChosenTyres, Tyres
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING, TYRES
 
 

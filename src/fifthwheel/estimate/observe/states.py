@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import SignalError, suggestion
-from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import percent, shown
+from fifthwheel.base.lazy import require
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Span, downsample
-from fifthwheel.base.plots.palette import BLUE, GREY, ORANGE, PURPLE, VERMILLION
-from fifthwheel.base.plots.panels import trimmed, visible_range
+from fifthwheel.base.plots.items import BLUE, GREY, ORANGE, PURPLE, VERMILLION, trimmed, visible_range
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.data.channels import LOAD_TRANSFER, PREDICTED_LOAD_TRANSFER, SignalName, is_of, names_of, si_unit
 from fifthwheel.data.channels.table import HORIZON

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, Self
 import numpy as np
 
 from fifthwheel.base.errors import SignalError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.truck.quantities import quantity_of

@@ -21,8 +21,8 @@ from fifthwheel.estimate.online.online_model import Excitation, OnlineModel, Pla
 from fifthwheel.estimate.online.settings import LearnerSettings
 from fifthwheel.estimate.online.start import Considered, discrepancy_variances, start_state
 from fifthwheel.estimate.stream import VALID, InputRule, Status, Stream, StreamSettings, magnitude
-from fifthwheel.model.dynamics.kinematics import BANK
-from fifthwheel.model.dynamics.steps import StepLimit
+from fifthwheel.model.dynamics.simulation import StepLimit
+from fifthwheel.model.dynamics.unit_equations import BANK
 
 MIN_PROCESS_NOISE = 1e-9
 """Smallest factor of the process noise: a covariance that decays to zero would contain denormal numbers, which are

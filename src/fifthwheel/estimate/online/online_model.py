@@ -21,9 +21,9 @@ from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.online.settings import LearnerSettings
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
+from fifthwheel.model.dynamics.sensors import wheel_pairs
 from fifthwheel.model.dynamics.symbolic import Matrix, transition_matrix
-from fifthwheel.model.dynamics.tyre_law import Tyres
-from fifthwheel.model.dynamics.wheel_speeds import wheel_pairs
+from fifthwheel.model.dynamics.tyres import Tyres
 from fifthwheel.truck import Vehicle
 
 REFERENCE_SPEED = 20.0

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, Self
 import casadi as ca
 import numpy as np
 
-from fifthwheel.base.checked_json import FileKind
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.input_files import FileKind
 from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array, selected
 from fifthwheel.data.channels import SignalName

@@ -1,15 +1,5 @@
 """The linear equations of motion of a chain of units: symbolic models for filters, and numerical analysis."""
 
-from fifthwheel.model.dynamics.analysis import (
-    Matrices,
-    Mode,
-    critical_speed,
-    is_stable,
-    matrices,
-    matrices_of_variants,
-    modes,
-    steady_state,
-)
 from fifthwheel.model.dynamics.chain import state_names
 from fifthwheel.model.dynamics.model import (
     CONTACT,
@@ -26,19 +16,21 @@ from fifthwheel.model.dynamics.model import (
 )
 from fifthwheel.model.dynamics.state_space import (
     LinearSystem,
+    Matrices,
+    Mode,
+    critical_speed,
     frequency_response,
+    is_stable,
     linear_system,
+    matrices,
+    matrices_of_variants,
+    modes,
     rearward_amplification,
+    steady_state,
     steady_steer,
     understeer_gradient,
 )
-from fifthwheel.model.dynamics.steer_sensors import (
-    SteerAngle,
-    measured_angle,
-    steer_angle,
-    steer_parameters,
-    true_angles,
-)
+from fifthwheel.model.dynamics.steering import SteerAngle, measured_angle, steer_angle, steer_parameters, true_angles
 
 __all__ = [
     "CONTACT",

@@ -39,9 +39,9 @@ import casadi as ca
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.data.channels import SignalName
 from fifthwheel.model.dynamics import unit_equations
-from fifthwheel.model.dynamics.kinematics import BANK, SMALL, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.model.dynamics.steering import SteeringSlopes, linear_slopes, own_states, wheel_signals
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, solve_positive_definite
+from fifthwheel.model.dynamics.unit_equations import BANK, SMALL, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.truck import Vehicle
 
 GENERALISED_VELOCITIES = frozenset({"lateral_velocity", "yaw_rate", "roll_rate"})

@@ -37,7 +37,6 @@ import casadi as ca
 
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics import chain, unit_equations
-from fifthwheel.model.dynamics.kinematics import LARGE, Motion, angle_rates, beside_roll_axes, group_motion
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, solve_positive_definite
 from fifthwheel.model.dynamics.tyres import (
     NO_CHANGE,
@@ -48,10 +47,17 @@ from fifthwheel.model.dynamics.tyres import (
     longitudinal_forces,
     saturating,
 )
-from fifthwheel.model.dynamics.unit_equations import suspension_moment
+from fifthwheel.model.dynamics.unit_equations import (
+    LARGE,
+    Motion,
+    angle_rates,
+    beside_roll_axes,
+    group_motion,
+    suspension_moment,
+)
 from fifthwheel.truck import Unit, Vehicle
-from fifthwheel.truck.axle_loads import group_position
 from fifthwheel.truck.driveline import drag
+from fifthwheel.truck.loads import group_position
 from fifthwheel.truck.quantities import DRAG_AREA
 
 AIR_HEIGHT = 1.5

@@ -2,7 +2,7 @@
 
 Within a step the speed and its derivative are constant at their means, and the steer angles change linearly from the
 previous sample to this one. The step is the Taylor series of the exact solution; its error is below 1e-6 if dt is
-within `steps.StepLimit`.
+within `simulation.StepLimit`.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,21 +15,20 @@ import numpy as np
 from fifthwheel.base.lazy import lazy
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SignalName, channel_of, own_channels
-from fifthwheel.model.dynamics import chain, sensors, tyre_law
+from fifthwheel.model.dynamics import chain, sensors, tyres
 from fifthwheel.model.dynamics import steering as steered
-from fifthwheel.model.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.model.dynamics.large_angles import LargeAngles, large_angles
-from fifthwheel.model.dynamics.steer_sensors import PLAY, steer_parameters, true_angles
-from fifthwheel.model.dynamics.steering import SteeringSlopes, Wheels
+from fifthwheel.model.dynamics.steering import PLAY, SteeringSlopes, Wheels, steer_parameters, true_angles
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages, taylor, transition_matrix
-from fifthwheel.model.dynamics.tyre_law import Tyres
 from fifthwheel.model.dynamics.tyres import (
     NO_CHANGE,
+    Tyres,
     law_of,
     saturation_parameters,
     softening_factor,
     softening_parameters,
 )
+from fifthwheel.model.dynamics.unit_equations import BANK, Motion, slip_angles
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING
 
@@ -77,7 +76,7 @@ class ChainModel:
     @lazy
     def identity(self) -> tuple[object, ...]:
         """All that determines the functions."""
-        laws = self.bank, self.extended, tyre_law.identity(self.tyres), self.braking
+        laws = self.bank, self.extended, tyres.law_identity(self.tyres), self.braking
         own = own_channels(self.outputs)  # no plain values: the step is built in every process
         return topology(self.vehicle), self.outputs, self.roll, self.free, *laws, own
 
@@ -253,7 +252,7 @@ def model(
         free: parameters for p, by the names in `all_parameters`; all others go to c.
         bank: whether the bank of the road is a state.
         extended: whether the model has the parameters of `extension_parameters`.
-        tyres: law of their side forces, see `model.dynamics.tyres`, or a user's own, see `model.dynamics.tyre_law`.
+        tyres: law of their side forces, also a user's own, see `model.dynamics.tyres`.
         braking: whether the derivative of the speed is an input, `SPEED_RATE`; without it, the speed changes slowly.
 
     Raises:
@@ -380,13 +379,17 @@ def _softening(
 
 def _linear(model: ChainModel, s: _Symbols) -> _Motion:
     """With linear tyres: the chain, with linear equations of the steering."""
-    vehicle, roll, bank, now = model.vehicle, model.roll, model.bank, s.inputs[len(model.inputs)]
+    vehicle, roll, bank, k = model.vehicle, model.roll, model.bank, len(model.inputs)
+    now = s.inputs[k]
     angles, turning = ca.vertcat(*s.steering.now.values()), (s.steering.measured, s.steering.rate)
     wheels = chain.linear_wheels(s.value, vehicle, _by_name(model, s.x), now, angles)
     factors, softened = _softening(model, s, now, wheels)
     equations = chain.equations(s.value, vehicle, roll=roll, bank=bank, stiffness_factors=factors)
-    mean, changes = (s.inputs[0] + now) / 2, _speed_changes(model, s)
-    A, B = equations.state_space(mean, changes.mean)
+    mean, change, latest = (s.inputs[0] + now) / 2, None, None
+    if model.braking:
+        rates_of_speed = (s.inputs[k - 1] + s.inputs[2 * k - 1]) / 2, s.inputs[2 * k - 1]
+        change, latest = (chain.SpeedChange.of(rate, s.value[DRIVE_AXLE_BRAKING]) for rate in rates_of_speed)
+    A, B = equations.state_space(mean, change)
     stages, rate_stages = Stages(), Stages()
     sensed = sensors.sensor_inputs(
         softened,
@@ -399,27 +402,12 @@ def _linear(model: ChainModel, s: _Symbols) -> _Motion:
         bank=bank,
         turning=turning,
         stages=stages,
-        change=changes.latest,
+        change=latest,
     )
     rates = A @ s.x + B @ s.steering.start, A @ s.later + B @ s.steering.end
-    first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages, changes.mean)
-    last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages, changes.mean)
+    first = equations.rates(mean, s.x, s.steering.start, rates[0], rate_stages, change)
+    last = equations.rates(mean, s.later, s.steering.end, rates[1], rate_stages, change)
     return _Motion(A, B, rates, (first, last), rate_stages, sensed, stages)
-
-
-class _SpeedChanges(NamedTuple):
-    """Changes of the speed; None in a model without brakes."""
-
-    mean: chain.SpeedChange | None  # of a step
-    latest: chain.SpeedChange | None  # at its end
-
-
-def _speed_changes(model: ChainModel, s: _Symbols) -> _SpeedChanges:
-    if not model.braking:
-        return _SpeedChanges(None, None)
-    k, of_brakes = len(model.inputs), s.value[DRIVE_AXLE_BRAKING]
-    earlier, latest = s.inputs[k - 1], s.inputs[2 * k - 1]
-    return _SpeedChanges(*(chain.SpeedChange.of(rate, of_brakes) for rate in ((earlier + latest) / 2, latest)))
 
 
 def _saturating(model: ChainModel, s: _Symbols) -> _Motion:

@@ -7,24 +7,32 @@ load transfer ratio of an axle group, so it has no errors. It and differences of
 `HALF_TRACK`.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import NamedTuple
 
 import casadi as ca
 
-from fifthwheel.base.errors import SignalError, suggestion
+from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.data.channels import LATERAL_ACCELERATION, MODELLED, SignalName, channel_of, is_of
 from fifthwheel.data.channels.channel import SensorModel
+from fifthwheel.data.record import Record
+from fifthwheel.data.record.derived import all_pairs, with_differences
 from fifthwheel.model.dynamics import chain
 from fifthwheel.model.dynamics.chain import Equations
-from fifthwheel.model.dynamics.kinematics import BANK, Motion, slip_angles
 from fifthwheel.model.dynamics.steering import own_states
 from fifthwheel.model.dynamics.symbolic import Stages
 from fifthwheel.model.dynamics.tyres import Contact, axle_forces, linear
-from fifthwheel.model.dynamics.unit_equations import load_transfer_moment, mass_matrix, side_force_height
+from fifthwheel.model.dynamics.unit_equations import (
+    BANK,
+    Motion,
+    load_transfer_moment,
+    mass_matrix,
+    side_force_height,
+    slip_angles,
+)
 from fifthwheel.truck import AxleGroup, Vehicle
-from fifthwheel.truck.axle_loads import axle_loads
+from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.quantities import HALF_TRACK, TYRES
 from fifthwheel.truck.unit import Accelerometer
 
@@ -234,3 +242,28 @@ def sensor_output(inputs: SensorInputs, name: str) -> ca.SX:
         if f"{name}.{kind}" in p:
             value += p[f"{name}.{kind}"] * quantity(inputs, i, name)
     return value * p[f"{name}.gain"] + p[f"{name}.offset"]
+
+
+def wheel_pairs(vehicle: Vehicle, names: Iterable[str]) -> tuple[str, ...]:
+    """Those of `all_pairs` that the model of a vehicle has.
+
+    Of the first unit only steered axles count: driven wheels have slip, which a locked differential makes different on
+    both sides. None counts where the static axle loads, which the load transfer needs, are not determined.
+
+    >>> from fifthwheel.truck import get
+    >>> sides = [f"{axle}.{side}" for axle in ("tractor.drive", "semitrailer") for side in ("left", "right")]
+    >>> wheel_pairs(get("cheng_cebon_2011"), [f"wheel_speed.{side}" for side in sides])
+    ('wheel_speed_difference.semitrailer',)
+    """
+    leading, steered = vehicle.units[0].name, vehicle.steer_signals()
+    signals = {name: SignalName.of(name) for name in all_pairs(names)}
+    pairs = tuple(n for n, each in signals.items() if each.unit != leading or f"steer.{each.place}" in steered)
+    try:
+        return pairs if pairs and vehicle.axle_loads() else ()
+    except VehicleError:
+        return ()
+
+
+def with_wheel_speed_differences(record: Record, vehicle: Vehicle) -> Record:
+    """The record with the differences of `wheel_pairs` that it does not have."""
+    return with_differences(record, wheel_pairs(vehicle, record.signals))

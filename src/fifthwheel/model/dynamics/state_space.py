@@ -1,4 +1,4 @@
-"""The linear model at one speed as a state-space system with named inputs, states and outputs.
+"""Numerical properties of the chain at one speed: matrices, modes, critical speed, and a system with named outputs.
 
     x' = A x + B d,    y = C x + D d
 
@@ -15,21 +15,147 @@ from numpy.typing import ArrayLike, NDArray
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import SignalError, VehicleError, suggestion
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.native import Scan, compiled
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import MODELLED, SignalName, si_unit
 from fifthwheel.model.dynamics import chain, sensors
-from fifthwheel.model.dynamics.analysis import matrices
-from fifthwheel.model.dynamics.kinematics import slip_angles
 from fifthwheel.model.dynamics.model import ChainModel, all_parameters, model
 from fifthwheel.model.dynamics.symbolic import Expressions, Stages
-from fifthwheel.model.dynamics.unit_equations import load_transfer_moment
+from fifthwheel.model.dynamics.unit_equations import load_transfer_moment, slip_angles
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.steering import require_roll
 
 if TYPE_CHECKING:
     from scipy import signal
+
+
+@dataclass(frozen=True, kw_only=True)
+class Matrices:
+    """E x' = F x + G d and x' = A x + B d at one speed, for n states and k steered axles, SI.
+
+    Those of several vehicles have one more axis, the first one.
+    """
+
+    states: tuple[str, ...]  # (n,) names of x
+    E: Array  # (n, n) symmetric positive definite
+    F: Array  # (n, n)
+    G: Array  # (n, k)
+    A: Array  # (n, n)
+    B: Array  # (n, k)
+
+
+@compiled(Scan)
+def _function(structure: ChainModel) -> ca.Function:
+    """sample = speed; constant = parameters of the vehicle; output = [E, F, G, A, B], by columns. There is no carry."""
+    vehicle, roll, bank = structure.vehicle, structure.roll, structure.bank
+    names = tuple(vehicle.parameters())
+    nothing, u, p = ca.SX.sym("nothing", 0), ca.SX.sym("u"), ca.SX.sym("p", len(names))
+    equations = chain.equations(dict(zip(names, ca.vertsplit(p), strict=True)), vehicle, roll=roll, bank=bank)
+    outputs = [ca.vec(ca.densify(m)) for m in (equations.E(), *equations.implicit(u), *equations.state_space(u))]
+    return ca.Function("matrices", [nothing, u, p], [nothing, ca.vertcat(*outputs)])
+
+
+def matrices(
+    vehicle: Vehicle, speed: float, *, roll: bool, bank: bool = False, changed: Mapping[str, float] | None = None
+) -> Matrices:
+    """Matrices of the equations of motion at one speed, m/s.
+
+    Args:
+        vehicle: with its numbers.
+        speed: m/s.
+        roll: yaw and roll, or yaw only.
+        bank: whether the bank of the road is a state, the last one.
+        changed: values of parameters, by path, that replace those of the vehicle. They are not validated.
+
+    Raises:
+        VehicleError: the speed is not positive.
+    """
+    values = vehicle.parameters() | dict(changed or {})
+    m = matrices_of_variants(vehicle, speed, np.array([list(values.values())]), roll=roll, bank=bank)
+    return Matrices(states=m.states, E=m.E[0], F=m.F[0], G=m.G[0], A=m.A[0], B=m.B[0])
+
+
+def matrices_of_variants(
+    vehicle: Vehicle, speed: float, parameters: Array, *, roll: bool, bank: bool = False
+) -> Matrices:
+    """Matrices of N vehicles with the parameters (N, n_p), in the order of those of `vehicle`; else as `matrices`."""
+    if not speed > 0:
+        raise VehicleError(f"speed: expected above 0 m/s, got {speed:g}; the slip angle needs a rolling wheel")
+    states, k = chain.state_names(vehicle, roll=roll, bank=bank), len(vehicle.steer_signals())
+    n, scan = len(states), _function(model(vehicle, (), roll=roll, bank=bank))
+    nothing, sample = np.zeros(0), np.array([[speed]])
+    output = np.concatenate([scan(nothing, sample, p)[1] for p in parameters])
+    parts = np.split(output, np.cumsum([n * n, n * n, n * k, n * n]), axis=1)
+    E, F, G, A, B = (part.reshape(len(parameters), -1, n).transpose(0, 2, 1) for part in parts)
+    return Matrices(states=states, E=E, F=F, G=G, A=A, B=B)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mode:
+    """A real eigenvalue, or a pair of conjugate eigenvalues, with its eigenvector."""
+
+    eigenvalue: complex  # 1/s; of a pair, the one with positive imaginary part
+    shape: Array  # eigenvector, complex (n,), with the largest element 1
+
+    @property
+    def frequency(self) -> float:
+        """Undamped natural frequency, Hz."""
+        return float(abs(self.eigenvalue) / (2 * np.pi))
+
+    @property
+    def damping(self) -> float:
+        """Damping ratio: 1 for a real stable eigenvalue, negative for an unstable one."""
+        return float(-self.eigenvalue.real / abs(self.eigenvalue))
+
+
+def modes(vehicle: Vehicle, speed: float, *, roll: bool = True) -> tuple[Mode, ...]:
+    """Modes at a speed, m/s, in the order of their natural frequencies; `roll` as in `matrices`."""
+    values, vectors = np.linalg.eig(matrices(vehicle, speed, roll=roll).A)
+    result = [
+        Mode(eigenvalue=complex(value), shape=vector / vector[np.argmax(np.abs(vector))])
+        for value, vector in zip(values, vectors.T, strict=True)
+        if value.imag >= 0
+    ]
+    return tuple(sorted(result, key=lambda mode: abs(mode.eigenvalue)))
+
+
+def is_stable(vehicle: Vehicle, speed: float, *, roll: bool = True) -> bool:
+    """Whether all modes decay at a speed, m/s, with fixed straight wheels; `roll` as in `matrices`."""
+    return slowest_decay(vehicle, speed, roll=roll) > 0
+
+
+def slowest_decay(vehicle: Vehicle, speed: float, *, roll: bool = True) -> float:
+    """Rate at which the slowest mode decays at a speed, m/s, with fixed straight wheels, 1/s; negative if it grows."""
+    return -float(np.linalg.eigvals(matrices(vehicle, speed, roll=roll).A).real.max())
+
+
+def critical_speed(vehicle: Vehicle, *, roll: bool = True, highest: float = 80.0) -> float | None:
+    """Lowest speed at which the vehicle is unstable with fixed straight wheels, m/s, to 1e-6 m/s; `roll` as in
+    `matrices`.
+
+    The search is from 2 m/s to `highest`. None if the vehicle is stable in this range; 2 if it is unstable at 2 m/s.
+    """
+    speeds = np.arange(2.0, highest + 0.5, 0.5)
+    i = next((i for i, speed in enumerate(speeds) if not is_stable(vehicle, speed, roll=roll)), None)
+    if i is None:
+        return None
+    if i == 0:
+        return float(speeds[0])
+    low, high = float(speeds[i - 1]), float(speeds[i])
+    while high - low > 1e-6:
+        middle = (low + high) / 2
+        low, high = (middle, high) if is_stable(vehicle, middle, roll=roll) else (low, middle)
+    return high
+
+
+def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll: bool = True) -> dict[str, float]:
+    """Steady state, by name, SI, of a stable vehicle at a constant speed, m/s, and one steer angle, rad, for each
+    steered axle.
+    """
+    m = matrices(vehicle, speed, roll=roll)
+    return dict(zip(m.states, -np.linalg.solve(m.A, m.B @ np.array(list(steer))), strict=True))
+
 
 COG_ACCELERATION = "cog_acceleration"
 MAX_SPEED = 60.0
@@ -88,16 +214,10 @@ class LinearSystem:
         return np.asarray(self.frequency_response([0.0])[0].real)
 
     def response(self, time: Array, inputs: Mapping[str, Array]) -> dict[str, Array]:
-        """Outputs over time by name, (N,) each, from rest.
+        """Outputs over time by name, (N,) each, from rest; exact for inputs that change linearly between the samples.
 
-        Exact for inputs that change linearly between the samples.
-
-        Args:
-            time: (N,), in equal steps, s.
-            inputs: steer angles by name, (N,) each, rad; those that are left out are 0.
-
-        Raises:
-            SignalError: an input does not exist.
+        The time (N,) is in equal steps, s; inputs are steer angles by name, (N,) each, rad, 0 by default. A SignalError
+        if an input does not exist.
         """
         from scipy import signal
 
@@ -108,12 +228,10 @@ class LinearSystem:
         return dict(zip(self.outputs, np.reshape(y, (len(time), -1)).T, strict=True))
 
     def step(self, dt: float) -> tuple[Array, Array, Array]:
-        """Exact step of dt seconds for inputs that change linearly: x+ = F x + G d + H d+.
+        """F (n, n), G (n, k) and H (n, k) of an exact step of dt seconds, x+ = F x + G d + H d+, with inputs that
+        change linearly.
 
         Van Loan (1978), Computing integrals involving the matrix exponential.
-
-        Returns:
-            F (n, n), G (n, k) and H (n, k), for the inputs d before and d+ after the step.
         """
         from scipy.linalg import expm
 
@@ -235,11 +353,7 @@ def steady_steer(vehicle: Vehicle, *, roll: bool = True) -> tuple[float, float]:
     """L, m, and K, rad s^2/m, of the steer angle (L + K u^2) / R of a steady turn with radius R at speed u.
 
     L is the wheelbase with the effect of axles that scrub in a bend, K the understeer gradient of the first unit
-    (ISO 4138). The first steered axle steers.
-
-    Args:
-        vehicle: with its numbers.
-        roll: yaw and roll, or yaw only.
+    (ISO 4138). The first steered axle steers. `roll`: yaw and roll, or yaw only.
 
     Raises:
         VehicleError: no axle is steerable.
@@ -270,13 +384,8 @@ def rearward_amplification(
     """Rearward amplification and its frequency, Hz: ISO 14791, section 7.6, in the frequency domain.
 
     It is the largest gain from the lateral acceleration of the first unit's CoG to that of the last unit's CoG, with
-    steering at the first steered axle.
-
-    Args:
-        vehicle: with its numbers.
-        speed: m/s.
-        frequency: (f,) Hz; 0.05 to 1.5 Hz by default.
-        roll: yaw and roll, or yaw only.
+    steering at the first steered axle, at a speed, m/s, and frequencies (f,), Hz, 0.05 to 1.5 Hz by default. `roll`:
+    yaw and roll, or yaw only.
     """
     frequency = np.linspace(0.05, 1.5, 291) if frequency is None else np.asarray(frequency)
     ends = [f"{COG_ACCELERATION}.{unit.name}" for unit in (vehicle.units[0], vehicle.units[-1])]

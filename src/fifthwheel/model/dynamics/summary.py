@@ -11,8 +11,14 @@ from fifthwheel.base.formatting import fixed
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import ROLL_RATE, SignalName, is_of
-from fifthwheel.model.dynamics.analysis import Mode, critical_speed, matrices, modes
-from fifthwheel.model.dynamics.state_space import rearward_amplification, understeer_gradient
+from fifthwheel.model.dynamics.state_space import (
+    Mode,
+    critical_speed,
+    matrices,
+    modes,
+    rearward_amplification,
+    understeer_gradient,
+)
 from fifthwheel.truck import Vehicle
 
 

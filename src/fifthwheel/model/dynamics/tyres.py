@@ -21,9 +21,21 @@ In PAC2002 the friction is linear in the load, and the sensitivity of the stiffn
 The side force of a side acts t = t_0 / (1 + s^2) behind the middle of the contact: t_0 at small slip angles, 0 at full
 sliding. The cosine of the arctangent of the slip is that of Pacejka's trail; its square also has the second limit.
 
-Own laws. The function `root_law` gives 1 / sqrt(1 + s^2). A user's own function (`tyre_law`) replaces it: then the
-factor of C alpha is F / (C alpha) of that function for the stiffness C k and the friction of a side, its square is that
-of the trail, and c is 1, so that mu_0 is the peak friction of the law.
+Own laws. The function `root_law` gives 1 / sqrt(1 + s^2). A user's own function replaces it: then the factor of C alpha
+is F / (C alpha) of that function for the stiffness C k and the friction of a side, its square is that of the trail, and
+c is 1, so that mu_0 is the peak friction of the law. It is a module-level function, so that processes and saved results
+find it by its name:
+
+    def tanh_law(slip, load, stiffness, friction):
+        return friction * load * ca.tanh(stiffness * slip / (friction * load))
+
+It gets expressions of CasADi: slip angle (rad), static load (N) and cornering stiffness (N/rad) of an axle group, and
+friction coefficient. It returns the side force (N), which
+
+- is odd in the slip angle, with the slope `stiffness` at 0;
+- is positive at a positive slip angle and at most friction times load;
+- doubles with load and stiffness: two equal tyres have twice the force of one. What a tyre loses with its load is in
+  the stiffness and in the friction, which the law receives.
 
 The load transfer ratio lambda of a group is T / (N half_track) with T = K* phi + C* phi' + h_r F, the moment of its
 suspension and tyres, and of the side force at the height h_r of the roll axis.
@@ -48,16 +60,22 @@ across the wheel, and less for tyres that are stiffer along it. The trail is t_0
 friction that both forces use.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Annotated, Any, NamedTuple, cast, get_args
 
 import casadi as ca
+import numpy as np
+from pydantic import PlainValidator
 
-from fifthwheel.base.options import TyreLaw as TyreLaw
+from fifthwheel.base.errors import SignalError
+from fifthwheel.base.native import own_function
+from fifthwheel.base.native.own_function import TOLERANCE, Fault, name_of
+from fifthwheel.base.options import TyreChoice, TyreLaw
+from fifthwheel.base.settings import Stored
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics.symbolic import Expressions
-from fifthwheel.model.dynamics.tyre_law import SideForce, Tyres, force_fraction
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.driveline import drag
 from fifthwheel.truck.quantities import (
@@ -73,6 +91,144 @@ from fifthwheel.truck.quantities import (
     STIFFNESS_SENSITIVITY,
     TYRES,
 )
+
+SideForce = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
+"""From slip angle, rad, load, N, cornering stiffness, N/rad, and friction to the side force, N."""
+Tyres = TyreLaw | SideForce
+"""The law of a model: linear, saturating, or a user's own."""
+LAW_ARGUMENTS = ("slip", "load", "stiffness", "friction")
+SMALLEST_SLIP = 1e-6
+"""rad; smooths secants that are 0 / 0 at the slip angle 0, with a relative error below 1e-8 from 1 mrad on."""
+LAW_SLIPS = np.array([1e-3, 0.01, 0.03, 0.1, 0.3, 1.0])
+"""At which a law is checked, rad."""
+LAW_GROUPS = np.array([[60e3, 600e3, 0.75], [20e3, 300e3, 0.2], [100e3, 700e3, 1.0]])
+"""Load, N, stiffness, N/rad, and friction of axle groups for which a law is checked."""
+CHOICES = get_args(TyreChoice)
+
+
+def law_function(law: SideForce) -> ca.Function:
+    """(slip, load, stiffness, friction) -> side force, N."""
+    symbols = [ca.SX.sym(name) for name in LAW_ARGUMENTS]
+    return ca.Function("law_function", symbols, [law(*symbols)], [*LAW_ARGUMENTS], ["law_function"])
+
+
+def force_fraction(law: SideForce) -> ca.Function:
+    """(slip, load, stiffness, friction) -> side force over that of a linear tyre, 1 at the slip angle 0.
+
+    Where the division is 0 / 0 at 0, the slip angle a is replaced by sqrt(a^2 + SMALLEST_SLIP^2).
+    """
+    symbols = slip, load, stiffness, friction = [ca.SX.sym(name) for name in LAW_ARGUMENTS]
+    fraction = ca.Function("fraction", symbols, [law(*symbols) / (stiffness * slip)])
+    if math.isfinite(float(fraction(0, 1, 1, 1))):
+        return fraction
+    away = ca.sqrt(slip * slip + SMALLEST_SLIP**2)
+    return ca.Function("fraction", symbols, [fraction(away, load, stiffness, friction)])
+
+
+def law_identity(tyres: Tyres) -> str:
+    """All that determines a law: machine code of one is never that of another."""
+    if isinstance(tyres, str):
+        return tyres
+    return own_function.digest(force_fraction(tyres))
+
+
+def require_law(law: Any) -> None:
+    """A SignalError for what is no tyre law; it names the law, the property that it lacks, and the cure."""
+    for expected, got, cure in _faults(law):
+        raise SignalError(f"tyres, {name_of(law)}: expected {expected}, got {got}; {cure}")
+
+
+def _faults(law: Any) -> Iterator[Fault]:
+    """What was expected of a law, what it has, and the cure; the first one makes others likely."""
+    yield from own_function.definition_faults(law, LAW_ARGUMENTS)
+    try:
+        force = law_function(law)
+    except Exception as error:
+        yield own_function.expression_fault(error)
+        raise
+    if force.size1_out(0) * force.size2_out(0) != 1:
+        yield "one side force", f"an array {force.size_out(0)}", "return the force of one slip angle"
+    slip, *_ = symbols = [ca.SX.sym(name) for name in LAW_ARGUMENTS]
+    slope = ca.jacobian(force(*symbols), slip)
+    for load, stiffness, friction in LAW_GROUPS.tolist():
+        place = f"for {load:g} N, {stiffness:g} N/rad and the friction {friction:g}"
+        at_zero = float(force(0, load, stiffness, friction))
+        if at_zero != 0:
+            yield (
+                f"0 N at the slip angle 0 {place}",
+                f"{at_zero:g}",
+                "use functions of casadi, not of math, and avoid 0 / 0",
+            )
+        steep = float(ca.Function("slope", symbols, [slope])(0, load, stiffness, friction))
+        if not math.isclose(steep, stiffness, rel_tol=TOLERANCE):
+            secant = float(force(SMALLEST_SLIP, load, stiffness, friction)) / SMALLEST_SLIP
+            cure = "let the slope be the stiffness"
+            if steep == 0 and math.isclose(secant, stiffness, rel_tol=1e-3):
+                cure = "CasADi takes the slopes of sign and fabs as 0; write slip, not sign(slip) * fabs(slip)"
+            yield f"the slope {stiffness:g} at the slip angle 0 {place}", f"{steep:g}", cure
+        for a in LAW_SLIPS:
+            at, value = f"at {a:g} rad {place}", float(force(a, load, stiffness, friction))
+            if not 0 < value <= friction * load * (1 + TOLERANCE):
+                yield f"up to {friction * load:g} N {at}", f"{value:g}", "let friction times load limit the force"
+            opposite = float(force(-a, load, stiffness, friction))
+            if not math.isclose(value, -opposite, rel_tol=TOLERANCE):
+                yield f"{-value:g} N {at.replace('at ', 'at -')}", f"{opposite:g}", "make it odd in the slip angle"
+            twice = float(force(a, 2 * load, 2 * stiffness, friction))
+            if not math.isclose(2 * value, twice, rel_tol=TOLERANCE):
+                got, cure = f"{twice:.9g}", "let load matter only by stiffness / load and as a factor of the force"
+                yield f"{2 * value:.9g} N with twice the load and the stiffness {at}", got, cure
+    rates = ca.hessian(force_fraction(law)(*symbols), slip)  # a filter needs the derivatives, too
+    yield from own_function.code_faults(symbols, [slope, *rates])
+
+
+def stored_law(tyres: TyreChoice | SideForce) -> Any:
+    """A law for JSON: the word, or the name of a function with side forces and a digest that identify it."""
+    if isinstance(tyres, str):
+        return tyres
+    return {"law": name_of(tyres), "side_forces": _law_forces(tyres), "digest": law_identity(tyres)}
+
+
+def _law_forces(law: SideForce) -> list[float]:
+    return [float(law_function(law)(a, *LAW_GROUPS[0])) for a in LAW_SLIPS]
+
+
+def restored_law(stored_law: Mapping[str, Any]) -> SideForce:
+    """The law that `stored_law` describes, if the module that has it is imported: a file must not import code.
+
+    Raises:
+        SignalError: it is not imported, or has other side forces.
+    """
+
+    def by_slip(forces: list[float]) -> dict[str, float]:
+        return {f"N at {a:g} rad": force for a, force in zip(LAW_SLIPS, forces, strict=True)}
+
+    return cast(
+        SideForce,
+        own_function.restored(
+            "tyres",
+            str(stored_law.get("law")),
+            by_slip(stored_law["side_forces"]),
+            require_law,
+            lambda law: by_slip(_law_forces(law)),
+        ),
+    )
+
+
+def _checked(value: Any) -> Any:
+    """A valid setting, also from what `stored_law` gives."""
+    if isinstance(value, Mapping):
+        return restored_law(value)
+    if callable(value):
+        require_law(value)
+    elif value not in CHOICES:
+        listed = ", ".join(map(repr, CHOICES))
+        raise SignalError(f"tyres: expected {listed} or a tyre law, got {value!r}; correct it")
+    return value
+
+
+ChosenTyres = Annotated[TyreChoice | SideForce, PlainValidator(_checked), Stored(stored_law)]
+"""A setting: the law of the tyres, or "auto"."""
+
 
 NO_CHANGE = ca.SX(0)
 """Of a load, N, or of the speed, m/s^2."""

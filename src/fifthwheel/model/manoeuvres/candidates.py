@@ -8,9 +8,8 @@ import numpy as np
 
 from fifthwheel.base.formatting import approximate, fixed
 from fifthwheel.base.types import Array
-from fifthwheel.model.manoeuvres.accelerations import bend, swept_sine, trapezoid
-from fifthwheel.model.manoeuvres.lane_change import LaneChange
-from fifthwheel.model.manoeuvres.linear import DECAY_TIME, inverse_steer
+from fifthwheel.model.manoeuvres.accelerations import DECAY_TIME, bend, inverse_steer, swept_sine, trapezoid
+from fifthwheel.model.manoeuvres.courses import LaneChange
 from fifthwheel.truck import Vehicle
 
 KINDS = {

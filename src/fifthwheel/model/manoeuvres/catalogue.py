@@ -15,10 +15,18 @@ from fifthwheel.base.arguments import expect_road_speed
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import Array
-from fifthwheel.model.manoeuvres import accelerations, open_loops, paths
-from fifthwheel.model.manoeuvres.courses import Course, OpenLoop, Path, braked, require_positive
-from fifthwheel.model.manoeuvres.lane_change import LaneChange, lane_changes, lane_changes_on_test_track
-from fifthwheel.model.manoeuvres.linear import inverse_steer
+from fifthwheel.model.manoeuvres import accelerations, courses, open_loops
+from fifthwheel.model.manoeuvres.accelerations import inverse_steer
+from fifthwheel.model.manoeuvres.courses import (
+    Course,
+    LaneChange,
+    OpenLoop,
+    Path,
+    braked,
+    lane_changes,
+    lane_changes_on_test_track,
+    require_positive,
+)
 from fifthwheel.truck import Vehicle
 
 
@@ -66,15 +74,15 @@ MANOEUVRES: dict[str, Manoeuvre] = {
         acceleration=accelerations.random,
         open_loop=open_loops.random,
     ),
-    "straight": Manoeuvre(description="straight ahead", acceleration=np.zeros_like, path=paths.straight),
+    "straight": Manoeuvre(description="straight ahead", acceleration=np.zeros_like, path=courses.straight),
     "bend": Manoeuvre(
         description="a bend of 8 s with 1 m/s^2, straight before and after it", acceleration=accelerations.bend
     ),
-    "constant_radius": Manoeuvre(description="circle of constant radius", path=paths.constant_radius),
+    "constant_radius": Manoeuvre(description="circle of constant radius", path=courses.constant_radius),
     "slow_turns": Manoeuvre(
-        description="turns of 90 degrees to the left and to the right, with a radius of 20 m", path=paths.slow_turns
+        description="turns of 90 degrees to the left and to the right, with a radius of 20 m", path=courses.slow_turns
     ),
-    "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=paths.everyday),
+    "everyday": Manoeuvre(description="random road with bends, lane changes and speed limits", path=courses.everyday),
 }
 """Every manoeuvre by its name."""
 
@@ -127,17 +135,10 @@ def linear_course(
 
 
 def acceleration_course(name: str, time: Array, *, speed: float, count: int, seed: int) -> Array:
-    """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model.
+    """Lateral acceleration (N,), m/s^2, of the first unit's CoG in a manoeuvre of the linear model that has one.
 
-    Args:
-        name: one of `LINEAR_MANOEUVRES` that has an acceleration.
-        time: (N,), in equal steps from 0, s.
-        speed: m/s.
-        count: number of lane changes; other manoeuvres do not use it.
-        seed: seed of the random manoeuvre; others do not use it.
-
-    Raises:
-        SignalError: the manoeuvre is unknown, or the linear model does not have it.
+    The time (N,) is in equal steps from 0, s, the speed in m/s; lane changes use the count, the random manoeuvre the
+    seed. A SignalError if the manoeuvre is unknown, or has no acceleration.
     """
     form = _manoeuvre(name, LINEAR_MANOEUVRES).acceleration
     if form is None:

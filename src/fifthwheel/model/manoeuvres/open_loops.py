@@ -1,4 +1,8 @@
-"""Steer angles over time, without a driver: test methods of ISO 14791, ISO 14792, ISO 14793 and ISO 18375."""
+"""Steer angles over time, without a driver: test methods of ISO 14791, ISO 14792, ISO 14793 and ISO 18375.
+
+All are scaled for a vehicle, by the approximate lateral acceleration of its front axle, m/s^2: an amplitude, unless the
+method says otherwise. The speed is in m/s; `lead` is the time straight ahead before, and `duration` that of the run, s.
+"""
 
 import math
 
@@ -59,16 +63,7 @@ def single_sine(
     lead: float = 1.0,
     duration: float = 10.0,
 ) -> OpenLoop:
-    """One period of a sine of the steer angle: ISO 14791, single sine-wave steering input.
-
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate amplitude of the front axle's lateral acceleration, m/s^2.
-        frequency: Hz.
-        lead: time straight ahead before the sine, s.
-        duration: of the run, s.
-    """
+    """One period of a sine of the steer angle, with a frequency in Hz: ISO 14791, single sine-wave steering input."""
     require_positive("frequency", frequency)
     time = _time(duration)
     phase = frequency * (time - lead)
@@ -86,12 +81,7 @@ def step_input(
 ) -> OpenLoop:
     """A step of the steer angle, with a ramp of 0.1 s: ISO 14793, step input.
 
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate steady lateral acceleration, m/s^2.
-        lead: time straight ahead before the step, s.
-        duration: of the run, s.
+    The acceleration is the steady one.
     """
     time = _time(duration)
     ramp = trapezoid(time, lead, math.inf, 0.1)
@@ -107,15 +97,9 @@ def pulse(
     lead: float = 2.0,
     duration: float = 12.0,
 ) -> OpenLoop:
-    """A pulse of the steer angle, half a sine, to the left: ISO 14791, pulse input.
+    """A pulse of the steer angle, half a sine of a width, s, to the left: ISO 14791, pulse input.
 
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate lateral acceleration of a steady turn with the largest steer angle, m/s^2.
-        width: of the pulse, s.
-        lead: time straight ahead before the pulse, s.
-        duration: of the run, s.
+    The acceleration is that of a steady turn with the largest steer angle.
     """
     require_positive("width", width)
     time = _time(duration)
@@ -133,16 +117,8 @@ def sine_with_dwell(
     lead: float = 2.0,
     duration: float = 12.0,
 ) -> OpenLoop:
-    """One period of a sine of the steer angle that stays at its second peak for a time: ISO 18375.
-
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate amplitude of the front axle's lateral acceleration, m/s^2.
-        frequency: Hz.
-        dwell: time at the second peak, s.
-        lead: time straight ahead before the sine, s.
-        duration: of the run, s.
+    """One period of a sine of the steer angle, with a frequency in Hz, that stays at its second peak for the dwell, s:
+    ISO 18375.
     """
     require_positive("frequency", frequency)
     require_positive("dwell", dwell)
@@ -164,12 +140,7 @@ def slowly_increasing_steer(
 ) -> OpenLoop:
     """A steer angle to the left that rises at a constant rate: ISO 14792, constant speed.
 
-    Args:
-        vehicle: truck that the steer angle is scaled for.
-        speed: m/s.
-        acceleration: approximate lateral acceleration at the end, m/s^2; by default it rises by 0.1 m/s^2 per second.
-        lead: time straight ahead before the rise, s.
-        duration: of the run, s.
+    The acceleration is that at the end; by default it rises by 0.1 m/s^2 per second.
     """
     time = _time(duration)
     require_positive("duration after the lead", duration - lead)
@@ -182,8 +153,7 @@ def sweep(
 ) -> OpenLoop:
     """A sine of the steer angle from 0.1 to 1.5 Hz, with soft ends of 2 s: ISO 14793, continuous sinusoidal input.
 
-    The amplitude changes with the frequency so that the amplitude of the front axle's lateral acceleration, m/s^2,
-    stays about that for which the steer angle is scaled. Speed in m/s, duration in s.
+    Its amplitude changes with the frequency so that that of the acceleration stays about the same.
     """
     time = _time(duration)
     band = 0.1, 1.5, time[-1]
@@ -196,8 +166,7 @@ def random(
 ) -> OpenLoop:
     """Random steer angle for a lateral acceleration with a flat spectrum from 0.05 to 1 Hz: ISO 14793, random input.
 
-    Soft ends of 2 s. `acceleration` is the approximate rms of the front axle's lateral acceleration without them,
-    m/s^2; speed in m/s, duration in s.
+    With soft ends of 2 s. The acceleration is the rms without them.
     """
     time = _time(duration)
     frequency: Array = np.fft.rfftfreq(len(time), INTERVAL).astype(np.float64)

@@ -1,7 +1,7 @@
 """The nonlinear truck: a multibody model on MuJoCo, independent of `dynamics`, with its driver and sensors."""
 
-from fifthwheel.model.plant.magic_formula import MagicFormula as MagicFormula
 from fifthwheel.model.plant.powertrain import DrivenTruck as DrivenTruck
+from fifthwheel.model.plant.properties import MagicFormula as MagicFormula
 from fifthwheel.model.plant.properties import Properties as Properties
 from fifthwheel.model.plant.sensors import Sensor as Sensor
 from fifthwheel.model.plant.sensors import article_sensors as article_sensors

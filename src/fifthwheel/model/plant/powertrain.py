@@ -152,14 +152,8 @@ class Powertrain:
         return self.engine_speed, self.torque + self.friction, self.friction, self.engaged, self.braking
 
     def forces(self, *, wanted: float, plan: float, v: float, resistance: float, grade: float) -> WheelForces:
-        """The forces of the next step.
-
-        Args:
-            wanted: speed that the driver wants, m/s.
-            plan: its rate of change, m/s^2.
-            v: speed, m/s.
-            resistance: of air and tyres, N.
-            grade: rise over run.
+        """The forces of the next step: the driver wants a speed, m/s, and plans its rate of change, m/s^2; the truck
+        has the speed v, m/s, and the resistance of air and tyres, N, on a grade, rise over run.
         """
         t = self.truck
         error = wanted - v

@@ -32,10 +32,8 @@ LEAD = 10.0
 def tracks(roughness: float, distance: float, seed: int) -> Array:
     """Height, m, and slope of the left and the right track at every `STEP`, (2, 2, `COUNT`): [quantity, side, point].
 
-    Args:
-        roughness: G_d(n_0), m^3; class B of ISO 8608 has 64e-6.
-        distance: of the tracks, m.
-        seed: of the phases.
+    Of the roughness G_d(n_0), m^3, class B of ISO 8608 having 64e-6, the distance of the tracks, m, and the seed of the
+    phases.
 
     Example:
         >>> height, slope = tracks(64e-6, 2.0, seed=0)

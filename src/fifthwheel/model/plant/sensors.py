@@ -31,7 +31,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import quantity
 from fifthwheel.data.channels import SignalName, checked_name, is_input, si_unit
 from fifthwheel.data.record.derived import article_gyro_variance
-from fifthwheel.model.plant.mujoco_model import SIDES
+from fifthwheel.model.plant.bodies import SIDES
 from fifthwheel.model.plant.powertrain import DrivenTruck
 from fifthwheel.truck import Vehicle
 

@@ -14,10 +14,8 @@ import numpy as np
 
 from fifthwheel.base.native import Scan
 from fifthwheel.base.types import Array
-from fifthwheel.model.plant.bodies import BeamAxle, SprungBody
-from fifthwheel.model.plant.magic_formula import MagicFormula
-from fifthwheel.model.plant.mujoco_model import SIDES
-from fifthwheel.model.plant.properties import Properties
+from fifthwheel.model.plant.bodies import SIDES, BeamAxle, SprungBody
+from fifthwheel.model.plant.properties import MagicFormula, Properties
 from fifthwheel.truck.driveline import AIR_DENSITY
 
 WHEEL_OUTPUTS = ("slip", "longitudinal_force", "lateral_force", "vertical_force", "speed")

@@ -13,7 +13,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.state_space import COG_ACCELERATION
-from fifthwheel.model.manoeuvres.lane_change import LaneChange
+from fifthwheel.model.manoeuvres.courses import LaneChange
 from fifthwheel.results.assess.measures import DYNAMIC, REAR
 from fifthwheel.results.assess.rollover import roll_coupled, rollover
 from fifthwheel.results.assess.truck import Series, Truck, Values

@@ -34,7 +34,7 @@ from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.results.assess.measures import EFFECTIVE_TRACK, ROLLOVER, STABILITY_FACTOR
 from fifthwheel.results.assess.truck import Truck, Values
 from fifthwheel.truck import Vehicle, laden
-from fifthwheel.truck.payload import unit_cog_height
+from fifthwheel.truck.loads import unit_cog_height
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -27,7 +27,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import ARTICULATION, ROLL, ROLL_RATE, YAW_RATE, is_of
 from fifthwheel.model.dynamics import linear_system, matrices, understeer_gradient
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.results.assess.measures import STRAIGHT
 from fifthwheel.results.assess.truck import Truck, Values
 

@@ -12,7 +12,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import uncertain_quantity
 from fifthwheel.model.dynamics import matrices
 from fifthwheel.truck import Axle, AxleGroup, Unit, Vehicle
-from fifthwheel.truck.brakes import require_shares
+from fifthwheel.truck.driveline import require_shares
 from fifthwheel.truck.steering import require_no_steering
 
 HALF_TRACK = "half_track"

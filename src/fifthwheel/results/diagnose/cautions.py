@@ -28,8 +28,8 @@ from fifthwheel.results.diagnose.doubt_cautions import (
 from fifthwheel.results.diagnose.messages import Caution, CautionKind, Message, is_filtered, sensor_error_words
 from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
-from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.truck.quantities import FRICTION, quantity_of
+from fifthwheel.truck.weighing import unusual_masses
 
 _KINDS = {Fault.TIME_OFFSET: CautionKind.DELAY, Fault.CLOCK_RATE: CautionKind.DELAY, Fault.MASS: CautionKind.MASS}
 """Kinds of cautions by the fault of a signal; others are `CautionKind.SIGNAL`."""

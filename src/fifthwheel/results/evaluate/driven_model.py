@@ -10,9 +10,9 @@ import numpy as np
 
 from fifthwheel.base.arguments import expect
 from fifthwheel.base.errors import FifthwheelError, SignalError, UnitError, printable
-from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import enumerated
 from fifthwheel.base.input_files import require_regular
+from fifthwheel.base.lazy import require
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import factor
 from fifthwheel.data.channels import SPEED, STEER, is_of, si_unit

@@ -8,8 +8,8 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.errors import suggestion
-from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import shown, with_sigma
+from fifthwheel.base.lazy import require
 from fifthwheel.base.names import split_kind
 from fifthwheel.base.pages.html import Displayed
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot, Points

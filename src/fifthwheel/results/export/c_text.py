@@ -12,8 +12,8 @@ from fifthwheel.data.channels import si_unit
 from fifthwheel.estimate.filters.initial_state import STEER_BANDWIDTH, TYPICAL_STEER_SIGMA, initial_sigma
 from fifthwheel.estimate.stream import StreamSettings
 from fifthwheel.model.dynamics.chain import state_names
+from fifthwheel.model.dynamics.simulation import SPEEDS, step_limit
 from fifthwheel.model.dynamics.speed_rate import speed_rate_step
-from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
 from fifthwheel.truck import Vehicle
 
 LARGEST = 1e30

@@ -12,10 +12,9 @@ from fifthwheel.base import pages
 from fifthwheel.base.atomic import file_digest
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, enumerated, fixed, with_sigma
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
-from fifthwheel.base.plots.items import Dash
-from fifthwheel.base.plots.palette import CYCLE, DARK, GREY
+from fifthwheel.base.plots.items import CYCLE, DARK, GREY, Dash
 from fifthwheel.base.spelling import setting
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.identify import Identification
@@ -67,7 +66,7 @@ def write_assessment_report(
         *(provenance.blocks() if provenance is not None else ()),
     ]
     subtitle = f"What this truck does, fifthwheel {fifthwheel.__version__}"
-    return page.write(path, pages.Document(assessment.title, blocks, subtitle), images=figures)
+    return html.write(path, pages.Document(assessment.title, blocks, subtitle), images=figures)
 
 
 def section(assessment: Assessment) -> Iterator[pages.Block]:
@@ -356,7 +355,7 @@ class TruckEvidence:
 
 def write_evidence(path: Path, evidence: TruckEvidence, contents: Path) -> None:
     """Write the page of an evidence as one HTML file; `contents` is its JSON file."""
-    page.write(path, evidence.document(contents))
+    html.write(path, evidence.document(contents))
 
 
 def _measures(assessment: Assessment) -> pages.Table:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import fifthwheel
 from fifthwheel.base import pages
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.results.diagnose.comparison import Comparison
 from fifthwheel.results.evaluate import Evaluation, Validation
 from fifthwheel.results.report.conclusion import counted
@@ -101,7 +101,7 @@ def write_evaluation_report(
         *(provenance.blocks() if provenance is not None else ()),
     ]
     subtitle = f"{of_log.standard}, fifthwheel {fifthwheel.__version__}"
-    return page.write(path, pages.Document(document.title, blocks, subtitle), images=figures)
+    return html.write(path, pages.Document(document.title, blocks, subtitle), images=figures)
 
 
 def evaluation_document(evaluation: Evaluation) -> pages.Document:

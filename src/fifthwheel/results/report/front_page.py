@@ -9,9 +9,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.formatting import enumerated, kmh, percent, seconds, shown_parts, with_sigma
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Area, Axis, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.items import as_array
-from fifthwheel.base.plots.palette import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION
-from fifthwheel.base.plots.panels import visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, ORANGE, SKY, VERMILLION, as_array, visible_range
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import lateral_acceleration
 from fifthwheel.estimate.identify import Estimate, Identification, Verdict

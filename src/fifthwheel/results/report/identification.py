@@ -11,7 +11,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.arguments import expect, expect_each
 from fifthwheel.base.formatting import approximate, percent, shown, shown_parts, with_sigma
 from fifthwheel.base.names import ParameterPath
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.pages.html import cell, prose, text
 from fifthwheel.base.plots import Axis, Panel, Plot
 from fifthwheel.data.channels import SensorErrorName, si_unit
@@ -123,7 +123,7 @@ def write_report(
     subtitle = f"Identification: {method}, fifthwheel {identification.version}"
     if provenance is not None:
         subtitle = "\n".join(filter(None, (provenance.note, ". ".join(filter(None, (provenance.time, subtitle))))))
-    return page.write(Path(path), pages.Document(title, blocks, subtitle, appendix, name), images=figures)
+    return html.write(Path(path), pages.Document(title, blocks, subtitle, appendix, name), images=figures)
 
 
 def _first_logs(identification: Identification) -> set[str]:

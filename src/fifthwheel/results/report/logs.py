@@ -8,9 +8,9 @@ import numpy as np
 
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import digits, percent, shown
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.plots import Axis, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.checks import Finding
@@ -94,7 +94,7 @@ def write_time_offsets(path: Path, records: Sequence[Record], vehicle: Vehicle) 
             channels = enumerate(prediction.names)
             blocks.append(pages.Plots([_figure(prediction, c, offsets.get(n), record.name) for c, n in channels]))
     subtitle = "Measured channels and their predictions from speed and steer"
-    page.write(path, pages.Document(f"Time offsets, {vehicle.name}", blocks, subtitle))
+    html.write(path, pages.Document(f"Time offsets, {vehicle.name}", blocks, subtitle))
 
 
 def _note(offset: TimeOffset | None) -> str:

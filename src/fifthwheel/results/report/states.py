@@ -10,11 +10,10 @@ import fifthwheel
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, percent
 from fifthwheel.base.names import split_log
-from fifthwheel.base.pages import page
+from fifthwheel.base.pages import html
 from fifthwheel.base.pages.html import text
 from fifthwheel.base.plots import Axis, Band, Bars, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, DARK, GREY, SKY, VERMILLION, rgba
-from fifthwheel.base.plots.panels import visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, SKY, VERMILLION, rgba, visible_range
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import ARTICULATION, ROLL, Channel, SignalName, is_sensor_error, names_of, si_unit
 from fifthwheel.data.channels.table import SIDESLIP
@@ -220,7 +219,7 @@ def write_states_report(
     ]
     subtitle = f"States of a given truck, fifthwheel {fifthwheel.__version__}"
     document = pages.Document(title, [conclusion.box(results), *section], subtitle, appendix, name)
-    return page.write(Path(path), document, images=figures)
+    return html.write(Path(path), document, images=figures)
 
 
 def states_document(

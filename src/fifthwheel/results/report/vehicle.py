@@ -7,7 +7,7 @@ import numpy as np
 from fifthwheel.base import pages
 from fifthwheel.base.formatting import approximate, enumerated, percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE
+from fifthwheel.base.plots.items import BLUE
 from fifthwheel.base.spelling import setting
 from fifthwheel.data.checks.axle_loads import StaticLoad
 from fifthwheel.estimate.identify.knowledge.history import (

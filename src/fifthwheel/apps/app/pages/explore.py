@@ -16,7 +16,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.formatting import approximate, percent, with_sigma
 from fifthwheel.base.plots import Line, Panel, Plot, Points
-from fifthwheel.base.plots.palette import BLUE, VERMILLION
+from fifthwheel.base.plots.items import BLUE, VERMILLION
 from fifthwheel.data.channels import si_unit
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, OneStage
@@ -27,7 +27,7 @@ from fifthwheel.results import plot
 from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.results.report.conclusion import counted
 from fifthwheel.truck import Vehicle, unit_of
-from fifthwheel.truck.edited_file import edited
+from fifthwheel.truck.catalogue import edited
 from fifthwheel.truck.spoken_names import named_unit, spoken
 
 KINDS = ("step response", "Bode diagram", "handling diagram")

@@ -10,7 +10,7 @@ from fifthwheel.apps.app.workspace import SIGNALS, Workspace
 from fifthwheel.base.errors import FifthwheelError, SignalError, printable
 from fifthwheel.base.formatting import digits, percent
 from fifthwheel.base.plots import Axis, Band, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY, VERMILLION
+from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.data.channels import IDENTIFIED, SignalName, si_unit
 from fifthwheel.data.checks import Finding
 from fifthwheel.data.logs import SignalMap

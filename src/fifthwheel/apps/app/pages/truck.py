@@ -16,8 +16,8 @@ from fifthwheel.model.dynamics.summary import summarize
 from fifthwheel.results.diagnose.predictions import assumed_numbers
 from fifthwheel.results.report.vehicle import NOTHING_ASSUMED, assumed_blocks
 from fifthwheel.truck import Vehicle, catalogue
-from fifthwheel.truck.masses import unusual_masses
 from fifthwheel.truck.spoken_names import named_unit
+from fifthwheel.truck.weighing import unusual_masses
 
 DESCRIBED = "described"
 """Of the element with the drawing, to which the questions refer."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from fifthwheel.base.atomic import atomic_write
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 
 WAITING = 8
 """Jobs that may wait; more, and the disk does not keep up."""

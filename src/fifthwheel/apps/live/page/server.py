@@ -14,7 +14,7 @@ from fifthwheel.apps.live.node import Output
 from fifthwheel.apps.live.page.snapshots import Snapshots
 from fifthwheel.apps.live.session import Session
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.plots.palette import CYCLE
+from fifthwheel.base.plots.items import CYCLE
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.drawing import FLOOR, FRAME, OVERHANG, TRACK, WHEEL_RADIUS, WHEEL_WIDTH
 from fifthwheel.truck.spoken_names import named_unit

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.data.logs.can.database import Frame
 
 LONGEST_QUEUE = 20_000

@@ -5,8 +5,8 @@ from pathlib import Path
 
 import numpy as np
 
-from fifthwheel.base.checked_json import FileKind
 from fifthwheel.base.errors import SignalError, printable
+from fifthwheel.base.input_files import FileKind
 from fifthwheel.estimate.identify.knowledge.information import LogKnowledge, SharedInformation
 from fifthwheel.estimate.identify.stored import reason, restored, stored
 

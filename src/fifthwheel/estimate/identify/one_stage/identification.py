@@ -34,7 +34,7 @@ from fifthwheel.estimate.identify.verdict import (
 )
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
 from fifthwheel.model import dynamics
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import BANK_VARIATION, DRIVE_AXLE_BRAKING, FRICTION
 

@@ -13,7 +13,7 @@ from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.formatting import shown
 from fifthwheel.base.names import NumberedName
 from fifthwheel.base.plots import Axis, Guide, Item, Line, Panel, Plot
-from fifthwheel.base.plots.palette import BLUE, GREY
+from fifthwheel.base.plots.items import BLUE, GREY
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.estimates import sensor_error_unit

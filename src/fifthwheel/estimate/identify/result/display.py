@@ -8,9 +8,7 @@ from fifthwheel.base import pages
 from fifthwheel.base.errors import SignalError, suggestion
 from fifthwheel.base.formatting import percent, shown, with_sigma
 from fifthwheel.base.plots import Axis, Band, Guide, Item, Line, Panel, Plot, Points
-from fifthwheel.base.plots.items import Dash
-from fifthwheel.base.plots.palette import BLUE, DARK, GREY, VERMILLION
-from fifthwheel.base.plots.panels import trimmed, visible_range
+from fifthwheel.base.plots.items import BLUE, DARK, GREY, VERMILLION, Dash, trimmed, visible_range
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import si_unit
 from fifthwheel.estimate.identify.doubts import describe_doubt

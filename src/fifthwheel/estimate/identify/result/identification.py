@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 import numpy as np
 
 from fifthwheel.base.errors import FifthwheelError, suggestion
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.options import FRICTION_RANGE
 from fifthwheel.data.channels import (
     LATERAL_ACCELERATION,
@@ -25,7 +25,7 @@ from fifthwheel.estimate.identify.statement import prior_of
 from fifthwheel.estimate.identify.unknowns.parameters import prior_of_sensor_error
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe.uncertainty import Uncertainty
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.truck.quantities import (
     BANK_VARIATION,
     DRIVE_AXLE_BRAKING,

@@ -9,7 +9,7 @@ import numpy as np
 
 from fifthwheel.base.arguments import expect_known, expect_names
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 from fifthwheel.base.names import split_log
 from fifthwheel.base.types import Array, ComparedByContents
 from fifthwheel.data.channels import is_sensor_error

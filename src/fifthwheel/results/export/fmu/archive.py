@@ -22,12 +22,11 @@ from xml.etree import ElementTree as ET
 
 from fifthwheel import __version__
 from fifthwheel.base import pages
-from fifthwheel.base.atomic import atomic_write
-from fifthwheel.base.atomic.locks import cleaned_up
+from fifthwheel.base.atomic import atomic_write, cleaned_up
 from fifthwheel.base.errors import FifthwheelError, suggestion
-from fifthwheel.base.extras import require
 from fifthwheel.base.formatting import plain_ascii, shown
-from fifthwheel.base.pages.page import page
+from fifthwheel.base.lazy import require
+from fifthwheel.base.pages.html import page
 from fifthwheel.base.units import base_units
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export.fmu.models import FmuModel, Role, Variable, observer_model, truck_model, variable_table

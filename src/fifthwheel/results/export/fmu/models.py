@@ -19,9 +19,9 @@ from fifthwheel.estimate.stream import magnitude
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.dynamics.chain import equations
-from fifthwheel.model.dynamics.kinematics import BANK
+from fifthwheel.model.dynamics.simulation import SPEEDS, step_limit
 from fifthwheel.model.dynamics.state_space import MAX_SPEED
-from fifthwheel.model.dynamics.steps import SPEEDS, step_limit
+from fifthwheel.model.dynamics.unit_equations import BANK
 from fifthwheel.results.export import project
 from fifthwheel.results.export.c_text import table
 from fifthwheel.truck import Vehicle, unit_of

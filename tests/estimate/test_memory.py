@@ -7,7 +7,6 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from fifthwheel.base.memory import release_memory
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.dataset import prepare_dataset
@@ -66,10 +65,3 @@ def test_derivatives_are_summed_in_chunks(tyres: str) -> None:
         problem.with_residual_noise(z, autocorrelated=True)
 
     assert bytes_per_sample(expand) < 120
-
-
-def test_memory_can_be_released_at_any_time() -> None:
-    values = [np.ones(1000) for _ in range(1000)]
-    del values[::2]
-    release_memory()
-    assert sum(float(v.sum()) for v in values) == 500_000

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.model.manoeuvres import accelerations, inverse_steer
+from fifthwheel.model.manoeuvres.accelerations import lateral_acceleration
 from fifthwheel.model.manoeuvres.candidates import candidate_manoeuvres
-from fifthwheel.model.manoeuvres.linear import lateral_acceleration
 
 RATE, SPEED = 100.0, 22.0
 CANDIDATES = range(5)

@@ -3,7 +3,7 @@
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.extras import require
+from fifthwheel.base.lazy import require
 
 
 def test_files_that_pip_left_behind_are_no_package(tmp_path, monkeypatch) -> None:

@@ -6,14 +6,14 @@ import sys
 import pytest
 
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.base.pages import Document, page
+from fifthwheel.base.pages import Document, html
 
 
 def test_a_library_is_compressed_once(tmp_path, monkeypatch):
     monkeypatch.setenv("FIFTHWHEEL_CACHE", str(tmp_path / "cache"))
-    first = page._plotly.__wrapped__()
-    monkeypatch.setattr(page, "compressed", lambda data: pytest.fail("compressed again"))
-    assert page._plotly.__wrapped__() == first
+    first = html._plotly.__wrapped__()
+    monkeypatch.setattr(html, "compressed", lambda data: pytest.fail("compressed again"))
+    assert html._plotly.__wrapped__() == first
 
 
 def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
@@ -21,29 +21,29 @@ def test_an_error_leaves_the_old_page(tmp_path, monkeypatch):
     path.write_text("old")
     monkeypatch.setattr("pathlib.Path.replace", lambda *_: (_ for _ in ()).throw(OSError("full")))
     with pytest.raises(OSError, match="full"):
-        page.write(path, Document("t", []))
+        html.write(path, Document("t", []))
     assert path.read_text() == "old"
     assert list(tmp_path.iterdir()) == [path]
 
 
 def test_json_cannot_leave_its_script():
-    text = page.script_json({"name": "</script><!--\u2028&"})
+    text = html.script_json({"name": "</script><!--\u2028&"})
     assert not set(text) & set("<>&\u2028")
     assert json.loads(text) == {"name": "</script><!--\u2028&"}
     with pytest.raises(ValueError, match="JSON"):
-        page.script_json([float("nan")])
+        html.script_json([float("nan")])
 
 
 @pytest.mark.parametrize(
     ("name", "expected"), [("a/b\\c:d", "a_b_c_d"), ("...", "_"), ("../up", "_up"), ("yaw_rate.tractor",) * 2]
 )
 def test_file_names(name, expected):
-    assert page.file_name(name) == expected
+    assert html.file_name(name) == expected
 
 
 def test_formats_that_cannot_be_written_are_refused(monkeypatch):
     with pytest.raises(FifthwheelError, match="figures: expected svg, png, pdf"):
-        page.checked_format("gif")
+        html.checked_format("gif")
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(FifthwheelError, match=r"pip install 'fifthwheel\[figures\]'"):
-        page.checked_format("svg")
+        html.checked_format("svg")

@@ -1,4 +1,4 @@
-"""A folder of results that belong together: they are replaced as a whole, and files of the user stay.
+"""Files that appear complete or not at all, and folders of results that are replaced as a whole.
 
 A run writes all results into the hidden folder `.fifthwheel/new` within the result folder. A journal, written
 atomically, then decides that the new results count. After that each file is renamed into place, the manifest `run.json`
@@ -9,17 +9,188 @@ journal, and whoever opens the folder next, a run or a reader, finishes the rena
 import hashlib
 import json
 import os
+import platform
+import secrets
 import shutil
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+import sys
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from fifthwheel import __version__
-from fifthwheel.base.atomic.files import write_json
-from fifthwheel.base.atomic.locks import cleaned_up, held
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.base.spelling import setting
+
+_pending: list[Callable[[], None]] = []
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(file: int) -> None:
+        os.lseek(file, 1 << 30, os.SEEK_SET)  # behind the content, which others can then read
+        try:
+            msvcrt.locking(file, msvcrt.LK_NBLCK, 1)
+        except PermissionError as error:
+            raise BlockingIOError from error
+        os.lseek(file, 0, os.SEEK_SET)
+
+else:
+    import fcntl
+
+    def _lock(file: int) -> None:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+
+
+@contextmanager
+def cleaned_up(action: Callable[[], None]) -> Iterator[None]:
+    """Call `action` when the block ends, or when `clean_up` is called within it; it must be harmless to repeat."""
+    _pending.append(action)
+    try:
+        yield
+    finally:
+        try:
+            action()
+        finally:
+            _pending.remove(action)
+
+
+def clean_up() -> None:
+    """Remove the temporary files of all blocks, innermost first; for a process that exits within them."""
+    for action in reversed(_pending):
+        with suppress(Exception):
+            action()
+
+
+def try_lock(path: Path) -> int | None:
+    """Create or open a file and lock it; its descriptor, which holds the lock until it is closed, or None if another
+    process holds it. An OSError if the file cannot be created, or the file system has no locks.
+    """
+    while True:
+        file = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            _lock(file)
+            if os.path.samestat(os.fstat(file), path.stat()):
+                return file
+        except BlockingIOError:
+            os.close(file)
+            return None
+        except FileNotFoundError:
+            pass  # removed by its former owner between opening and locking
+        except OSError:
+            os.close(file)
+            raise
+        os.close(file)
+
+
+@contextmanager
+def held(path: Path, *, subject: Path) -> Iterator[None]:
+    """Hold the lock file `path`, which is removed at the end; a FifthwheelError if another process holds it.
+
+    The message names the `subject` that the lock protects.
+    """
+    while (file := try_lock(path)) is None:
+        try:
+            holder = path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            continue  # its owner has ended since
+        except OSError:
+            holder = ""
+        raise FifthwheelError(
+            f"{subject}: in use by {holder or 'another process'}; wait until it ends, or write somewhere else"
+        )
+    try:
+        with cleaned_up(lambda: _remove(path)):
+            os.ftruncate(file, 0)
+            os.write(file, f"process {os.getpid()} on {platform.node()}".encode())
+            yield
+    finally:
+        os.close(file)
+
+
+def _remove(path: Path) -> None:
+    with suppress(PermissionError):  # Windows keeps an open file
+        path.unlink(missing_ok=True)
+
+
+_SUFFIX = ".part"
+
+
+@contextmanager
+def atomic_write(path: str | Path) -> Iterator[Path]:
+    """A temporary file to write to; when the block ends without an error it replaces `path`, otherwise it is removed.
+
+    Processes that write the same file do not collide: each has its own temporary file, and the last to finish wins.
+    The temporary file is locked, so that the next writer of `path` can remove those of processes that were killed.
+
+    Raises:
+        OSError: the file cannot be written; `filename` is `path`.
+    """
+    path = Path(path)
+    temporary = path
+    try:
+        _remove_leftovers(path)
+        temporary, lock = _temporary_file(path)
+        with cleaned_up(lambda: temporary.unlink(missing_ok=True)):
+            try:
+                yield temporary
+                os.fsync(lock)
+                if sys.platform != "win32":
+                    temporary.replace(path)
+            finally:
+                os.close(lock)
+            if sys.platform == "win32":  # does not rename an open file
+                temporary.replace(path)
+    except OSError as error:
+        if error.errno is None or error.filename not in (None, str(temporary), str(path.parent)):
+            raise
+        raise OSError(error.errno, error.strerror, str(path)) from error
+
+
+def write_text(path: str | Path, text: str) -> None:
+    """Write a text in UTF-8 to a file that appears complete or not at all; errors as of `atomic_write`."""
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def write_json(path: str | Path, content: Mapping[str, Any]) -> None:
+    """The same with an object as JSON."""
+    write_text(path, json.dumps(content, indent=2) + "\n")
+
+
+@contextmanager
+def reserved(*paths: Path | None, force: bool) -> Iterator[None]:
+    """Reserve the names of files that are written in the block, so that no other file is lost; None is no file.
+
+    A FifthwheelError if a file exists (without `force`), or another process has reserved it. An OSError, whose
+    `filename` is the file, if its folder cannot be written to.
+    """
+    with ExitStack() as stack:
+        for path in filter(None, paths):
+            try:
+                stack.enter_context(held(path.with_name(f".{path.name}.lock"), subject=path))
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(path)) from error
+            if os.path.lexists(path) and not force:
+                raise FifthwheelError(f"{path}: exists; write to another file, or replace it with {setting('force')}")
+        yield
+
+
+def _temporary_file(path: Path) -> tuple[Path, int]:
+    """A new file beside `path`, and the descriptor that locks it."""
+    while True:
+        temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}{_SUFFIX}")
+        if (lock := try_lock(temporary)) is not None:
+            return temporary, lock
+
+
+def _remove_leftovers(path: Path) -> None:
+    """Remove the temporary files of processes that were killed while they wrote `path`."""
+    for left in path.parent.iterdir():
+        if left.name.startswith(f".{path.name}.") and left.suffix == _SUFFIX and (lock := try_lock(left)) is not None:
+            left.unlink()
+            os.close(lock)
+
 
 MANIFEST = "run.json"
 """Command, version, and the SHA-256 of every result by its path in the folder; present only if the results are
