@@ -201,7 +201,7 @@ def design_run(
     earlier: Earlier = nothing,
     progress: Progress = lambda *_: None,
 ) -> "ExperimentDesign":
-    """The shortest test run that reaches all targets; see `estimate.identify.design.design_experiment`.
+    """The shortest test run that reaches all targets; see `estimate.design.design_experiment`.
 
     Args:
         sensors: what is stated of them by signal, such as `SignalMap.sensors`.
