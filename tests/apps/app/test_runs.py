@@ -28,7 +28,7 @@ from fifthwheel.base.plots.items import BLUE, GREY, VERMILLION
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from fifthwheel.estimate.time_bases.findings import signal_evidence
+from fifthwheel.estimate.time_bases.evidence import signal_evidence
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.truck import get

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.data.checks import Fault
-from fifthwheel.estimate.time_bases.findings import signal_evidence
+from fifthwheel.estimate.time_bases.evidence import signal_evidence
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 

@@ -42,7 +42,7 @@ from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.knowledge.storage import knowledge_file
 from fifthwheel.estimate.identify.result.display import fit_panel, prediction
 from fifthwheel.estimate.identify.settings import Progress
-from fifthwheel.estimate.time_bases.findings import SignalEvidence, signal_evidence
+from fifthwheel.estimate.time_bases.evidence import SignalEvidence, signal_evidence
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import Comparison, LogPrediction
 from fifthwheel.results.report import provenance_of_run

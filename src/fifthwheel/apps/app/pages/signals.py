@@ -17,7 +17,7 @@ from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.map_text import with_channel, without_channel
 from fifthwheel.data.logs.propose import missing_signals
 from fifthwheel.data.logs.signal_map import SignalSource
-from fifthwheel.estimate.time_bases.findings import ChannelEvidence, SignalEvidence
+from fifthwheel.estimate.time_bases.evidence import ChannelEvidence, SignalEvidence
 from fifthwheel.truck import Vehicle
 
 HEIGHT = 170
