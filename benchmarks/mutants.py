@@ -38,16 +38,15 @@ ROOT = Path(__file__).resolve().parents[1]
 ONE_STAGE = "src/fifthwheel/estimate/identify/one_stage"
 PROBLEM_TESTS = "tests/estimate/identify/one_stage/test_problem.py"
 SOLVER_TESTS = "tests/frozen tests/estimate/identify/one_stage tests/results/diagnose"
-STREAM_TESTS = "tests/frozen tests/estimate/observe tests/estimate/identify/online"
-FLEET_TESTS = "tests/apps/fleet tests/apps/cli/test_fleet.py"
+STREAM_TESTS = "tests/frozen tests/estimate/observe tests/estimate/online"
+FLEET_TESTS = "tests/apps/fleet tests/apps/cli/test_knowledge.py"
 TESTS = {
     "src/fifthwheel/estimate/identify/verdict.py": ("tests/estimate/identify/test_verdict.py", SOLVER_TESTS),
     "src/fifthwheel/estimate/identify/doubts.py": (
         "tests/estimate/identify/test_doubts.py tests/estimate/identify/one_stage/test_doubt_limits.py",
-        "tests/estimate/identify/one_stage/test_evidence.py tests/estimate/identify/online/test_doubt_limits.py "
-        + SOLVER_TESTS,
+        "tests/estimate/identify/one_stage/test_evidence.py tests/estimate/online/test_doubt_limits.py " + SOLVER_TESTS,
     ),
-    "src/fifthwheel/estimate/stream": ("tests/estimate/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
+    "src/fifthwheel/estimate/stream.py": ("tests/estimate/stream tests/estimate/observe/test_limits.py", STREAM_TESTS),
     "src/fifthwheel/estimate/observe/monitor.py": (
         "tests/estimate/observe/test_limits.py tests/estimate/observe/test_settling.py",
         f"tests/estimate/observe/test_consistency.py {STREAM_TESTS} tests/apps/live",
@@ -58,7 +57,7 @@ TESTS = {
         "tests/apps/fleet/test_run.py",
         FLEET_TESTS,
     ),
-    f"{ONE_STAGE}/free_run.py": (
+    "src/fifthwheel/estimate/identify/fits.py": (
         "tests/estimate/identify/test_fit_evaluation.py tests/estimate/identify/test_saturating_tyres.py",
         SOLVER_TESTS,
     ),

@@ -105,7 +105,7 @@ def test_a_first_run_that_fails_leaves_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", ["a.json", "run.json", "figures/new/d.svg"])
 def test_files_of_the_user_are_replaced_only_with_force(name: str, tmp_path: Path) -> None:
     write(tmp_path, {name: "mine"})
-    with pytest.raises(FifthwheelError, match=rf"{name}: not written by an earlier fifthwheel identify.*--force"):
+    with pytest.raises(FifthwheelError, match=rf"{name}: not written by an earlier fifthwheel identify.*force=True"):
         run(tmp_path, NEW)
     assert contents(tmp_path) | {MANIFEST: (tmp_path / name).read_text()} == {name: "mine"} | {MANIFEST: "mine"}
     run(tmp_path, NEW, force=True)
@@ -143,7 +143,7 @@ def test_an_edit_after_a_kill_is_not_lost(killed: list[Path], tmp_path: Path) ->
 
 def test_results_of_another_command_are_replaced_only_with_force(tmp_path: Path) -> None:
     run(tmp_path, OLD)
-    with pytest.raises(FifthwheelError, match=r"contains the results of fifthwheel identify; .*--out.*--force"):
+    with pytest.raises(FifthwheelError, match=r"contains the results of fifthwheel identify; .*out.*force=True"):
         run(tmp_path, NEW, command="states")
     run(tmp_path, {"a.json": "of states"}, command="states", force=True)
     assert contents(tmp_path) == {"a.json": "of states"}

@@ -217,6 +217,7 @@ def test_import_is_light() -> None:
         "fifthwheel.base.names",
         "fifthwheel.base.options",
         "fifthwheel.base.settings",
+        "fifthwheel.base.spelling",
         "fifthwheel.base.units",
         "fifthwheel.base.formatting",
         "fifthwheel.base.atomic",

@@ -42,6 +42,17 @@ else:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
+_SUFFIX = ".part"
+MANIFEST = "run.json"
+"""Command, version, and the SHA-256 of every result by its path in the folder; present only if the results are
+complete."""
+_LOCK = ".fifthwheel.lock"
+_WORK = ".fifthwheel"
+_NEW = Path(_WORK, "new")
+_JOURNAL = Path(_WORK, "commit.json")
+_OTHER = "not a file"
+
+
 @contextmanager
 def cleaned_up(action: Callable[[], None]) -> Iterator[None]:
     """Call `action` when the block ends, or when `clean_up` is called within it; it must be harmless to repeat."""
@@ -111,9 +122,6 @@ def held(path: Path, *, subject: Path) -> Iterator[None]:
 def _remove(path: Path) -> None:
     with suppress(PermissionError):  # Windows keeps an open file
         path.unlink(missing_ok=True)
-
-
-_SUFFIX = ".part"
 
 
 @contextmanager
@@ -191,15 +199,6 @@ def _remove_leftovers(path: Path) -> None:
             left.unlink()
             os.close(lock)
 
-
-MANIFEST = "run.json"
-"""Command, version, and the SHA-256 of every result by its path in the folder; present only if the results are
-complete."""
-_LOCK = ".fifthwheel.lock"
-_WORK = ".fifthwheel"
-_NEW = Path(_WORK, "new")
-_JOURNAL = Path(_WORK, "commit.json")
-_OTHER = "not a file"
 
 _Journal = Mapping[str, Mapping[str, str | None]]
 """Under "replaces" the digest of what each new result may replace, under "removes" those of former results."""

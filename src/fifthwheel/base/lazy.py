@@ -9,6 +9,8 @@ from importlib import import_module
 from typing import Any, TypeVar
 
 T = TypeVar("T")
+_PROJECTS = {"can": "python-can", "PIL": "pillow"}
+"""What pip installs for a package with another name."""
 
 
 class lazy(functools.cached_property[T]):  # noqa: N801 (a decorator)
@@ -51,10 +53,6 @@ def lazy_names(
 
     names = sorted(places)
     return imported, lambda: names, names
-
-
-_PROJECTS = {"can": "python-can", "PIL": "pillow"}
-"""What pip installs for a package with another name."""
 
 
 def require(package: str, extra: str) -> Any:

@@ -21,6 +21,17 @@ from fifthwheel.truck.quantities import unit_of
 from fifthwheel.truck.unit import AxleGroup, Unit
 from fifthwheel.truck.vehicle import Vehicle
 
+COMBINATIONS: Mapping[str, tuple[str, ...]] = {
+    "b_double": ("tractor_6x4", "b_double_lead", "semitrailer_3"),
+    "a_double": ("tractor_6x4", "semitrailer_3", "dolly", "semitrailer_3"),
+    "truck_dolly_semitrailer": ("truck_6x2", "dolly", "semitrailer_3"),
+    "truck_full_trailer": ("truck_6x2", "dolly", "full_trailer"),
+}
+"""Class of each unit, front to rear, by the name of a vehicle of the catalogue."""
+_MINUS = str.maketrans({"\u2212": "-", "\u202f": "", "\u00a0": " "})
+_COLUMN = 60
+"""Where comments begin."""
+
 
 def names() -> tuple[str, ...]:
     """Names of all vehicles in the catalogue, sorted."""
@@ -49,18 +60,6 @@ def text(name: str) -> str:
         file = "; fw.Vehicle.load reads a file" if str(name).endswith(".toml") else ""
         raise VehicleError(f"{name}: no such vehicle in the catalogue; {suggestion(str(name), names())}{file}")
     return (files(__package__) / "catalogue" / f"{name}.toml").read_text(encoding="utf-8")
-
-
-COMBINATIONS: Mapping[str, tuple[str, ...]] = {
-    "b_double": ("tractor_6x4", "b_double_lead", "semitrailer_3"),
-    "a_double": ("tractor_6x4", "semitrailer_3", "dolly", "semitrailer_3"),
-    "truck_dolly_semitrailer": ("truck_6x2", "dolly", "semitrailer_3"),
-    "truck_full_trailer": ("truck_6x2", "dolly", "full_trailer"),
-}
-"""Class of each unit, front to rear, by the name of a vehicle of the catalogue."""
-_MINUS = str.maketrans({"\u2212": "-", "\u202f": "", "\u00a0": " "})
-_COLUMN = 60
-"""Where comments begin."""
 
 
 def template(name: str) -> str:

@@ -23,6 +23,10 @@ from fifthwheel.base.errors import VehicleError, suggestion
 from fifthwheel.truck.loads import Joint, SupportedBody, static_axle_loads
 from fifthwheel.truck.unit import CouplingKind
 
+LOAD_EXPONENT = 0.25
+"""Standard deviation of the exponent to which the cornering coefficient changes with the load, chosen: the cornering
+stiffness of a tyre rises less than in proportion to its load."""
+
 
 class Figure(NamedTuple):
     """A number of a class with its standard deviation and its source."""
@@ -105,9 +109,6 @@ TYRES = {
     "twin": Figure(3500e3, 550e3, "Auburn and drive axle of the article 3500 kN m/rad and axle, chosen"),
 }
 """Roll stiffness of the tyres of an axle, N m/rad."""
-LOAD_EXPONENT = 0.25
-"""Standard deviation of the exponent to which the cornering coefficient changes with the load, chosen: the cornering
-stiffness of a tyre rises less than in proportion to its load."""
 
 STEER_AXLE = AxleFigures(
     unsprung_mass=Figure(680, 120, "Auburn 570 kg, article 1900 kg for two axles, Kraz about 990 kg"),

@@ -17,6 +17,16 @@ from fifthwheel.truck.quantities import DRAG_AREA, ROLLING_RESISTANCE, TYRES
 
 AIR_DENSITY = 1.2
 """kg/m^3"""
+DRIVELINE: Mapping[str, Figure] = {
+    "efficiency": Figure(0.945, 0.01, "gearbox 0.97 to 0.99 and drive axle 0.96 to 0.97 under load"),
+    "torque_scale": Figure(1.0, 0.02, "torque that engine control units broadcast is within 5 % of a dynamometer"),
+    "speed_scale": Figure(1.0, 0.007, "tyre wear changes the rolling radius by up to 3 % between two calibrations"),
+    "engine_inertia": Figure(3.5, 1.0, "engines of 11 to 13 litres with flywheel: 2.5 to 5 kg m^2"),
+    "rotating_mass": Figure(55.0, 11.0, "wheel, tyre and brake disc: 13 to 15 kg m^2 at 0.5 m"),
+    "drag_area": Figure(TYRES[DRAG_AREA].default, 0.9, "drag coefficient 0.5 to 0.8 times 8 to 10 m^2"),
+    "rolling_resistance": Figure(TYRES[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"),
+}
+"""Numbers of heavy trucks with their standard deviations. There are none for engine and gears."""
 
 
 def _optional(unit: str, description: str, low: float, high: float) -> Any:
@@ -60,18 +70,6 @@ class Driveline(Component):
                 limit, got = (f"{x:.4g} {unit}".rstrip() for x in (high, low))
                 raise VehicleError(f"{lower}: expected less than {higher}, {limit}, got {got}; correct one of them")
         return self
-
-
-DRIVELINE: Mapping[str, Figure] = {
-    "efficiency": Figure(0.945, 0.01, "gearbox 0.97 to 0.99 and drive axle 0.96 to 0.97 under load"),
-    "torque_scale": Figure(1.0, 0.02, "torque that engine control units broadcast is within 5 % of a dynamometer"),
-    "speed_scale": Figure(1.0, 0.007, "tyre wear changes the rolling radius by up to 3 % between two calibrations"),
-    "engine_inertia": Figure(3.5, 1.0, "engines of 11 to 13 litres with flywheel: 2.5 to 5 kg m^2"),
-    "rotating_mass": Figure(55.0, 11.0, "wheel, tyre and brake disc: 13 to 15 kg m^2 at 0.5 m"),
-    "drag_area": Figure(TYRES[DRAG_AREA].default, 0.9, "drag coefficient 0.5 to 0.8 times 8 to 10 m^2"),
-    "rolling_resistance": Figure(TYRES[ROLLING_RESISTANCE].default, 0.001, "truck tyres of ISO 28580: 0.004 to 0.008"),
-}
-"""Numbers of heavy trucks with their standard deviations. There are none for engine and gears."""
 
 
 def drag(drag_area: Any, speed: Any) -> Any:

@@ -129,7 +129,7 @@ class Laden(NamedTuple):
 
 
 def laden(p: Mapping[str, Any], unit: Unit) -> Laden:
-    """Laden sprung mass, CoG height and roll inertia of a unit.
+    """Laden sprung mass, CoG height and roll inertia of a unit: equations (8) and (9).
 
     The CoG of a payload is at half its height above the floor. A point mass has no term (D_p^2 + h_p^2) / 12. p has the
     parameters by path; the unit gives its name and the shape of the payload, its numbers are not used.

@@ -21,6 +21,10 @@ MAX_DEVIATION = 3.0
 """Largest usual difference of an unladen mass and that of its class, in standard deviations of the class."""
 MAX_FACTOR = 3.0
 """Largest usual factor between the mass of axles and wheels and that of published vehicles, or its inverse."""
+LOAD_SIGMA = 0.5
+"""Standard deviation of the mass of a load before it is weighed, as a fraction of the mass in the file."""
+STEP = 0.01
+"""For the slopes, kg and m; the loads are linear in masses and moments."""
 
 
 def with_consistent_masses(vehicle: Vehicle, values: Mapping[str, float]) -> Vehicle:
@@ -111,12 +115,6 @@ def _usual_axles(unit: Unit) -> float:
         counts = [len(group.axles) for group in unit.axle_groups]
         return CLASSES[unit.vehicle_class].unsprung_mass(counts)[0]
     return len(unit.axles) * TRAILER_AXLE.unsprung_mass.value
-
-
-LOAD_SIGMA = 0.5
-"""Standard deviation of the mass of a load before it is weighed, as a fraction of the mass in the file."""
-STEP = 0.01
-"""For the slopes, kg and m; the loads are linear in masses and moments."""
 
 
 def with_axle_loads(

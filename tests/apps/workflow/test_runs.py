@@ -21,9 +21,9 @@ from fifthwheel.apps.workflow.runs import (
 )
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.base.options import ObserverOptions
+from fifthwheel.data.logs import source as sampling
 from fifthwheel.data.logs import write_record
 from fifthwheel.data.logs.propose import survey_log
-from fifthwheel.data.logs.readers import sample as sampling
 from fifthwheel.data.logs.readers import text as text_reader
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.observe import Observer, ObserverSettings

@@ -84,7 +84,7 @@ INJECTED = [
 
 
 def test_every_fault_is_injected():
-    by_model = {Fault.EXCHANGED, Fault.TIME_OFFSET, Fault.CLOCK_RATE, Fault.MASS}  # tests/time_bases, tests/identify
+    by_model = {Fault.EXCHANGED, Fault.TIME_OFFSET, Fault.CLOCK_RATE, Fault.MASS}  # tests/estimate
     assert {fault for fault, *_ in INJECTED} == set(Fault) - {Fault.UNKNOWN_UNIT, Fault.UNUSED} - by_model
 
 

@@ -24,7 +24,7 @@ from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.assess import assessment as assess
+from fifthwheel.results.assess.assessment import assess
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import Vehicle, get
 

@@ -22,6 +22,17 @@ Window = tuple[float, float]
 _UNUSED_BUTTONS = ["zoom2d", "select2d", "lasso2d", "toImage"]
 _CLEAR = "rgba(0,0,0,0)"
 CONFIG = {"displaylogo": False, "responsive": True, "modeBarButtonsToRemove": _UNUSED_BUTTONS}
+ZOOM = ["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"]
+"""Of the event plotly_relayout, what `zoomed` needs."""
+_KEPT = "zoom"
+DATA = ("vehicle.toml", "identification.json", "states.parquet")
+"""What can be downloaded of a result."""
+FILES = ("report.html", *DATA)
+"""What can be asked for."""
+SANDBOX = "sandbox allow-scripts"
+"""The report draws its plots, but cannot read or change anything else."""
+_NAME = re.compile(r'(<h1>[^<]*<span class="result">)[^<]*<')
+_TITLE = re.compile("<title>[^<]*</title>")
 
 
 def show(*blocks: pages.Block) -> None:
@@ -74,11 +85,6 @@ def over_time(element: ui.plotly, log: str) -> None:
     element.classes("fw-time").props["data-log"] = log
 
 
-ZOOM = ["xaxis.range[0]", "xaxis.range[1]", "xaxis.autorange"]
-"""Of the event plotly_relayout, what `zoomed` needs."""
-_KEPT = "zoom"
-
-
 def zoomed(event: events.GenericEventArguments) -> Window | Literal[False] | None:
     """The window to which a user has zoomed, s; None for the whole log, False for another change."""
     if event.args.get(ZOOM[2]):
@@ -118,18 +124,6 @@ def drawn(plot: Plot, *, height: int, log: str | None = None) -> dict[str, Any]:
         if window := kept_zoom(log):
             own["xaxis"] = content["layout"]["xaxis"] | {"range": list(window), "autorange": False}
     return content | {"layout": content["layout"] | own, "config": CONFIG}
-
-
-DATA = ("vehicle.toml", "identification.json", "states.parquet")
-"""What can be downloaded of a result."""
-FILES = ("report.html", *DATA)
-"""What can be asked for."""
-SANDBOX = "sandbox allow-scripts"
-"""The report draws its plots, but cannot read or change anything else."""
-
-
-_NAME = re.compile(r'(<h1>[^<]*<span class="result">)[^<]*<')
-_TITLE = re.compile("<title>[^<]*</title>")
 
 
 def register_files(folder: Path) -> None:

@@ -54,6 +54,10 @@ _SURVEY = "survey.json"
 _PART, _LOCK = ".part", "lock"
 EVIDENCE_SPAN = 600.0
 """Longest part of a log that is used to propose and compare signals, s."""
+RESULT = "identification.json"
+"""Its presence makes a folder of `runs` a result."""
+KNOWLEDGE = "knowledge"
+"""The option whose value is an earlier result."""
 
 
 def stored_folder(workspace: Workspace, name: str) -> Path:
@@ -200,12 +204,6 @@ def described(path: Path) -> tuple[str, int, int]:
     """What identifies the content of a file: name, bytes and time of the last change."""
     content = path.stat()
     return path.name, content.st_size, content.st_mtime_ns
-
-
-RESULT = "identification.json"
-"""Its presence makes a folder of `runs` a result."""
-KNOWLEDGE = "knowledge"
-"""The option whose value is an earlier result."""
 
 
 class MissingError(FifthwheelError):

@@ -16,6 +16,7 @@ COMMANDS = (
     *("reproduce", "selfcheck"),
 )
 """In the order of a user's way from a truck and a log to its states."""
+_KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
 class _Commands(TyperGroup):
@@ -82,9 +83,6 @@ def command(*examples: str, of: typer.Typer = app) -> Callable[[Callable[..., No
         return function
 
     return register
-
-
-_KEYWORD = inspect.Parameter.KEYWORD_ONLY
 
 
 def _with_options(function: Callable[..., None]) -> Callable[..., None]:

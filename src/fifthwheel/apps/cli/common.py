@@ -67,6 +67,8 @@ FiguresOption = Annotated[
     Literal["svg", "png", "pdf"] | None,
     typer.Option("--figures", help="Also write every figure of the report to OUT/figures; needs matplotlib."),
 ]
+_LARGE = 20_000_000
+"""Bytes of all logs from which reading shows its progress."""
 
 
 def windows(texts: list[str] | None) -> dict[str, list[tuple[float, float]]]:
@@ -96,10 +98,6 @@ def require_figures(figures: str | None, out: Path | None) -> None:
         checked_format(figures)
         if out is None:
             raise FifthwheelError("--figures: needs a folder; add -o FOLDER")
-
-
-_LARGE = 20_000_000
-"""Bytes of all logs from which reading shows its progress."""
 
 
 def load_records(

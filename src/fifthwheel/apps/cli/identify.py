@@ -16,6 +16,9 @@ from fifthwheel.base.options import IdentifyOptions, ObserverOptions
 if TYPE_CHECKING:
     from fifthwheel.truck import Vehicle
 
+_OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road"))
+"""Options of an identification for predictions before it."""
+
 
 @command(
     "fifthwheel signals run.mf4",
@@ -97,10 +100,6 @@ def _show_record(
     show(record_document(record, findings))
     if save is not None:
         common.print_files({save.name: save})
-
-
-_OPTIONS = Only(("statements", "any_load", "knowledge", "trailer", "load", "road"))
-"""Options of an identification for predictions before it."""
 
 
 @command(

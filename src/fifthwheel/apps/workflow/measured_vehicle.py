@@ -239,7 +239,7 @@ def weigh_vehicle(record: Record, text: str, *, tolerance: float = 0.02) -> Weig
 
 
 def roll_tested_vehicle(vehicle: Vehicle, test: RollTest) -> Vehicle:
-    """The vehicle with the result of a roll test; see `vehicle.with_roll_test`.
+    """The vehicle with the result of a roll test; see `truck.roll_test`.
 
     Other numbers have the standard deviations that the vehicle file states, or else the default ones. A VehicleError if
     the test is not plausible, or does not suit the vehicle.

@@ -38,6 +38,8 @@ without a standard deviation has it too where it is compared with slips."""
 HEIGHT_SIGMA = 0.2
 """Standard deviation of a height of the load that is stated without one, as a fraction. A uniform load has its CoG at
 half of its height; loads are not uniform, and the standard deviation of the CoG is 10 % of the height."""
+SPREADS = (0.8, 3.5)
+"""Between neighbouring axles, m: from a tyre's diameter to the 3.1 m of North American spread axles."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,8 +132,6 @@ def _tare(key: str, limits: tuple[float, float], example: str, *, weighed: str) 
     return Question(key=key, unit="kg", limits=limits, example=example, sigma=TARE_SIGMA, unused=unused)
 
 
-SPREADS = (0.8, 3.5)
-"""Between neighbouring axles, m: from a tyre's diameter to the 3.1 m of North American spread axles."""
 QUESTIONS = (
     Question(key="tractor", choices=tuple(name for name in CLASSES if name.startswith(TRACTOR)), required=True),
     Question(key="trailer", choices=tuple(name for name in CLASSES if name.startswith(TRAILER)), required=True),

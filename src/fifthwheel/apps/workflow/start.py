@@ -25,6 +25,8 @@ from fifthwheel.estimate.identify.statement import Statement, combined, parse, s
 from fifthwheel.truck import Vehicle
 
 T = TypeVar("T")
+_ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")
+"""Options that belong to one stage."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -129,10 +131,6 @@ def _of_table(path: Path, given: Mapping[str, Any], owner: str = "") -> Iterator
             raise FifthwheelError(f"{path}: {name}: expected a text such as '+- 5 %', or a number in SI, got {text!r}")
         else:
             yield statement(name, text)
-
-
-_ONE_STAGE = ("knowledge", "trailer", "load", "road", "any_load", "form", "tyres")
-"""Options that belong to one stage."""
 
 
 def named_texts(option: str, texts: Iterable[str], expected: str) -> dict[str, str]:

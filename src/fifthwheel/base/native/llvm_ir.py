@@ -13,6 +13,33 @@ import casadi as ca
 import numpy as np
 
 Value = TypeVar("Value")
+_SINGLE = {
+    ca.OP_ADD: "fadd contract {type} {a}, {b}",
+    ca.OP_SUB: "fsub contract {type} {a}, {b}",
+    ca.OP_MUL: "fmul contract {type} {a}, {b}",
+    ca.OP_NEG: "fneg {type} {a}",
+    ca.OP_SQ: "fmul contract {type} {a}, {a}",
+    ca.OP_TWICE: "fadd contract {type} {a}, {a}",
+}
+_COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
+_INTRINSIC = {
+    ca.OP_SQRT: "sqrt",
+    ca.OP_FABS: "fabs",
+    ca.OP_EXP: "exp",
+    ca.OP_LOG: "log",
+    ca.OP_SIN: "sin",
+    ca.OP_COS: "cos",
+    ca.OP_FMIN: "minnum",
+    ca.OP_FMAX: "maxnum",
+}
+# functions of the C library, called for each lane; older LLVM has no intrinsic for them
+_LIBRARY = {ca.OP_ATAN: "atan", ca.OP_TANH: "tanh"}
+_ARGUMENTS = ("carry", "sample", "constant")
+ALIGNMENT = {"double": 8, "float": 4}
+"""Of the types of a number, bytes."""
+BLOCK = 1000
+"""Lines of a basic block. LLVM needs the more time for a line, the longer its block is, so a long step is divided. A
+branch whose condition is always true, which LLVM does not know, keeps the blocks apart."""
 
 
 class Instruction(NamedTuple):
@@ -69,35 +96,6 @@ def translate(
             values[k] = operation(op, [values[i] for i in operands])
     return results
 
-
-_SINGLE = {
-    ca.OP_ADD: "fadd contract {type} {a}, {b}",
-    ca.OP_SUB: "fsub contract {type} {a}, {b}",
-    ca.OP_MUL: "fmul contract {type} {a}, {b}",
-    ca.OP_NEG: "fneg {type} {a}",
-    ca.OP_SQ: "fmul contract {type} {a}, {a}",
-    ca.OP_TWICE: "fadd contract {type} {a}, {a}",
-}
-_COMPARE = {ca.OP_LT: "olt", ca.OP_LE: "ole", ca.OP_EQ: "oeq", ca.OP_NE: "une"}
-_INTRINSIC = {
-    ca.OP_SQRT: "sqrt",
-    ca.OP_FABS: "fabs",
-    ca.OP_EXP: "exp",
-    ca.OP_LOG: "log",
-    ca.OP_SIN: "sin",
-    ca.OP_COS: "cos",
-    ca.OP_FMIN: "minnum",
-    ca.OP_FMAX: "maxnum",
-}
-# functions of the C library, called for each lane; older LLVM has no intrinsic for them
-_LIBRARY = {ca.OP_ATAN: "atan", ca.OP_TANH: "tanh"}
-_ARGUMENTS = ("carry", "sample", "constant")
-
-ALIGNMENT = {"double": 8, "float": 4}
-"""Of the types of a number, bytes."""
-BLOCK = 1000
-"""Lines of a basic block. LLVM needs the more time for a line, the longer its block is, so a long step is divided. A
-branch whose condition is always true, which LLVM does not know, keeps the blocks apart."""
 
 Register = tuple[str, bool]
 """Name of a register, and whether it is invariant, that is computed before the loop over the samples."""

@@ -28,6 +28,8 @@ S = TypeVar("S")
 PACKAGE = Path(fifthwheel.__file__).parent
 _IMPORT = re.compile(r"^\s*from (fifthwheel[\w.]*) import (\([^)]*\)|.*)", re.MULTILINE)
 _COMMENT = re.compile(r"#.*")
+PLAIN = (str, bool, int, type(None))
+"""Types of arguments that are their own identity."""
 
 
 @functools.cache
@@ -89,9 +91,6 @@ def _content(path: Path) -> bytes:
 compiling = threading.RLock()
 """Held while a step is built, while LLVM is used, and while the process forks: a child never starts with a lock of LLVM
 that a thread of its parent holds, and that nobody releases."""
-
-PLAIN = (str, bool, int, type(None))
-"""Types of arguments that are their own identity."""
 
 
 class Step:

@@ -41,6 +41,15 @@ COURSE_POINTS = 2 * COURSE_WIDTH
 _OPTION = re.compile(r"(?<!\w)--\w[\w-]*")
 _JOINT = re.compile(r"(?<=[^\W\d])([._/])(?=\w)")
 """Where a path may break."""
+POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
+"""What the page may load: nothing from elsewhere."""
+LEVEL = 5
+"""Of the compression; 9 takes twice as long for 1 % less."""
+MARGINS = {"": {"l": 56, "r": 12, "t": 30, "b": 44}, "small": {"l": 46, "r": 10, "t": 26, "b": 40}}
+"""Around a plot by its size, pixels."""
+IMAGE_SIZES = {"tall": (6.4, 4.6), "small": (4.2, 3.0)}
+"""Inches."""
+IMAGE_FORMATS = ("svg", "png", "pdf")
 
 
 class Displayed:
@@ -189,17 +198,6 @@ def course(time: Array, values: Array) -> pages.Markup:
         f'<svg width="{COURSE_WIDTH}" height="{COURSE_HEIGHT}" role="img">'
         f'<path d="{path}" fill="none" stroke="{BLUE}"/></svg>'
     )
-
-
-POLICY = "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; img-src data: blob:"
-"""What the page may load: nothing from elsewhere."""
-LEVEL = 5
-"""Of the compression; 9 takes twice as long for 1 % less."""
-MARGINS = {"": {"l": 56, "r": 12, "t": 30, "b": 44}, "small": {"l": 46, "r": 10, "t": 26, "b": 40}}
-"""Around a plot by its size, pixels."""
-IMAGE_SIZES = {"tall": (6.4, 4.6), "small": (4.2, 3.0)}
-"""Inches."""
-IMAGE_FORMATS = ("svg", "png", "pdf")
 
 
 def write(path: Path, document: pages.Document, *, images: str | None = None) -> list[Path]:

@@ -264,7 +264,7 @@ class Channel:
     of some seconds: of the nonlinear truck (`plant`) in everyday driving, by the noise model that an identification
     fits (`estimate.identify.noise_model`)."""
     shows_clock: bool = False
-    """Whether the drift of its clock is measured (`estimate.time_bases.rates`)."""
+    """Whether the drift of its clock is measured (`estimate.time_bases.findings`)."""
     large_offset: bool = False
     """Whether its offset is large, and its noise different on every truck. The offset would decide if nothing else were
     measured, so observers estimate it, and use the channel only beside others."""

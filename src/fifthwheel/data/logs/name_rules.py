@@ -11,6 +11,61 @@ from fifthwheel.base.units import factor
 from fifthwheel.data.channels import ARTICULATION, CHANNELS, SPEED, STEER, Channel
 from fifthwheel.data.channels.sensors import SENSOR_CLASSES
 
+# Patterns are searched in names of small letters with "_" before, between and after the words: "_yaw_rate_lkw_".
+_NEVER = re.compile(
+    "_(set|soll|target|demand|request|req|command|cmd|desired|limit|max|min|status|valid|validity|qual|quality|qbit|flag"
+    "|counter|cnt|crc|checksum|type|error|err|fault|sigma|std|stddev|stdev|variance|var|cov|conf|accuracy|latency|age"
+    "|offset|bias|relative|rel|rlative|inc|trig|trigger|pedal|ped|fraction|temp|temperature|torque|trq|moment|force"
+    "|couple|consigne|pressure|power|voltage|fluid|vz|enable|enabled|active|mode|switch|button|lamp|warning|available)_|_current_$"
+)
+"""Words of other channels: set values, states, accuracies, signs, forces."""
+_RULES = [
+    (channel, rule)
+    for generic in (False, True)
+    for channel in CHANNELS.values()
+    for rule in channel.patterns
+    if rule.generic == generic
+]
+"""In the order in which they are tried."""
+NO_UNIT = ("", "-", "1")
+"""What stands in a log for an unknown unit."""
+_UNIT_ENDINGS = {
+    **dict.fromkeys(("km_h", "kmh", "kph"), "km/h"),
+    **dict.fromkeys(("m_s2", "ms2", "mps2", "m_s_2"), "m/s^2"),
+    **dict.fromkeys(("deg_s", "degs", "degps", "dps", "deg_per_s"), "deg/s"),
+    **dict.fromkeys(("rad_s", "rads", "radps", "rad_per_s"), "rad/s"),
+    **dict.fromkeys(("m_s", "mps"), "m/s"),
+    **dict.fromkeys(("deg", "grad"), "deg"),
+    "mph": "mph",
+    "rad": "rad",
+}
+"""Units at the end of names."""
+_TOWED = re.compile(
+    "trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
+)
+_LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
+_NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
+_NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")
+"""Words before a number that does not count the units of a vehicle."""
+_LEAST_TOP_SPEED = 8.0
+"""m/s; a truck on the road drives faster."""
+_STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw|lrw|hwa)_|lenkrad|hand|column|volant")
+_ROAD_WHEEL = re.compile("road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
+_DEVICE = re.compile("(?<=[a-z0-9])_(gps|gnss|obd|can)$")
+"""Words at the end of a name for the device that has measured."""
+_SENSORS = {
+    "vdc2": "_vdc_?2_|vehicle_dynamic_stability",
+    "ins": "_(ins|oxts|rt3000|rt1003|nov_?a_?tel|vector_?nav|adma|applanix)_",
+}
+"""Words for classes of sensors: the J1939 message 61449, and makes of inertial navigation systems."""
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
+_SIDES = {
+    "front": {"front", "vorn", "vorne", "avant", "fa", "fl", "fr", "vl", "vr"},
+    "rear": {"rear", "hinten", "arriere", "ra", "rl", "rr", "hl", "hr"},
+    "left": {"left", "links", "gauche", "fl", "rl", "vl", "hl"},
+    "right": {"right", "rechts", "droite", "fr", "rr", "vr", "hr"},
+}
+
 
 @dataclass(frozen=True, kw_only=True)
 class ColumnHint:
@@ -65,64 +120,6 @@ class ColumnHint:
         if len(units) > 2 and self.number and self.number <= len(units) and not is_articulation:
             return units[self.number - 1]
         return units[-1] if self.trailing or is_articulation else units[0]
-
-
-# Patterns are searched in names of small letters with "_" before, between and after the words: "_yaw_rate_lkw_".
-_NEVER = re.compile(
-    "_(set|soll|target|demand|request|req|command|cmd|desired|limit|max|min|status|valid|validity|qual|quality|qbit|flag"
-    "|counter|cnt|crc|checksum|type|error|err|fault|sigma|std|stddev|stdev|variance|var|cov|conf|accuracy|latency|age"
-    "|offset|bias|relative|rel|rlative|inc|trig|trigger|pedal|ped|fraction|temp|temperature|torque|trq|moment|force"
-    "|couple|consigne|pressure|power|voltage|fluid|vz|enable|enabled|active|mode|switch|button|lamp|warning|available)_|_current_$"
-)
-"""Words of other channels: set values, states, accuracies, signs, forces."""
-_RULES = [
-    (channel, rule)
-    for generic in (False, True)
-    for channel in CHANNELS.values()
-    for rule in channel.patterns
-    if rule.generic == generic
-]
-"""In the order in which they are tried."""
-
-NO_UNIT = ("", "-", "1")
-"""What stands in a log for an unknown unit."""
-_UNIT_ENDINGS = {
-    **dict.fromkeys(("km_h", "kmh", "kph"), "km/h"),
-    **dict.fromkeys(("m_s2", "ms2", "mps2", "m_s_2"), "m/s^2"),
-    **dict.fromkeys(("deg_s", "degs", "degps", "dps", "deg_per_s"), "deg/s"),
-    **dict.fromkeys(("rad_s", "rads", "radps", "rad_per_s"), "rad/s"),
-    **dict.fromkeys(("m_s", "mps"), "m/s"),
-    **dict.fromkeys(("deg", "grad"), "deg"),
-    "mph": "mph",
-    "rad": "rad",
-}
-"""Units at the end of names."""
-
-_TOWED = re.compile(
-    "trailer|semi|auflieger|anhaeng|remorque|_(trl|anh|sa|st(?!_wh)|towed|rear_unit)_|(ebs|rge)2\\d|_hrw_.*_c[89a-f]_$"
-)
-_LEADING = re.compile("tractor|tracteur|truck|zugm|motor_?wagen|towing|_(trk|szm|zm|lkw|cab|chassis|front_unit)_")
-_NUMBER = re.compile("(?P<before>[a-z]+)_?(?P<number>[1-8])_$|_(imu|ins|gyro|unit|body)_?(?P<device>[1-8])_")
-_NOT_A_UNIT_NUMBER = ("poi", "point", "axle", "weight", "load", "wheel", "channel", "can", "bus", "sensor")
-"""Words before a number that does not count the units of a vehicle."""
-_LEAST_TOP_SPEED = 8.0
-"""m/s; a truck on the road drives faster."""
-_STEERING_WHEEL = re.compile("wheel|whl|_(swa|sas|lws|lwi|sw|lrw|hwa)_|lenkrad|hand|column|volant")
-_ROAD_WHEEL = re.compile("road|_delta_(?!lrw|swa|hwa)|rad_?einschlag|front_?wheel|vorderrad")
-_DEVICE = re.compile("(?<=[a-z0-9])_(gps|gnss|obd|can)$")
-"""Words at the end of a name for the device that has measured."""
-_SENSORS = {
-    "vdc2": "_vdc_?2_|vehicle_dynamic_stability",
-    "ins": "_(ins|oxts|rt3000|rt1003|nov_?a_?tel|vector_?nav|adma|applanix)_",
-}
-"""Words for classes of sensors: the J1939 message 61449, and makes of inertial navigation systems."""
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss"})
-_SIDES = {
-    "front": {"front", "vorn", "vorne", "avant", "fa", "fl", "fr", "vl", "vr"},
-    "rear": {"rear", "hinten", "arriere", "ra", "rl", "rr", "hl", "hr"},
-    "left": {"left", "links", "gauche", "fl", "rl", "vl", "hl"},
-    "right": {"right", "rechts", "droite", "fr", "rr", "vr", "hr"},
-}
 
 
 def classify_columns(units: Mapping[str, str | None]) -> dict[str, ColumnHint]:

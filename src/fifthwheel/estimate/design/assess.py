@@ -130,7 +130,7 @@ def predict_sigmas(
     Computes the Cramer-Rao bound with priors at the values of the vehicle file: the better the file, the better the
     assessment. Model and logs are assumed to be right; errors of the model come in addition, and of faults in the logs
     only the findings are known. The noise of each channel is estimated from its spectral density between 3 and 10 Hz
-    (`record.sensor_noise`), with a tenth of the variance of its sensor as the lower limit: that of `settings`, else the
+    (`record.derived`), with a tenth of the variance of its sensor as the lower limit: that of `settings`, else the
     article's. This variance is used where a log is too short for the estimate, and where the noise is known.
 
     Args:

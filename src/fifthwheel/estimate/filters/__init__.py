@@ -1,6 +1,6 @@
 """Kalman filter, joint filter and smoother for symbolic models, and the inputs that they need for a vehicle.
 
-kalman, joint, relinearised, smoother, tangent and model accept any symbolic model.
+kalman, joint, relinearised, tangent and model accept any symbolic model.
 variances, initial_state and step_rows provide the noise variances, initial states and sample rows of a vehicle model.
 """
 

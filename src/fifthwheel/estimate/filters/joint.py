@@ -2,8 +2,8 @@
 
 The compiled step contains the equations in one piece; the step in C calls `correct` once for each channel.
 
-The dual filter of `dual` with both switches on is Friedland's (1969) separate form of the joint extended Kalman filter.
-This filter adds:
+The dual filter of the article with both switches on is Friedland's (1969) separate form of the joint extended Kalman
+filter. This filter adds:
 
 * learn: z has no gain on a sample with learn = 0.
 * Considered parameters c ~ N(0, I), which keep their prior mean 0 (Schmidt 1966). `B` is the derivative of the estimate

@@ -28,6 +28,10 @@ from fifthwheel.estimate.filters.model import Model, pack, pack_array, packed_si
 from fifthwheel.estimate.filters.step_rows import SampleRows
 from fifthwheel.model.dynamics.symbolic import Matrix
 
+CHUNK = 500
+"""Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the
+backward pass repeats the filter chunk by chunk."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Noise:
@@ -197,11 +201,6 @@ def kalman_step(model: Model) -> ca.Function:
     carried = ca.vertcat(after, pack(P_after))
     output = ca.vertcat(carried, channel_columns(channels), before, pack(P_before))
     return ca.Function("kalman", [carry, sample, constant], [ca.densify(carried), ca.densify(output)], {"cse": True})
-
-
-CHUNK = 500
-"""Number of rows in one pass, which bounds the memory. The forward pass stores only the carry before each chunk; the
-backward pass repeats the filter chunk by chunk."""
 
 
 @compiled(Scan)

@@ -28,6 +28,10 @@ STEP = 0.05
 """Between the points of the curve, s; samples within it are averaged."""
 CUT = 4.0
 """Beyond this number of `WIDTH`, samples have no weight."""
+SMALLEST_PLAY = 0.002
+"""rad; the contact of a smaller play is computed with this one, so that noise of the steer angle does not change it."""
+PLAY_STEP = 0.0005
+"""rad; the play is rounded to this step, so that small changes of it do not change the contact."""
 
 
 class Spline:
@@ -173,12 +177,6 @@ def steer_sigma(inputs: Mapping[str, Array]) -> float:
     """Largest standard deviation of the steer angles among the inputs, rad."""
     others = ("speed", dynamics.SPEED_RATE, *dynamics.SLOPES.values())
     return max(float(np.std(values)) for name, values in inputs.items() if name not in others)
-
-
-SMALLEST_PLAY = 0.002
-"""rad; the contact of a smaller play is computed with this one, so that noise of the steer angle does not change it."""
-PLAY_STEP = 0.0005
-"""rad; the play is rounded to this step, so that small changes of it do not change the contact."""
 
 
 def play_contact(steer: Array, play: float) -> Array:

@@ -8,7 +8,7 @@ the prior of c is dropped (Rao 1948; "modification index" in econometrics). With
 z_c / s_c^2, and the other estimates change with it by P_c z_c / s_c^2. A learner keeps some unknowns at their prior
 mean 0 (considered, Schmidt) and has the same test for these from the score.
 
-A prior is contradicted if a gross error of its number (`gross_errors`) is more probable than none. Let d be the
+A prior is contradicted if a gross error of its number (`GrossError`) is more probable than none. Let d be the
 deviation z_c / s_c^2 without the prior. If the prior holds, its variance is V = 1 / s_c^2; with a gross error of w
 prior standard deviations V + w^2 - 1. With the rate pi of such errors
 

@@ -49,6 +49,40 @@ NOISE_PRIOR = {
     "vertical curve": (50.0, 0.7),  # m, over which its change is correlated
 }
 """Median, and standard deviation of the logarithm, of the standard deviations and length that the noise has."""
+LONGEST_HOLD = 1.0
+"""Time for which an engine signal or a flag may be missing, s."""
+BESIDE_SERVICE_BRAKES = (0.3, 0.3)
+"""Fraction of the braking force by engine and retarder where the service brakes act, and its standard deviation."""
+ENGINE_ALONE = 0.05
+"""Standard deviation of this fraction where the service brakes are off: trailers drag their brakes."""
+LOWEST_SPEED = 1.5
+"""m/s; below it the clutch slips, and power over speed does not give the force."""
+SETTLING = 2
+"""Steps before and after braking, gear changes and missing signals whose force counts as unknown."""
+COASTING = 0.6
+"""m/s^2; a truck that coasts loses 0.1 to 0.3 m/s^2, engine and air included, and more on a climb only, where it is
+driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
+SLIPPING = 0.02
+"""Fraction of the largest torque; while the driveline is not engaged and the engine gives more, as in a start or a
+manoeuvre, the clutch slips and transmits an unknown part of it. Offset and quantisation are 1 % each."""
+RATIO_RATE = 0.03
+"""1/s; where engine speed over speed changes faster, the clutch is open or slips."""
+TORQUE_OFFSET = 0.01
+"""Standard deviation of a bias of the engine torque, as a fraction of its largest magnitude in the log."""
+DELAY = 0.1
+"""Standard deviation of the delay between force and speed, s."""
+ANTICIPATION = 0.5
+"""Standard deviation of the fraction of the force that drivers give for the hill they see: it is not independent of the
+grade. Only changes of the force within less than a vertical curve then inform the mass. The lag is causal: later forces
+answer to the speed, so that they would explain the grade by its own effect."""
+HEAVIEST = 500e3
+"""Largest mass, kg."""
+SHORTEST = 20.0
+"""Least time with known force, s."""
+ITERATIONS = 4
+"""Relinearisations about the mass and the delay."""
+MEAN_GRADE = 0.01
+"""Standard deviation of the mean grade of a log without a grade."""
 
 
 def noise_prior(*, has_grade: bool) -> tuple[Array, Array]:
@@ -127,42 +161,6 @@ def _whitening_step(k: int) -> ca.Function:
     return ca.Function("gross_mass", [carry, sample, r], [ca.densify(carried), ca.densify(output)], {"cse": True})
 
 
-LONGEST_HOLD = 1.0
-"""Time for which an engine signal or a flag may be missing, s."""
-BESIDE_SERVICE_BRAKES = (0.3, 0.3)
-"""Fraction of the braking force by engine and retarder where the service brakes act, and its standard deviation."""
-ENGINE_ALONE = 0.05
-"""Standard deviation of this fraction where the service brakes are off: trailers drag their brakes."""
-LOWEST_SPEED = 1.5
-"""m/s; below it the clutch slips, and power over speed does not give the force."""
-SETTLING = 2
-"""Steps before and after braking, gear changes and missing signals whose force counts as unknown."""
-COASTING = 0.6
-"""m/s^2; a truck that coasts loses 0.1 to 0.3 m/s^2, engine and air included, and more on a climb only, where it is
-driven. A log that loses more, of which no brake is ever on, lacks its brakes."""
-SLIPPING = 0.02
-"""Fraction of the largest torque; while the driveline is not engaged and the engine gives more, as in a start or a
-manoeuvre, the clutch slips and transmits an unknown part of it. Offset and quantisation are 1 % each."""
-RATIO_RATE = 0.03
-"""1/s; where engine speed over speed changes faster, the clutch is open or slips."""
-TORQUE_OFFSET = 0.01
-"""Standard deviation of a bias of the engine torque, as a fraction of its largest magnitude in the log."""
-DELAY = 0.1
-"""Standard deviation of the delay between force and speed, s."""
-ANTICIPATION = 0.5
-"""Standard deviation of the fraction of the force that drivers give for the hill they see: it is not independent of the
-grade. Only changes of the force within less than a vertical curve then inform the mass. The lag is causal: later forces
-answer to the speed, so that they would explain the grade by its own effect."""
-HEAVIEST = 500e3
-"""Largest mass, kg."""
-SHORTEST = 20.0
-"""Least time with known force, s."""
-ITERATIONS = 4
-"""Relinearisations about the mass and the delay."""
-MEAN_GRADE = 0.01
-"""Standard deviation of the mean grade of a log without a grade."""
-
-
 class DrivingMass(NamedTuple):
     """Gross mass by the balance of the longitudinal forces."""
 
@@ -215,7 +213,7 @@ def driving_mass(records: Sequence[Record], vehicle: Vehicle) -> DrivingMass:
 def force_balance(
     record: Record, vehicle: Vehicle, start: float, mass: float, delay: float, *, braked: bool = True
 ) -> Array:
-    """Samples of `grade_filter.least_squares` from a record, without its noise: [moved, distance, y, weight, inputs].
+    """Samples of `least_squares` from a record, without its noise: [moved, distance, y, weight, inputs].
 
     They are linearised about a mass, kg, and a delay of the speed, s; the first coefficient is `start` / mass. Where a
     brake acts, the force is unknown if `braked`, else that of the engine.

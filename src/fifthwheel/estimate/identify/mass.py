@@ -1,9 +1,9 @@
 """The gross mass of a vehicle, and mass and CoG of its laden units: driving, axle loads and weights in one estimate.
 
 Unknown are the load of each laden unit, without a prior, and the numbers of the vehicle file, with its uncertainty as
-independent changes N(0, 1) (`vehicle.changes`). Measured are the gross mass in driving (`longitudinal`) and the static
-weights of the logs (`data.checks.axle_loads`), which follow from masses and positions by statics (`truck.axle_loads`;
-Cheng and Cebon 2011, section 2.2). Gauss-Newton steps give the least squares and their covariance.
+independent changes N(0, 1) (`truck.uncertainty.changes`). Measured are the gross mass in driving (`longitudinal`) and
+the static weights of the logs (`data.checks.axle_loads`), which follow from masses and positions by statics
+(`truck.loads`; Cheng and Cebon 2011, section 2.2). Gauss-Newton steps give the least squares and their covariance.
 """
 
 import math

@@ -148,8 +148,8 @@ class OneStage(CommonSettings):
     False estimates `<unit>.sprung.cog_height` and `<unit>.sprung.roll_inertia` of the laden body separately."""
     tyres: ChosenTyres = "auto"
     """Law of the side forces: linear in the slip angle, with an unknown softening; saturating at the friction of the
-    road, which all logs share and which is estimated too (`model.dynamics.tyres`); an own function that saturates
-    (`model.dynamics.tyres`); or auto: saturating if the static axle loads are determined."""
+    road, which all logs share and which is estimated too; an own function that saturates
+    (both `model.dynamics.tyres`); or auto: saturating if the static axle loads are determined."""
     roll: bool = True
     """Model yaw and roll. False: yaw only, without signals that contain roll (roll rates, lateral accelerations, wheel
     speeds), and no payload height is estimated."""

@@ -95,7 +95,7 @@ class ObserverSettings(ObserverOptions):
     "tractor.front.relative_friction", "semitrailer.softening" or "brakes.drive_axle"; by default those of
     `dynamics.all_parameters`."""
     tyres: ChosenTyres = "auto"
-    """Law of the side forces: linear, saturating, an own function (`dynamics.tyre_law`), or auto: saturating with a
+    """Law of the side forces: linear, saturating, an own function (`model.dynamics.tyres`), or auto: saturating with a
     friction, else linear."""
     roll: bool = True
     """Model roll if a signal contains it. False: yaw only, without signals that contain roll."""

@@ -1,6 +1,6 @@
 """The on-line form of the one-stage identification: every sample as it comes, in bounded time and memory.
 
-It learns while the driver steers (`excitation`), repeats the samples of each segment with excitation from a better
+It learns while the driver steers (`Excitation`), repeats the samples of each segment with excitation from a better
 point of linearisation (`filters.relinearised`), and reports states whose sigmas include the uncertainty of the truck.
 """
 

@@ -30,6 +30,9 @@ REFERENCE_SPEED = 20.0
 """Speed at which the understeer gradient is computed, m/s."""
 NO_LIMIT = 1e6
 """More than any acceleration, m/s^2; a number that C has too."""
+LINEAR_TYRES = 0.06
+"""Default variation of the cornering stiffness of a linear tyre from drive to drive, as a fraction: slip, load and
+longitudinal force change it, and differ in each drive."""
 
 
 class PlayContacts:
@@ -117,10 +120,6 @@ def _understeer_gradient(vehicle: Vehicle) -> float:
     gain = -speed * float(np.linalg.solve(m.A, m.B[:, 0])[yaw_rate])
     return max(1 / gain - vehicle.wheelbase / speed**2, 0.0) if gain > 0 else 0.0
 
-
-LINEAR_TYRES = 0.06
-"""Default variation of the cornering stiffness of a linear tyre from drive to drive, as a fraction: slip, load and
-longitudinal force change it, and differ in each drive."""
 
 Structure = tuple[tuple[tuple[str, int], ...], tuple[tuple[str, int], ...], tuple[str, ...]]
 """`own`, `slopes` and `given` of an `OnlineModel`."""

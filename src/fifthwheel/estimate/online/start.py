@@ -34,6 +34,10 @@ from fifthwheel.estimate.online.settings import LearnerSettings
 from fifthwheel.model.dynamics import true_angles
 from fifthwheel.model.dynamics.chain import equations, state_names
 
+LEARNER_FILE = FileKind(
+    kind="fifthwheel learner", version=3, title="a learner", writer="Learner.save", renew="start with a new Learner"
+)
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Considered:
@@ -138,11 +142,6 @@ def steady_slopes(model: OnlineModel) -> ca.Function:
     steady = steady_equations(model, sample[:k], sample[k:], constant[:n_p], constant[n_p:])
     output = ca.vec(ca.densify(steady.slopes))
     return ca.Function("steady_slopes", [nothing, sample, constant], [nothing, output], {"cse": True})
-
-
-LEARNER_FILE = FileKind(
-    kind="fifthwheel learner", version=3, title="a learner", writer="Learner.save", renew="start with a new Learner"
-)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

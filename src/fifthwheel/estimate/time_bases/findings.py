@@ -50,6 +50,12 @@ _INTERVAL = 2.0
 """s, T above."""
 _MIN_RELATION = 0.9
 """Least fraction of the change of articulation that the yaw rates explain."""
+_BY_TIME = (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN, Fault.EXCHANGED)
+"""Faults that a time offset or an exchange of channels can be taken for."""
+_WELL_EXPLAINED = 0.8
+"""Fraction of the variance from which a channel with a corrected offset is neither wrong nor inverted."""
+_COMMON_LAG = 0.12
+"""s; lag of all channels behind a steer angle that is not quite on time."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -143,15 +149,6 @@ def common_rates(prediction: Prediction) -> Iterator[ClockRate]:
             rate, sigma = 1 / found[0] - 1, found[1] / found[0] ** 2
             if sigma < _MAX_SIGMA and abs(rate) > max(3 * sigma, MIN_COMMON_RATE):
                 yield ClockRate(signals=(), rate=rate, sigma=sigma)
-
-
-_BY_TIME = (Fault.SWAPPED_SIGN, Fault.WRONG_COLUMN, Fault.EXCHANGED)
-"""Faults that a time offset or an exchange of channels can be taken for."""
-_WELL_EXPLAINED = 0.8
-"""Fraction of the variance from which a channel with a corrected offset is neither wrong nor inverted."""
-
-_COMMON_LAG = 0.12
-"""s; lag of all channels behind a steer angle that is not quite on time."""
 
 
 def check_signals(record: Record, vehicle: Vehicle | None = None) -> tuple[Finding, ...]:

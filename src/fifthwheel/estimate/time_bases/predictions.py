@@ -37,6 +37,14 @@ _INVERTED_LAG = 0.3
 """s; an inverted signal lags its prediction by less."""
 _AMBIGUITY = 1.05
 """Of several maxima, the smallest lag is used that leaves at most this multiple of the smallest residual variance."""
+_KNOWN_STIFFNESS = ((1.0, 1.0), (0.7, 0.7), (1.4, 1.4), (1.0, 0.7), (1.0, 1.4))
+"""Factors of the cornering stiffness of the first unit and of the other units; a vehicle file is wrong by 30 %."""
+_UNKNOWN_STIFFNESS = (0.6, 1.0, 1.7)
+"""Factors of the cornering stiffness of all units without a vehicle file, laden or unladen."""
+_UNKNOWN_LENGTH = (0.8, 1.0, 1.3, 1.7)
+"""Factors of the length of the semitrailer without a vehicle file: 6.4 to 13.6 m."""
+_START = 1.0
+"""s at the start of a segment that depend on its unknown initial state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -153,16 +161,6 @@ def _correlation(m: Array, p: Array, rows: NDArray[np.int64], steps: int) -> Arr
     variances = (squares - total**2 / rows.size) * (m @ m)
     usable = variances > 1e-12 * squares.max() * (m @ m)
     return np.where(usable, covariance / np.sqrt(np.where(usable, variances, 1.0)), 0.0)
-
-
-_KNOWN_STIFFNESS = ((1.0, 1.0), (0.7, 0.7), (1.4, 1.4), (1.0, 0.7), (1.0, 1.4))
-"""Factors of the cornering stiffness of the first unit and of the other units; a vehicle file is wrong by 30 %."""
-_UNKNOWN_STIFFNESS = (0.6, 1.0, 1.7)
-"""Factors of the cornering stiffness of all units without a vehicle file, laden or unladen."""
-_UNKNOWN_LENGTH = (0.8, 1.0, 1.3, 1.7)
-"""Factors of the length of the semitrailer without a vehicle file: 6.4 to 13.6 m."""
-_START = 1.0
-"""s at the start of a segment that depend on its unknown initial state."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

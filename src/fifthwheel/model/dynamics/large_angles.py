@@ -1,7 +1,7 @@
 """Equations of motion with tyres that saturate and articulation angles that are not small.
 
 The forward speed u of the first unit and its derivative u' are given. With the generalised velocities w of `chain`
-and the velocities of `kinematics`, Kane's equations
+and the velocities of `unit_equations`, Kane's equations
 
     sum J_i' (M_i a_i - f_i) = 0,        J_i = d(u_i, v_i, r_i, p_i) / dw,
 

@@ -36,6 +36,8 @@ from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.quantities import HALF_TRACK, TYRES
 from fifthwheel.truck.unit import Accelerometer
 
+CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
+
 
 class SensorInputs(NamedTuple):
     """The quantities from which sensor outputs are computed: the `Instant` of `channels`."""
@@ -106,9 +108,6 @@ class SensorInputs(NamedTuple):
             )
         ratio: ca.SX = 2 * self.half_track * self.motion.r[i] / self.motion.u[i]
         return ratio if steer is None else ratio * ca.cos(steer) ** 2
-
-
-CONSTANT_STEERING = ca.SX(0, 1), ca.SX(0, 1)
 
 
 def sensor_inputs(

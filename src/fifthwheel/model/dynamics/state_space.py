@@ -29,6 +29,14 @@ from fifthwheel.truck.steering import require_roll
 if TYPE_CHECKING:
     from scipy import signal
 
+COG_ACCELERATION = "cog_acceleration"
+MAX_SPEED = 60.0
+"""m/s; a larger number is a speed in km/h."""
+STEER_SPEEDS = (10.0, 20.0)
+"""m/s; any two give the same L and K of `steady_steer`."""
+GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
+"""Outputs of an axle group, with their SI units."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Matrices:
@@ -155,15 +163,6 @@ def steady_state(vehicle: Vehicle, speed: float, steer: Iterable[float], *, roll
     """
     m = matrices(vehicle, speed, roll=roll)
     return dict(zip(m.states, -np.linalg.solve(m.A, m.B @ np.array(list(steer))), strict=True))
-
-
-COG_ACCELERATION = "cog_acceleration"
-MAX_SPEED = 60.0
-"""m/s; a larger number is a speed in km/h."""
-STEER_SPEEDS = (10.0, 20.0)
-"""m/s; any two give the same L and K of `steady_steer`."""
-GROUP_QUANTITIES = {"slip_angle": "rad", "lateral_force": "N", "load_transfer_moment": "N m"}
-"""Outputs of an axle group, with their SI units."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -104,6 +104,24 @@ LAW_SLIPS = np.array([1e-3, 0.01, 0.03, 0.1, 0.3, 1.0])
 LAW_GROUPS = np.array([[60e3, 600e3, 0.75], [20e3, 300e3, 0.2], [100e3, 700e3, 1.0]])
 """Load, N, stiffness, N/rad, and friction of axle groups for which a law is checked."""
 CHOICES = get_args(TyreChoice)
+NO_CHANGE = ca.SX(0)
+"""Of a load, N, or of the speed, m/s^2."""
+NOMINAL_LOAD = 35e3
+"""Of a tyre, N: of 315/80 R 22.5."""
+LOCKED = 0.1
+"""Least factor e of the side force: that of a wheel that slides without turning, mu N / C."""
+LOCKING = 0.1
+"""Width of the smooth transition to it, of e^2: at a kink, the derivatives of a step would jump."""
+SMALL_LOAD = 0.01
+"""Load of a lifted side, over the static one, below which its wheels are locked in any case."""
+SLOPE = 0.1
+"""u' / g for the braking loads, which hardly depend on it."""
+AUXILIARY = 1.5
+"""Largest deceleration by engine and retarder, m/s^2: their 600 kW give 20 to 40 kN at 15 to 30 m/s."""
+LARGEST_TURN = 5.0
+"""Largest lateral acceleration whose drag drive or brakes make up for, m/s^2: a truck that spins slows down."""
+SMOOTHING = 0.001
+"""Slip angle below which softening is smooth, rad."""
 
 
 def law_function(law: SideForce) -> ca.Function:
@@ -228,26 +246,6 @@ def _checked(value: Any) -> Any:
 
 ChosenTyres = Annotated[TyreChoice | SideForce, PlainValidator(_checked), Stored(stored_law)]
 """A setting: the law of the tyres, or "auto"."""
-
-
-NO_CHANGE = ca.SX(0)
-"""Of a load, N, or of the speed, m/s^2."""
-NOMINAL_LOAD = 35e3
-"""Of a tyre, N: of 315/80 R 22.5."""
-LOCKED = 0.1
-"""Least factor e of the side force: that of a wheel that slides without turning, mu N / C."""
-LOCKING = 0.1
-"""Width of the smooth transition to it, of e^2: at a kink, the derivatives of a step would jump."""
-SMALL_LOAD = 0.01
-"""Load of a lifted side, over the static one, below which its wheels are locked in any case."""
-SLOPE = 0.1
-"""u' / g for the braking loads, which hardly depend on it."""
-AUXILIARY = 1.5
-"""Largest deceleration by engine and retarder, m/s^2: their 600 kW give 20 to 40 kN at 15 to 30 m/s."""
-LARGEST_TURN = 5.0
-"""Largest lateral acceleration whose drag drive or brakes make up for, m/s^2: a truck that spins slows down."""
-SMOOTHING = 0.001
-"""Slip angle below which softening is smooth, rad."""
 
 
 def saturation_names(paths: Iterable[str]) -> tuple[str, ...]:
@@ -384,7 +382,7 @@ def _pull(vehicle: Vehicle) -> dict[str, float]:
 
 
 def root_law(slip: ca.SX, load: ca.SX, stiffness: ca.SX, friction: ca.SX) -> ca.SX:
-    """C alpha / sqrt(1 + s^2), s = C alpha / (mu N); see `tyre_law`."""
+    """C alpha / sqrt(1 + s^2), s = C alpha / (mu N); see `TyreLaw`."""
     return stiffness * slip / ca.sqrt(1 + (stiffness * slip / (load * friction)) ** 2)
 
 

@@ -31,6 +31,8 @@ from fifthwheel.truck import AxleGroup, Unit, Vehicle, laden
 
 BANK = "bank.road"
 """Name of the state that is the bank of the road, rad, positive with the left edge higher."""
+AXLE_COG_HEIGHT = 0.5
+"""Of an axle with its wheels above the ground, m: the loaded radius of a tyre 315/80 R 22.5."""
 
 
 class Angles(NamedTuple):
@@ -203,10 +205,6 @@ class RollBody(NamedTuple):
     product: ca.SX  # I_sxz, kg m^2
     stiffness: ca.SX  # K*, N m/rad, suspensions and tyres in series
     damping: ca.SX  # C*, N m s/rad, dampers and tyres in series
-
-
-AXLE_COG_HEIGHT = 0.5
-"""Of an axle with its wheels above the ground, m: the loaded radius of a tyre 315/80 R 22.5."""
 
 
 def group_roll(p: Expressions, path: str) -> tuple[ca.SX, ca.SX]:

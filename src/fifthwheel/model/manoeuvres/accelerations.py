@@ -12,6 +12,11 @@ from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.truck import Vehicle
 
+DECAY_TIME = 20.0
+"""Time without lateral acceleration after a manoeuvre, s, in which the steer angle decays."""
+CUTOFF = 10.0
+"""Highest frequency of a driver's steer angle, Hz."""
+
 
 def trapezoid(x: Array, start: float, end: float, ramp: float) -> Array:
     """Rise from 0 to 1 within `ramp` after `start`, and fall to 0 within `ramp` before `end`, (N,)."""
@@ -56,12 +61,6 @@ def random(time: Array, *, seed: int) -> Array:
 def bend(time: Array) -> Array:
     """A bend of 1 m/s^2 to the left from 1 to 9 s, (N,): entry 1 s, constant 6 s, exit 1 s."""
     return trapezoid(time, 1.0, 9.0, 1.0)
-
-
-DECAY_TIME = 20.0
-"""Time without lateral acceleration after a manoeuvre, s, in which the steer angle decays."""
-CUTOFF = 10.0
-"""Highest frequency of a driver's steer angle, Hz."""
 
 
 def inverse_steer(vehicle: Vehicle, speed: float, time: Array, acceleration: Array, *, roll: bool = True) -> Array:

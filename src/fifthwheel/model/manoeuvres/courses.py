@@ -26,6 +26,10 @@ BRAKED_SPEED = 6.0
 """Speed to which a truck brakes, m/s; the tyre models of the estimators begin at 5 m/s."""
 LARGEST_BRAKING = 5.0
 """Largest deceleration of the speed controller of the nonlinear truck, m/s^2."""
+MIN_EVERYDAY_SPEED = 8.0
+"""Lowest speed on an everyday road, m/s."""
+LATERAL, SPEED_UP, SLOW_DOWN = 2.0, 0.4, 1.0
+"""Largest lateral, positive and negative longitudinal acceleration on an everyday road, m/s^2."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -274,12 +278,6 @@ def slow_turns(*, radius: float = 20.0, speed: float = 6.0, duration: float = 60
     return Path.from_curvature(
         "slow_turns", sum(turns, np.zeros_like(arc)) / radius, np.full_like(arc, speed), duration
     )
-
-
-MIN_EVERYDAY_SPEED = 8.0
-"""Lowest speed on an everyday road, m/s."""
-LATERAL, SPEED_UP, SLOW_DOWN = 2.0, 0.4, 1.0
-"""Largest lateral, positive and negative longitudinal acceleration on an everyday road, m/s^2."""
 
 
 def everyday(*, duration: float = 300.0, seed: int = 0, speed: float = 25.0) -> Path:

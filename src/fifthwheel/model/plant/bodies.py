@@ -17,6 +17,13 @@ from fifthwheel.base.units import STANDARD_GRAVITY as GRAVITY
 from fifthwheel.model.plant.properties import Properties
 from fifthwheel.truck import AxleGroup, Coupling, Unit, Vehicle
 
+SIDES = {"left": 1.0, "right": -1.0}
+"""Sign of y of the wheels."""
+LIFT = 0.15
+"""Of the wheels of a raised axle over the others, m."""
+FRAME_SENSORS = ("framepos", "framexaxis", "frameyaxis", "framelinvel", "frameangvel")
+"""MuJoCo sensors of the frame of a body, three numbers each, in world axes."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class BeamAxle:
@@ -171,14 +178,6 @@ def _axle_yaw_inertia(axle: BeamAxle, properties: Properties) -> float:
     wheel = axle.wheel_mass * properties.wheel_gyration**2
     # about a diameter, a disc has half its spin inertia
     return beam + (2 * axle.wheel_mass * properties.half_track**2 + wheel)
-
-
-SIDES = {"left": 1.0, "right": -1.0}
-"""Sign of y of the wheels."""
-LIFT = 0.15
-"""Of the wheels of a raised axle over the others, m."""
-FRAME_SENSORS = ("framepos", "framexaxis", "frameyaxis", "framelinvel", "frameangvel")
-"""MuJoCo sensors of the frame of a body, three numbers each, in world axes."""
 
 
 def model_xml(vehicle: Vehicle, bodies: tuple[SprungBody, ...], properties: Properties, time_step: float) -> str:

@@ -31,6 +31,10 @@ LOCKING_SPEED = 0.5
 """Speed of the rim below which the torque of a brake falls, m/s: a locked wheel creeps more slowly than this."""
 LONGITUDINAL = (*SIGNALS, "gear", "grade", "head_wind")
 """True signals of a powered truck in `PoweredWheels.row`, SI."""
+SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
+"""Of traffic, m/s; a red light or a roundabout stops or slows it in between."""
+TRUE = ("speed", *SIGNALS[:-1], "braking.tractor", "grade")
+"""True signals, SI."""
 
 
 def matched(driven: DrivenTruck, vehicle: Vehicle, properties: Properties) -> DrivenTruck:
@@ -125,12 +129,6 @@ def gravity(grade: float, bank: float, heading: float) -> tuple[float, float, fl
     side, down = down * math.sin(bank), down * math.cos(bank)
     c, s = math.cos(heading), math.sin(heading)
     return c * ahead - s * side, s * ahead + c * side, down
-
-
-SPEEDS = np.array([30, 50, 50, 60, 70, 80, 85, 85, 88]) / 3.6
-"""Of traffic, m/s; a red light or a roundabout stops or slows it in between."""
-TRUE = ("speed", *SIGNALS[:-1], "braking.tractor", "grade")
-"""True signals, SI."""
 
 
 def drive(

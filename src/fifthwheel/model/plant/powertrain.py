@@ -1,7 +1,7 @@
 """Engine, gearbox and the driver's right foot: the force at the driven wheels and the brakes, every 10 ms.
 
 The equations have more detail than an estimator of the mass: losses for each gear, torsion of the driveline, lag of
-turbo and driver, gear changes with an open clutch. `driving` moves a point mass with them, `powered` the nonlinear
+turbo and driver, gear changes with an open clutch. `powered` moves a point mass with them, or the nonlinear
 truck.
 """
 

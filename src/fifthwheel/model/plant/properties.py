@@ -16,6 +16,22 @@ from fifthwheel.base.errors import SignalError, VehicleError, suggestion
 from fifthwheel.base.units import quantity
 from fifthwheel.truck.driveline import require_shares
 
+UNITS = {
+    "wheel_radius": "m",
+    "half_track": "m",
+    "wheel_gyration": "m",
+    "bounce_frequency": "Hz",
+    "landing_leg": "m",
+    "bank": "rad",
+    "roughness": "m^3",
+    "roll_centre": "m",
+    "lash": "rad",
+    "steering_lag": "s",
+}
+"""SI unit of the properties whose text may carry a unit; all others are numbers in SI."""
+ROAD_CLASSES: Mapping[str, float] = {name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")}
+"""Roughness of the middle of each class of ISO 8608, m^3."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class MagicFormula:
@@ -122,23 +138,6 @@ class MagicFormula:
         df = load / self.FNOMIN - 1
         D = load / self.FNOMIN * self.R0 * (self.QDZ1 + self.QDZ2 * df)
         return D * ca.cos(self.QCZ1 * ca.atan((self.QBZ1 + self.QBZ2 * df + self.QBZ3 * df * df) * slip))
-
-
-UNITS = {
-    "wheel_radius": "m",
-    "half_track": "m",
-    "wheel_gyration": "m",
-    "bounce_frequency": "Hz",
-    "landing_leg": "m",
-    "bank": "rad",
-    "roughness": "m^3",
-    "roll_centre": "m",
-    "lash": "rad",
-    "steering_lag": "s",
-}
-"""SI unit of the properties whose text may carry a unit; all others are numbers in SI."""
-ROAD_CLASSES: Mapping[str, float] = {name: 16e-6 * 4**k for k, name in enumerate("ABCDEFGH")}
-"""Roughness of the middle of each class of ISO 8608, m^3."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -44,6 +44,10 @@ JACKKNIFE_ANGLE = 1.5
 """Articulation angle at which units touch, rad."""
 LOWEST_SPEED = 1.0
 """Speed below which the tyre model is not valid, m/s."""
+SETTLING_TIME = 2.0
+"""Straight driving before time 0, s."""
+REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation", "grade", "gear")
+"""Quantities that a record holds as reference by default."""
 
 
 @dataclass(frozen=True)
@@ -168,11 +172,6 @@ def check_run(time: Array, signals: dict[str, Array], vehicle: Vehicle) -> None:
 
 Progress = Callable[[str, int, int], None]
 """Called with a title, the steps done and all steps."""
-
-SETTLING_TIME = 2.0
-"""Straight driving before time 0, s."""
-REFERENCE_QUANTITIES = ("sideslip", "roll", "articulation", "grade", "gear")
-"""Quantities that a record holds as reference by default."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -25,6 +25,12 @@ from fifthwheel.results.report.information import information_document
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.spoken_names import spoken
 
+KEY = "identify"
+"""Of the job."""
+MANY = {**GROUPS, "*": "All numbers"}
+STATEMENTS = "statements"
+"""The option whose texts `stated_numbers` turns into sentences."""
+
 
 def build_check(workspace: Workspace) -> None:
     ui.label(
@@ -55,13 +61,6 @@ def _check_result(workspace: Workspace) -> None:
 def _check_again(workspace: Workspace, key: str) -> None:
     jobs.start(key, runs.check, workspace.folder)
     _check_result.refresh()
-
-
-KEY = "identify"
-"""Of the job."""
-MANY = {**GROUPS, "*": "All numbers"}
-STATEMENTS = "statements"
-"""The option whose texts `stated_numbers` turns into sentences."""
 
 
 def of_truck_and_sensors(workspace: Workspace, truck: Vehicle) -> list[str]:

@@ -18,6 +18,21 @@ from fifthwheel.data.logs.propose import ColumnContent, LogSurvey
 from fifthwheel.data.logs.stored import StoredLog
 from fifthwheel.results.report.logs import column_cells
 
+ROWS = 25
+"""Channels of one page of the table."""
+SEARCHED = 8
+"""Above this number of channels there is a search."""
+FIRST = 4
+"""Channels that are drawn at first."""
+MOST = 12
+"""Channels that are drawn at the same time."""
+_INSTANT = ".3f"
+"""Form of an instant in a field, s."""
+_PANEL = 130
+"""Height of the plot of a channel, pixels."""
+_EPOCH = 1e8
+"""s; a time that begins later counts from 1970."""
+
 
 def build(workspace: Workspace) -> None:
     _Page(workspace).build()
@@ -180,20 +195,6 @@ def _key(name: str) -> str:
     return f"read {name}"
 
 
-ROWS = 25
-"""Channels of one page of the table."""
-SEARCHED = 8
-"""Above this number of channels there is a search."""
-FIRST = 4
-"""Channels that are drawn at first."""
-MOST = 12
-"""Channels that are drawn at the same time."""
-_INSTANT = ".3f"
-"""Form of an instant in a field, s."""
-_PANEL = 130
-"""Height of the plot of a channel, pixels."""
-_EPOCH = 1e8
-"""s; a time that begins later counts from 1970."""
 _Course = tuple[Array, Array]
 """Time (n,) s and values (n,) to draw."""
 

@@ -23,6 +23,7 @@ DESCRIBED = "described"
 """Of the element with the drawing, to which the questions refer."""
 UNKNOWN = ""
 """The answer of a question that is left open."""
+_BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTIONS}
 
 
 def build(workspace: Workspace) -> None:
@@ -201,9 +202,6 @@ def preview(workspace: Workspace) -> None:
     if text == workspace.read(VEHICLE):
         button.disable()
         ui.label("The vehicle file has these numbers.")
-
-
-_BY_KEY: Mapping[str, Question] = {question.key: question for question in QUESTIONS}
 
 
 def _valid(answers: Mapping[str, str]) -> dict[str, str]:

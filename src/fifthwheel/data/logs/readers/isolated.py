@@ -1,6 +1,6 @@
 """Reading in a child process: a file that crashes or blocks a library costs an error, not the program.
 
-The child (child.py) runs the reader of the format and sends columns and samples over a pipe (messages.py).
+The child (child.py) runs the reader of the format and sends columns and samples over a pipe.
 """
 
 import atexit

@@ -43,6 +43,23 @@ from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.identify.unknowns.unknown import RANGE, GrossError, gross_error, is_possible
 from fifthwheel.truck.quantities import FRICTION
 
+TITLE = "test of assumptions"
+"""Of the progress."""
+MOST_HYPOTHESES = 10
+"""Largest number of fits, those that the linear tests find most probable."""
+LEAST_LINEAR_ODDS = -5.0
+"""Logarithm. A gross error distorts its linear test, whose odds are often too small."""
+SAMPLES = 6_000
+"""Of longer logs, the fits use about this number of samples."""
+ITERATIONS, TOLERANCE = 16, 0.5
+"""Of each fit, whose result is a rank and a size."""
+LARGE_DISCREPANCY = 0.1
+"""As a fraction of the signals. One wrong number leaves about 0.015 of the nonlinear truck, the vehicle file of another
+truck 0.12 or more. A real truck may leave as much with its own file, but contradicts fewer priors."""
+LARGE_PULL = 2.5
+"""Of all priors together: twice their cost over its expected value. If all are right, 1 of 1000 logs exceeds it: one
+lane change informs about 16 combinations of the unknowns (chi-square)."""
+
 
 def find_doubts(solution: Solution, likely: Sequence[PriorTest], left: float | None = None) -> list[Doubt]:
     """The doubts at a solution, each with the estimates that it concerns; the friction may differ as roads do.
@@ -84,24 +101,6 @@ def _nonlinear_range(solution: Solution) -> Iterator[Doubt]:
             yield Doubt(
                 kind=DoubtKind.RANGE, causes=(), parameters=solution.estimated, statistic=largest, log=record.name
             )
-
-
-TITLE = "test of assumptions"
-"""Of the progress."""
-MOST_HYPOTHESES = 10
-"""Largest number of fits, those that the linear tests find most probable."""
-LEAST_LINEAR_ODDS = -5.0
-"""Logarithm. A gross error distorts its linear test, whose odds are often too small."""
-SAMPLES = 6_000
-"""Of longer logs, the fits use about this number of samples."""
-ITERATIONS, TOLERANCE = 16, 0.5
-"""Of each fit, whose result is a rank and a size."""
-LARGE_DISCREPANCY = 0.1
-"""As a fraction of the signals. One wrong number leaves about 0.015 of the nonlinear truck, the vehicle file of another
-truck 0.12 or more. A real truck may leave as much with its own file, but contradicts fewer priors."""
-LARGE_PULL = 2.5
-"""Of all priors together: twice their cost over its expected value. If all are right, 1 of 1000 logs exceeds it: one
-lane change informs about 16 combinations of the unknowns (chi-square)."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,6 +20,10 @@ BOUND_FACTOR = 8.0
 """A stiffness or inertia stays between its prior mean divided by this factor and multiplied by it."""
 BOUND_SIGMAS = 8.0
 """Any other unknown stays within this number of prior standard deviations of its mean."""
+RATE = 0.003
+"""Of gross errors of a number of weight 1: a log has 80 numbers, and one in four logs an error."""
+RANGE = 3.0
+"""A gross error is at most so many of its standard deviations."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -152,12 +156,6 @@ def linear_unknown(
 def fraction_unknown(name: str, mean: float, sigma: float) -> Unknown:
     """An uncertain fraction, 0 to 1."""
     return replace(linear_unknown(name, mean, sigma), lower=0.0, upper=1.0).within(0.0, 1.0)
-
-
-RATE = 0.003
-"""Of gross errors of a number of weight 1: a log has 80 numbers, and one in four logs an error."""
-RANGE = 3.0
-"""A gross error is at most so many of its standard deviations."""
 
 
 class GrossError(NamedTuple):
