@@ -8,6 +8,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.estimate.identify.doubts import Cause, Doubt, DoubtKind, describe_doubt
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.knowledge.combination import combine
 from fifthwheel.estimate.identify.knowledge.information import Labels
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
@@ -51,7 +52,7 @@ def test_information_of_single_logs_adds_to_the_normal_equations_of_all() -> Non
     exact = dict.fromkeys(("steer.*.gain", "*_rate.*.gain", "play"), "exact")
     normal = dict.fromkeys(("cornering_stiffness", "yaw_inertia"), "+- 30 %")
     settings = fw.OneStage(tyres="linear", given=exact | normal)
-    together = solve_one_stage([record(0), record(1)], GUESS, settings)
+    together = solve_one_stage([record(0), record(1)], *applied(GUESS, settings))
     first, second = (shared_information(linearised_alone(together, i), LABELS) for i in range(2))
     assert first.names == second.names
     assert {"mass_scale", "semitrailer.payload.mass", "time_base"} <= set(first.names)

@@ -11,6 +11,7 @@ from scipy import stats
 import fifthwheel as fw
 from fifthwheel.apps.workflow.runs import run_identification, run_states
 from fifthwheel.estimate.identify.doubts import DoubtKind, PriorTest
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage import causes
 from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds
 from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
@@ -39,7 +40,7 @@ def turned(record, angle):
 
 
 def test_a_good_log_has_no_cause(truck, record):
-    solution = solve_one_stage([record], truck, SETTINGS)
+    solution = solve_one_stage([record], *applied(truck, SETTINGS))
     assert likely_causes(solution, solution.linearisation.tests) == Causes()
 
 

@@ -14,6 +14,7 @@ from fifthwheel.data.channels import STEER as STEER_ANGLE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage import estimator
 from fifthwheel.estimate.identify.one_stage.estimator import EARLY, FINAL, WHITE, _first_range, solve_one_stage
 from fifthwheel.estimate.identify.one_stage.problem import Problem
@@ -423,10 +424,10 @@ def test_a_part_tells_what_the_inputs_excite(steered: bool, truck: Vehicle, monk
         rng = np.random.default_rng(1)
         noise = {name: 2e-3 * rng.normal(size=len(record)) for name in record.signals if "rate" in name}
         record = record.with_signals({STEER: np.zeros(len(record)), **noise})
-    whole = solve_one_stage([record], truck, KNOWN)
+    whole = solve_one_stage([record], *applied(truck, KNOWN))
     monkeypatch.setattr(estimator, "EARLY_SAMPLES", 1000)
     assert whole.problem.shortened(1000) is not whole.problem
-    assert solve_one_stage([record], truck, KNOWN).uninformed == whole.uninformed
+    assert solve_one_stage([record], *applied(truck, KNOWN)).uninformed == whole.uninformed
     assert bool(whole.uninformed) is not steered
 
 
@@ -436,14 +437,14 @@ def test_all_samples_of_a_long_log_count(
 ) -> None:
     """Only the fits before the last one use a part of it, which is doubled while the truck does not follow the rest."""
     record, judged, fits = simulate(truck, count=10, seed=1), [], []
-    whole = solve_one_stage([record], truck, KNOWN)
+    whole = solve_one_stage([record], *applied(truck, KNOWN))
     monkeypatch.setattr(estimator, "EARLY_SAMPLES", 2000)
     monkeypatch.setattr(Problem, "excess", lambda _, z, part: judged.append(len(part)) or excess)
 
     def progress(title: str, done: int, total: int) -> None:
         fits.extend([title] * (done == total))
 
-    solution = solve_one_stage([record], truck, KNOWN, progress=progress)
+    solution = solve_one_stage([record], *applied(truck, KNOWN), progress=progress)
     assert judged == pytest.approx(parts, abs=1)
     assert fits == [WHITE, *[EARLY] * early, FINAL]
     assert [len(segment) for segment in solution.problem.logs[0].segments] == [len(record)]

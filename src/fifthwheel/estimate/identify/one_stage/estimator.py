@@ -23,14 +23,14 @@ from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import STEER, is_of, is_sensor_error
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.dataset import Dataset, prepare_dataset
-from fifthwheel.estimate.identify.given import applied, with_sensors
+from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Minimum, minimise
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.prior import Earlier, JointPrior
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.settings import OneStage, Progress
-from fifthwheel.estimate.identify.setup import Setup, with_tyre_law
+from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.identify.verdict import Verdict, uninformed_parameters
 from fifthwheel.truck import Vehicle
 from fifthwheel.truck.quantities import FRICTION
@@ -72,13 +72,12 @@ def solve_one_stage(
     validate: Sequence[Record] = (),
     progress: Progress = lambda *_: None,
 ) -> Solution:
-    """The maximum of the posterior; arguments and errors as in `identify`.
+    """The maximum of the posterior; arguments and errors as in `identify`, but with settings that are `applied` to the
+    vehicle and name a tyre law.
 
     `earlier` is the information of earlier logs on the unknowns of a setup. A vehicle that is unstable, or nearly,
     in the logs is solved by prediction errors.
     """
-    vehicle, settings = applied(vehicle, settings)
-    settings, _ = with_tyre_law(vehicle, settings)
     estimator = _estimator(records, vehicle, settings, validate, earlier)
     minimum = estimator.minimise(progress)
     if minimum.objective.output_error and _diverges(minimum):

@@ -17,12 +17,14 @@ from fifthwheel.base.plots.items import BLUE, GREY
 from fifthwheel.base.types import Array, Indices
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.estimates import sensor_error_unit
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage.estimator import TOLERANCE, solve_one_stage
 from fifthwheel.estimate.identify.one_stage.gauss_newton import minimise
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.one_stage.solution import Solution
 from fifthwheel.estimate.identify.result.posterior import normal_quantile
 from fifthwheel.estimate.identify.settings import OneStage, Progress
+from fifthwheel.estimate.identify.setup import with_tyre_law
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling
 from fifthwheel.truck import Vehicle, unit_of
 
@@ -116,7 +118,8 @@ def log_posterior(
     expect_each("records", records, Record)
     expect("vehicle", vehicle, Vehicle)
     expect_optional("settings", settings, OneStage)
-    settings = settings or OneStage()
+    vehicle, settings = applied(vehicle, settings or OneStage())
+    settings, _ = with_tyre_law(vehicle, settings)
     with threadpool_limits(limits=1, user_api="blas"):
         return LogPosterior(solution=solve_one_stage(records, vehicle, settings, progress=progress))
 
