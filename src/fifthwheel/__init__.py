@@ -85,6 +85,6 @@ else:
     __getattr__, __dir__, __all__ = lazy_names(__name__, vehicle=("fifthwheel.truck.catalogue", "get"))
     __all__ += ["__version__"]
 
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 imported_at = time.time()
 """Time at which the first module of the package was imported."""

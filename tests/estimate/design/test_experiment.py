@@ -19,9 +19,9 @@ from fifthwheel.estimate.design import (
 from fifthwheel.estimate.design.impulse_response import ImpulseResponse
 from fifthwheel.estimate.design.predict import InformationPredictor
 from fifthwheel.estimate.design.search import search_candidates
+from fifthwheel.estimate.filters.noise_model import NoiseModel
 from fifthwheel.estimate.identify import OneStage, identify
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response

@@ -9,7 +9,7 @@ import pytest
 import fifthwheel as fw
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
-from fifthwheel.estimate.identify.grade import with_grade
+from fifthwheel.estimate.grade import with_grade
 from fifthwheel.model.dynamics import SPEED_RATE
 from fifthwheel.truck.driveline import AIR_DENSITY, driveline_numbers
 

@@ -7,7 +7,7 @@ import pytest
 
 import fifthwheel as fw
 from fifthwheel.base.units import STANDARD_GRAVITY
-from fifthwheel.estimate.identify.longitudinal import drive_axle_braking
+from fifthwheel.estimate.longitudinal import drive_axle_braking
 from fifthwheel.model.plant.powered import DrivenTruck, drive
 from fifthwheel.truck.driveline import AIR_DENSITY, driveline_numbers
 

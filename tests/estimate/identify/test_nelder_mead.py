@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize, rosen
 
 from fifthwheel.base.types import Array
-from fifthwheel.estimate.identify.noise_model import nelder_mead
+from fifthwheel.estimate.filters.noise_model import nelder_mead
 
 
 def rippled(x: Array) -> float:

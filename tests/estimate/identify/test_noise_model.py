@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fifthwheel.estimate.identify.noise_model import (
+from fifthwheel.estimate.filters.noise_model import (
     FEWEST_SAMPLES,
     NoiseModel,
     _periodogram,

@@ -23,9 +23,9 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.channels import is_sensor_error
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.initial_state import steady_initial_state
+from fifthwheel.estimate.filters.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.estimate.filters.step_rows import corrected_inputs
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 

@@ -1,9 +1,9 @@
 """Settings of the identification in two stages, and those of the article."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 from pydantic import AfterValidator
 
@@ -16,11 +16,6 @@ from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.statement import stated, statement
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.truck.quantities import unit_of
-
-if TYPE_CHECKING:
-    from fifthwheel.data.record import Record
-    from fifthwheel.estimate.identify import Identification
-    from fifthwheel.truck import Vehicle
 
 
 def _checked(diagonal: Mapping[str, str | float]) -> Mapping[str, str | float]:
@@ -64,6 +59,7 @@ class TwoStage(CommonSettings):
     """
 
     method = "two-stage"
+    implementation = "fifthwheel.apps.cheng_cebon_2011.estimator:identify_two_stage"
 
     preset: str = "default"
     """Name of these settings in the result."""
@@ -102,12 +98,6 @@ class TwoStage(CommonSettings):
     def stated_noise(self) -> Mapping[str, float]:
         """Noise variance by signal, SI squared, as far as it is stated."""
         return self.R
-
-    def identify(self, records: "Sequence[Record]", vehicle: "Vehicle", **options: Any) -> "Identification":
-        """In two stages."""
-        from fifthwheel.apps.cheng_cebon_2011.estimator import identify_two_stage
-
-        return identify_two_stage(records, vehicle, self, **options)
 
     def uses(self, name: str) -> bool:
         """Whether it is a sensor error that two stages estimate."""

@@ -20,9 +20,9 @@ from fifthwheel.apps.cheng_cebon_2011.dual import DualCoupling
 from fifthwheel.apps.cheng_cebon_2011.problem import DualProblem, sample_period
 from fifthwheel.apps.cheng_cebon_2011.settings import TwoStage, deviation
 from fifthwheel.base.types import Array
+from fifthwheel.estimate.filters.noise_model import CORRELATION_TIME, autocorrelation_factor
 from fifthwheel.estimate.filters.step_rows import StepRows
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, autocorrelation_factor
 from fifthwheel.estimate.identify.result.parts import ParameterHistory
 from fifthwheel.estimate.identify.settings import Progress
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown, scaling

@@ -21,8 +21,8 @@ from fifthwheel.base.names import ParameterPath, split_log
 from fifthwheel.base.types import Array
 from fifthwheel.data.channels import SensorErrorName
 from fifthwheel.estimate.design.predict import InformationPredictor, with_every_sample
+from fifthwheel.estimate.filters.noise_model import NoiseModel
 from fifthwheel.estimate.identify.dataset import LogData
-from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.one_stage.problem import Problem
 from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.model.manoeuvres.accelerations import DECAY_TIME, steer_record

@@ -27,8 +27,8 @@ from fifthwheel.data.channels import (
     names_of,
 )
 from fifthwheel.data.record import Record
+from fifthwheel.estimate.filters.noise_model import NoiseModel
 from fifthwheel.estimate.identify.dataset import LogData, measured_columns
-from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior
 from fifthwheel.estimate.identify.one_stage.prior import Earlier, JointPrior, nothing
 from fifthwheel.estimate.identify.one_stage.problem import Problem

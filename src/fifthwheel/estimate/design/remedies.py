@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 
 from fifthwheel.estimate.design.predict import InformationPredictor, PredictedPosterior, RunInformation
-from fifthwheel.estimate.identify.noise_model import NoiseModel
+from fifthwheel.estimate.filters.noise_model import NoiseModel
 from fifthwheel.model.manoeuvres.accelerations import inverse_steer
 from fifthwheel.model.manoeuvres.courses import LaneChange
 from fifthwheel.truck import Unit

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import ARTICULATION, ROLL_RATE, YAW_RATE, SignalName, is_of
-from fifthwheel.estimate.identify.noise_model import NoiseModel, fit_spectrum
+from fifthwheel.estimate.filters.noise_model import NoiseModel, fit_spectrum
 from fifthwheel.model import dynamics
 from fifthwheel.truck import Unit, Vehicle, laden
 

@@ -30,16 +30,16 @@ from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import largest_lateral_acceleration
 from fifthwheel.data.record.record import parts_where, segments_above
 from fifthwheel.estimate.filters import variances
+from fifthwheel.estimate.filters.noise_model import NoiseModel
 from fifthwheel.estimate.filters.step_rows import SpeedCurve
+from fifthwheel.estimate.grade import grade_notes, with_grade
 from fifthwheel.estimate.identify.doubts import NONLINEAR_SPEED_RATE
 from fifthwheel.estimate.identify.given import common_sensors
-from fifthwheel.estimate.identify.grade import grade_notes, with_grade
-from fifthwheel.estimate.identify.longitudinal import drive_axle_braking
 from fifthwheel.estimate.identify.mass import mass_findings
-from fifthwheel.estimate.identify.noise_model import NoiseModel
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.setup import simplified
 from fifthwheel.estimate.identify.statement import statement
+from fifthwheel.estimate.longitudinal import drive_axle_braking
 from fifthwheel.estimate.time_bases import check_signals
 from fifthwheel.model.dynamics.sensors import with_wheel_speed_differences
 from fifthwheel.truck import Vehicle

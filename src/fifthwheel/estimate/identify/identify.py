@@ -11,7 +11,7 @@ from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.information import Occasion
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
 from fifthwheel.estimate.identify.result.identification import Identification
-from fifthwheel.estimate.identify.settings import CommonSettings, OneStage, Progress
+from fifthwheel.estimate.identify.settings import CommonSettings, OneStage, Progress, imported
 from fifthwheel.truck import Vehicle
 
 
@@ -66,5 +66,9 @@ def identify(
     of_truck = {name: value for name, value in of_truck.items() if value is not None}
     if of_truck and settings.one_stage is None:
         raise SignalError(f"{next(iter(of_truck))}: only one stage begins with what is known; give OneStage(), or none")
+    method = imported(settings.implementation)
     with threadpool_limits(limits=1, user_api="blas"):  # threads of BLAS only spin on matrices as thin as these
-        return settings.identify(records, vehicle, validate=validate, progress=progress, **of_truck)
+        identified: Identification = method(
+            records, vehicle, settings, validate=validate, progress=progress, **of_truck
+        )
+    return identified

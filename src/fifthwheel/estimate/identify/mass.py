@@ -23,9 +23,9 @@ from fifthwheel.data.checks.axle_loads import PREFIX, mean_weights
 from fifthwheel.data.checks.findings import Fault, Finding, warning
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.knowledge.load import LOAD_POSITION
-from fifthwheel.estimate.identify.longitudinal import LOWEST_SPEED, DrivingMass, driving_mass
 from fifthwheel.estimate.identify.settings import CommonSettings
 from fifthwheel.estimate.identify.verdict import Verdict
+from fifthwheel.estimate.longitudinal import LOWEST_SPEED, DrivingMass, driving_mass
 from fifthwheel.truck.loads import axle_loads
 from fifthwheel.truck.uncertainty import changes
 from fifthwheel.truck.vehicle import Vehicle

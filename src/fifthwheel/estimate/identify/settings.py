@@ -1,9 +1,9 @@
 """Settings of an identification: every number that controls it is a field with a sentence."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from fifthwheel.base.errors import FifthwheelError, SignalError
 from fifthwheel.base.names import PAYLOAD_HEIGHT
@@ -14,11 +14,6 @@ from fifthwheel.estimate.filters.variances import Variances
 from fifthwheel.estimate.identify.statement import Given
 from fifthwheel.model.dynamics.tyres import ChosenTyres, Tyres, restored_law
 from fifthwheel.truck.steering import STEERING
-
-if TYPE_CHECKING:
-    from fifthwheel.data.record import Record
-    from fifthwheel.estimate.identify.result.identification import Identification
-    from fifthwheel.truck import Vehicle
 
 Progress = Callable[[str, int, int], None]
 """Receives a title, the number of steps done and the largest number of steps."""
@@ -60,12 +55,12 @@ class CommonSettings(Settings):
     contain more information on it than the prior."""
     method: ClassVar[str]
     """Name of the method in a result."""
+    implementation: ClassVar[str]
+    """Module and name of the function that identifies with these settings, such as `identify_one_stage`; by name,
+    because this function takes them."""
+
     brakes: ClassVar[bool] = False
     """Whether the model has longitudinal forces."""
-
-    def identify(self, records: "Sequence[Record]", vehicle: "Vehicle", **options: Any) -> "Identification":
-        """The identification by these settings; `fifthwheel.identify` checks its arguments first."""
-        raise NotImplementedError
 
     def uses(self, name: str) -> bool:
         """Whether the method uses what is stated of a number that a vehicle file does not have."""
@@ -102,9 +97,14 @@ def settings_of_method(name: str) -> type[CommonSettings]:
     """The settings of a method by its name; a SignalError if there is none."""
     if name not in METHODS:
         raise SignalError(f"method: expected {' or '.join(METHODS)}, got {name!r}; identify again")
-    module, _, kind = METHODS[name].partition(":")
-    found: type[CommonSettings] = getattr(import_module(module), kind)
-    return found
+    kind: type[CommonSettings] = imported(METHODS[name])
+    return kind
+
+
+def imported(place: str) -> Any:
+    """What a module has under a name: "module:name"."""
+    module, _, name = place.partition(":")
+    return getattr(import_module(module), name)
 
 
 def require_own_functions(contents: Mapping[str, Any], path: str) -> None:
@@ -136,6 +136,7 @@ class OneStage(CommonSettings):
     """
 
     method = "one-stage"
+    implementation = "fifthwheel.estimate.identify.one_stage.identify:identify_one_stage"
     excited = 3**-0.5
     """More than twice the information of the prior: with less, the prior decides, and the error of a positive parameter
     is skewed. Two stages drop a parameter that is not excited."""
@@ -173,12 +174,6 @@ class OneStage(CommonSettings):
                 "uniform_payload: expected the default, because roll=False estimates no payload height, got False; "
                 "remove it, or use roll=True"
             )
-
-    def identify(self, records: "Sequence[Record]", vehicle: "Vehicle", **options: Any) -> "Identification":
-        """All unknowns together."""
-        from fifthwheel.estimate.identify.one_stage.identify import identify_one_stage
-
-        return identify_one_stage(records, vehicle, self, **options)
 
     def models_roll(self, signals: Iterable[str]) -> bool:
         """Whether it models yaw and roll, whatever the signals."""

@@ -40,9 +40,9 @@ from fifthwheel.data.checks.samples import present_samples
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters import Noise, tangent, variances
 from fifthwheel.estimate.filters.initial_state import initial_factor, initial_state
+from fifthwheel.estimate.filters.noise_model import CORRELATION_TIME, autocorrelation_factor, fit_noise_model
 from fifthwheel.estimate.filters.step_rows import StepRows, steer_sigma, step_rows
 from fifthwheel.estimate.identify.dataset import LogData, speed_range
-from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, autocorrelation_factor, fit_noise_model
 from fifthwheel.estimate.identify.one_stage import likelihood
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.estimate.identify.one_stage.likelihood import ResidualBlock

@@ -7,9 +7,9 @@ from functools import cached_property
 import numpy as np
 
 from fifthwheel.base.types import Array, Indices
+from fifthwheel.estimate.filters.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.estimate.identify.dataset import Dataset
 from fifthwheel.estimate.identify.doubts import PriorTest, prior_tests
-from fifthwheel.estimate.identify.noise_model import CORRELATION_TIME, long_run_covariance
 from fifthwheel.estimate.identify.one_stage import likelihood
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Minimum
 from fifthwheel.estimate.identify.one_stage.posterior import ScaledPosterior

@@ -17,7 +17,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.channels import GRADE, YAW_RATE, missing_for_mass
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify.longitudinal import (
+from fifthwheel.estimate.longitudinal import (
     MEAN_GRADE,
     NOISE_PRIOR,
     SHORTEST,
