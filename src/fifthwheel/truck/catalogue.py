@@ -35,7 +35,7 @@ _COLUMN = 60
 
 def names() -> tuple[str, ...]:
     """Names of all vehicles in the catalogue, sorted."""
-    folder = files(__package__) / "catalogue"
+    folder = files(__package__) / "vehicles"
     return tuple(sorted(file.name.removesuffix(".toml") for file in folder.iterdir() if file.name.endswith(".toml")))
 
 
@@ -59,7 +59,7 @@ def text(name: str) -> str:
     if name not in names():
         file = "; fw.Vehicle.load reads a file" if str(name).endswith(".toml") else ""
         raise VehicleError(f"{name}: no such vehicle in the catalogue; {suggestion(str(name), names())}{file}")
-    return (files(__package__) / "catalogue" / f"{name}.toml").read_text(encoding="utf-8")
+    return (files(__package__) / "vehicles" / f"{name}.toml").read_text(encoding="utf-8")
 
 
 def template(name: str) -> str:
