@@ -196,7 +196,8 @@ class Properties:
     """Height of the roll centre of a suspension above the ground, m. The default follows from roll_axis_height of the
     unit: the body rolls about that axis on suspension and tyres in series."""
     roll_steer: Mapping[str, float] = field(default_factory=dict)
-    """Steer angle of an axle per roll angle of its suspension, rad/rad; about 0.1 for a trailing-arm axle."""
+    """Steer angle of an axle per roll angle of its suspension, rad/rad; about 0.1 for a trailing-arm axle. The angle is
+    that of the axle relative to the body, so that a body that rolls to the right steers the axle to the left."""
     lash: Mapping[str, float] = field(default_factory=dict)
     """Free play of a suspension in roll, to either side, rad."""
     steering_compliance: float = 0.0
