@@ -172,7 +172,8 @@ def test_a_speed_in_m_per_s_read_as_km_per_h(weaving):
 
 
 def test_a_time_in_the_wrong_unit_is_found(weaving):
-    short = Record(time=weaving.time * 1e-3, signals=weaving.signals)
+    part = weaving.cut(0, 5)
+    short = Record(time=part.time * 1e-3, signals=part.signals)
     assert ("time", Fault.UNIT) in [(f.signal, f.fault) for f in check(short) if f.severity == "error"]
 
 
