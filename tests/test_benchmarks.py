@@ -46,6 +46,7 @@ def test_every_corruption_alters_one_input() -> None:
     assert numbers[True] >= 40
 
 
+@pytest.mark.slow
 def test_outcomes_of_corruptions() -> None:
     """One corruption for each outcome."""
     expected = {

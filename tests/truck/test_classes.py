@@ -139,11 +139,7 @@ def test_files_and_changes() -> None:
         ('position = "-3.7 m"', "", r"tractor\.drive\.position: expected a value, got none; give it"),
         ('leading_position = "-3.1 m"', "", r"fifth_wheel\.leading_position: expected a value, got none; give it"),
         ('mass = "33.45 t +- 1 %"', 'mass = "5 t"', r"semitrailer\.mass: expected more than payload and axles"),
-        (
-            LADEN,
-            '5 t"\n[unit.payload]',
-            r"payload\.mass: .*remove",
-        ),
+        (LADEN, '5 t"\n[unit.payload]', r"payload\.mass: .*remove"),
         (LADEN, '300 kg"\n[unit.payload]\nmass="2 t"', r"or semitr"),
         (
             'mass = "33.45 t +- 1 %"\n[unit.payload]\nmass = "20 t +- 300 kg"',

@@ -2,7 +2,7 @@
 
 import pytest
 
-from fifthwheel import truck as vehicle
+from fifthwheel.truck import get, names
 from fifthwheel.truck.spoken_names import named, named_unit, spoken
 
 
@@ -49,9 +49,9 @@ def test_a_path_in_words(path, in_table, in_sentence):
     assert named(path) == f"the {in_sentence}"
 
 
-@pytest.mark.parametrize("truck", vehicle.names())
+@pytest.mark.parametrize("truck", names())
 def test_no_parameter_of_a_vehicle_shares_its_name_or_has_a_path_in_it(truck):
-    paths = list(vehicle.get(truck).parameters())
+    paths = list(get(truck).parameters())
     names = [spoken(path) for path in paths]
     assert len(set(names)) == len(names)
     assert not [name for name in names if "_" in name or "." in name]

@@ -120,16 +120,10 @@ def test_what_are_no_equations_is_refused_by_name(equations, given, message: str
     ("given", "message"),
     [
         ({"states": {STATE: 0.01}}, "states, actuator.tractor: expected a text such as '0.15 s .*', got 0.01"),
-        (
-            {"states": {STATE: "0.01"}},
-            "states, actuator.tractor: expected a unit, such as '0.01 rad', got '0.01'",
-        ),
+        ({"states": {STATE: "0.01"}}, "states, actuator.tractor: expected a unit, such as '0.01 rad', got '0.01'"),
         ({"states": {STATE: "0 rad"}}, "states, actuator.tractor: expected a standard deviation above 0, got 0 rad"),
         ({"parameters": {"lag": 0.1}}, "steering.lag: expected a text such as '0.15 s .*', got 0.1"),
-        (
-            {"parameters": {"lag": "0.1 s", "gain": "2"}},
-            "expected parameters that the equations use, got gain",
-        ),
+        ({"parameters": {"lag": "0.1 s", "gain": "2"}}, "expected parameters that the equations use, got gain"),
         ({"parameters": {"lag": "fast"}}, "steering.lag: expected a number with a unit"),
         ({"parameters": {"lag": "0.1 s", "mass": "3 s"}}, "steering.mass: expected kg, as mass elsewhere, got s"),
     ],

@@ -50,10 +50,7 @@ def test_without_payload_the_difference_goes_to_the_sprung_body() -> None:
 
 def test_loads_that_contradict_the_tractors_cog_are_refused() -> None:
     loads = ARTICLE.axle_loads()
-    shifted = loads | {
-        "tractor.front": loads["tractor.front"] + 5000,
-        "tractor.drive": loads["tractor.drive"] - 5000,
-    }
+    shifted = loads | {"tractor.front": loads["tractor.front"] + 5000, "tractor.drive": loads["tractor.drive"] - 5000}
     with pytest.raises(VehicleError, match=r"tractor\.front: expected 67642 N .*, got 72642 N; check tractor\.cog"):
         with_axle_loads(ARTICLE, shifted)
     assert with_axle_loads(ARTICLE, shifted, tolerance=0.05).units[1].mass == pytest.approx(33450)

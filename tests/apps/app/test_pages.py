@@ -11,7 +11,6 @@ from fifthwheel.apps.app.workspace import Workspace
 from fifthwheel.data.logs import SignalMap, write_record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
-from tests.apps.app.buses import write_can_mf4, write_candump
 from tests.apps.app.served import chromium, served, tab
 from tests.apps.app.test_way import prepared
 from tests.results.report.conftest import result
@@ -68,27 +67,6 @@ def mapped(folder):
 
 def example(folder):
     return EXAMPLES / "lane_changes.csv"
-
-
-def german(folder):
-    return EXAMPLES / "messy.csv"
-
-
-def mf4_with_can(folder):
-    return write_can_mf4(simulate(TRUCK, count=2, seed=1), folder / "bus.mf4")
-
-
-def j1939(folder):
-    return write_candump(simulate(TRUCK, count=2, seed=1), folder / "bus.log")
-
-
-@pytest.mark.parametrize("log", [example, german, mf4_with_can, j1939])
-def test_a_log_of_each_kind_comes_to_a_map_without_errors(browser, tmp_path, log):
-    with opened(browser, tmp_path / "w", log(tmp_path)) as page:
-        signals(page)
-        assert explained(page, TRAILER) > 90
-        assert page.locator(".fw-finding.error").count() == 0
-    assert {"speed", "steer.tractor.front", "yaw_rate.tractor", TRAILER} <= set(mapped(tmp_path / "w"))
 
 
 def test_an_inverted_sign_is_found_and_mended(browser, tmp_path):

@@ -32,9 +32,7 @@ from fifthwheel.estimate.time_bases.evidence import signal_evidence
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import LogPrediction
 from fifthwheel.truck import get
-from tests.results.report.conftest import NASTY, result
-
-__all__ = ["result"]
+from tests.results.report.conftest import NASTY
 
 TRUCK = get("cheng_cebon_2011")
 FRONT = "tractor.front.cornering_stiffness"
@@ -198,11 +196,18 @@ def test_the_command_line_of_a_run(workspace):
     ]  # fmt: skip
 
 
+QUICK = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
+
+
+@pytest.fixture(scope="module")
+def result() -> Identification:
+    return identify([simulate(TRUCK, count=1, seed=5)], TRUCK, QUICK)
+
+
 @pytest.fixture
-def known(workspace) -> str:
+def known(workspace, result) -> str:
     """A result of another log in the workspace."""
-    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
-    identify([simulate(TRUCK, count=1, seed=5)], TRUCK, settings).save(workspace.folder / "runs" / "before")
+    result.save(workspace.folder / "runs" / "before")
     return "before"
 
 
@@ -221,9 +226,8 @@ def test_the_history_of_the_truck_in_a_result(workspace, known):
     (workspace.folder / "runs" / "old" / "identification.json").write_text("{}")
     assert runs.known_results(workspace) == [known]
     assert not [block for block in runs.history(workspace.folder, known).blocks if isinstance(block, Plots)]
-    settings = OneStage(given={"truck": "exact", FRONT: "free"}, tyres="linear")
     earlier = Knowledge.load(workspace.run(known) / "knowledge.json")
-    later = identify([simulate(TRUCK, count=1, seed=6)], TRUCK, settings, knowledge=earlier)
+    later = identify([simulate(TRUCK, count=1, seed=6)], TRUCK, QUICK, knowledge=earlier)
     later.save(workspace.folder / "runs" / "later")
     blocks = runs.history(workspace.folder, "later").blocks
     (plots,) = [block.plots for block in blocks if isinstance(block, Plots)]
@@ -253,7 +257,7 @@ def test_a_name_that_leads_elsewhere_is_refused(name):
 
 def test_results_side_by_side_and_over_a_log(workspace, result):
     for name in ("a", "b"):
-        result.identification.save(workspace.folder / "runs" / name)
+        result.save(workspace.folder / "runs" / name)
     (workspace.folder / "runs" / "killed").mkdir()
     assert sorted(runs.results(workspace)) == ["a", "b"]
     assert runs.interrupted(workspace) == ["killed"]

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage, article
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.record import Record
@@ -16,7 +15,7 @@ from fifthwheel.estimate.identify import Identification
 from fifthwheel.estimate.identify.unknowns.parameters import stage_1_names, stage_2_names
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 from tests.estimate.conftest import without
 
 HEIGHT = "semitrailer.payload.height"
@@ -44,10 +43,8 @@ def within(result: Identification, truck: Vehicle, stiffness: float = 0.02, heig
             assert abs(error) < height, name
 
 
-@pytest.mark.parametrize("seed", [0, *[pytest.param(seed, marks=pytest.mark.slow) for seed in (1, 2)]])
-def test_ten_lane_changes_from_80_and_120_percent(truck: Vehicle, seed: int) -> None:
-    factors = tuple(np.random.default_rng(seed).choice([0.8, 1.2], 4))
-    result = identify([simulate(truck, count=10, seed=seed)], guesses(truck, factors))
+def test_five_lane_changes_from_80_and_120_percent(truck: Vehicle, guess: Vehicle) -> None:
+    result = identify([simulate(truck, count=5, seed=0)], guess)
     within(result, truck)
     assert all(e.verdict is Verdict.CONVERGED for e in result.parameters)
     assert result.histories["stage 1"].values.shape[1] == 4
@@ -71,17 +68,9 @@ def test_errors_of_twelve_seeds_match_their_sigma(truck: Vehicle) -> None:
         assert 0.4 < np.sqrt(np.mean(np.square(ratio))) < 1.5, name
 
 
-@pytest.mark.parametrize("factors", [(0.6, 1.4, 0.6, 1.4), (1.4, 0.6, 1.4, 0.6), (1.4, 1.4, 1.4, 1.4)])
+@pytest.mark.parametrize("factors", [(0.6, 1.4, 0.6, 1.4), (1.4, 1.4, 1.4, 1.4)])
 def test_wider_starts_do_not_diverge(truck: Vehicle, factors: tuple[float, ...]) -> None:
     within(identify([simulate(truck, count=5, seed=11)], guesses(truck, factors)), truck, 0.03, 0.05)
-
-
-def test_one_lane_change_is_within_three_sigma(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, count=1, seed=2)], guess)
-    truth = truck.parameters()
-    for e in result.parameters:
-        assert e.sigma is not None
-        assert abs(e.value - truth[e.name]) < 3 * e.sigma, e.name
 
 
 def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck: Vehicle, guess: Vehicle) -> None:
@@ -98,24 +87,13 @@ def test_without_roll_rates_stage_2_is_skipped_and_sigma_includes_the_bias(truck
 
 
 def test_straight_driving_is_not_excited(truck: Vehicle, guess: Vehicle) -> None:
-    result = identify([simulate(truck, manoeuvre="straight", duration=30.0, seed=1)], guess)
+    result = identify([simulate(truck, manoeuvre="straight", duration=10.0, seed=1)], guess)
     for e in result.parameters:
         assert e.verdict is Verdict.NOT_EXCITED, e.name
         assert e.value == e.initial
         assert e.sigma is not None
         assert e.sigma > 0.25 * e.value
     assert result.vehicle.parameters()["tractor.front.cornering_stiffness"] == pytest.approx(0.8 * 4.75e5)
-
-
-@pytest.mark.slow
-def test_fixed_parameters_keep_their_value(truck: Vehicle) -> None:
-    name = "tractor.front.cornering_stiffness"
-    initial = guesses(truck, (1.0, 1.2, 0.8, 1.2))
-    result = identify([simulate(truck, count=5, seed=5)], initial, TwoStage(given={name: "exact"}))
-    assert result[name].verdict is Verdict.FIXED
-    assert result[name].value == truck.parameters()[name]
-    assert result[name].sigma is None
-    within(result, truck)
 
 
 def test_an_uncertain_number_that_no_stage_has_is_named(truck: Vehicle) -> None:
@@ -154,19 +132,6 @@ def test_not_converged_when_stopped_early(truck: Vehicle) -> None:
     for refined, verdict in ((False, Verdict.NOT_CONVERGED), (True, Verdict.CONVERGED)):  # steps of Gauss and Newton
         result = identify([record], far, TwoStage(passes=1, rounds=1, restart=refined))
         assert {e.verdict for e in result.parameters} == {verdict}
-
-
-def test_offsets_of_several_logs(truck: Vehicle, guess: Vehicle) -> None:
-    logs = []
-    for seed, offset in ((1, 0.004), (2, -0.003)):
-        record = simulate(truck, count=3, seed=seed, name=f"log {seed}")
-        measured = record.signals["steer.tractor.front"] + offset
-        logs.append(record.with_signals({"steer.tractor.front": measured}))
-    result = identify(logs, guess)
-    within(result, truck, 0.03, 0.05)
-    offsets = {e.log: e for e in result.sensors if e.name == "steer.tractor.front.offset"}
-    for name, offset in (("log 1", 0.004), ("log 2", -0.003)):
-        assert abs(offsets[name].value - offset) < 3 * offsets[name].sigma
 
 
 def test_delay_of_the_steer_angle(truck: Vehicle, guess: Vehicle) -> None:
@@ -258,7 +223,7 @@ def test_everything_fixed(truck: Vehicle) -> None:
 
 
 def test_a_single_unit() -> None:
-    tractor = vehicle.get("cheng_cebon_2011").units[0]
+    tractor = get("cheng_cebon_2011").units[0]
     alone = Vehicle(name="alone", units=(tractor,))
     record = simulate(alone, count=3, seed=1)
     guess = alone.replace({"tractor.front.cornering_stiffness": 4.0e5, "tractor.drive.cornering_stiffness": 9.0e5})

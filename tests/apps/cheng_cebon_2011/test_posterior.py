@@ -96,14 +96,14 @@ def noisy(truck: Vehicle) -> Stage1:
                    for r in records], truck, SMOOTH)  # fmt: skip
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.05])
-def test_information_is_that_of_the_free_running_model(noisy: Stage1, delay: float) -> None:
+def test_information_is_that_of_the_free_running_model(noisy: Stage1) -> None:
     """Summed over the logs; each has steering and gyro offsets of its own. A delay of the steering shifts it. So are
     the Hessian, and the gradient, which contains the prior.
 
     The noise is so large that neither the filter nor its initial covariance has an effect.
     """
-    factor, values = 1e4, {"steer.tractor.front.delay": delay}
+    factor, delay = 1e4, 0.05
+    values = {"steer.tractor.front.delay": delay}
     posterior = noisy.posterior(gated=False, factor=factor, **values)
     offsets = [u.name for u in noisy.unknowns if u.per_log]
     shared = [u.name for u in noisy.unknowns if not u.per_log]

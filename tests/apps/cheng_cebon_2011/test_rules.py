@@ -174,12 +174,7 @@ def test_parameters_without_excitation_are_found_in_several_attempts(monkeypatch
     yaw, full = (SimpleNamespace(name=name, settings=TwoStage(restart=False)) for name in ("yaw", "full"))
     state, _ = _TwoStages(dataset=None, notes=(), yaw=yaw, full=full).solve(None)
     assert state.values == {"a", "c"}
-    assert calls == [
-        ("yaw", [], False),
-        ("full", ["a", "b"], True),
-        ("full", ["a"], True),
-        ("full", ["a", "c"], True),
-    ]
+    assert calls == [("yaw", [], False), ("full", ["a", "b"], True), ("full", ["a"], True), ("full", ["a", "c"], True)]
 
 
 @pytest.mark.parametrize(

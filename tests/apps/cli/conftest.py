@@ -13,9 +13,8 @@ from fifthwheel.data.logs import write_record
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
 from tests.estimate.observe.conftest import truck
-from tests.results.report.conftest import result
 
-__all__ = ["folder", "identified", "result", "truck"]
+__all__ = ["folder", "identified", "truck"]
 
 
 TRUCK = "cheng_cebon_2011"
@@ -75,7 +74,7 @@ def refused(outcome: Outcome, start: str) -> None:
 def folder(tmp_path_factory) -> Path:
     """Logs of the article's truck."""
     place = tmp_path_factory.mktemp("logs")
-    truck = get("cheng_cebon_2011")
+    truck = get(TRUCK)
     write_record(simulate(truck, count=2, seed=1), place / "first.csv")
     write_record(simulate(truck, count=2, seed=2), place / "second.parquet")
     write_record(simulate(truck, count=1, seed=3, roll=False), place / "flat.csv")
@@ -87,7 +86,7 @@ def identified(folder, tmp_path_factory) -> tuple[Path, dict]:
     """One identification of two logs with a third predicted: the folder, and the JSON that was printed."""
     out = tmp_path_factory.mktemp("result") / "deep" / "out"
     logs = [folder / "first.csv", folder / "second.parquet"]
-    arguments = ["identify", *logs, "-v", "cheng_cebon_2011", "-o", out, "--validate", folder / "flat.csv", "--json"]
+    arguments = ["identify", *logs, "-v", TRUCK, *LINEAR, "-o", out, "--validate", folder / "flat.csv", "--json"]
     found = CliRunner().invoke(cli.app, [str(a) for a in arguments], catch_exceptions=False)
     assert found.exit_code == 0
     assert found.stderr == ""

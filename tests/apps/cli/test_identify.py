@@ -9,7 +9,6 @@ from pyarrow import parquet
 from typer.testing import CliRunner
 
 import fifthwheel as fw
-from fifthwheel import truck as vehicle
 from fifthwheel.apps import cli
 from fifthwheel.data.checks import Fault
 from fifthwheel.data.logs import SignalMap, read_log, write_record
@@ -23,11 +22,9 @@ from tests.results.report.conftest import Page
 from tests.test_faults import run
 
 
-@pytest.fixture(scope="module")
-def log(result, tmp_path_factory) -> Path:
-    path = tmp_path_factory.mktemp("commands") / "first.csv"
-    write_record(result.records[0], path)
-    return path
+@pytest.fixture(scope="session")
+def log(folder) -> Path:
+    return folder / "first.csv"
 
 
 def ran(*arguments) -> dict:
@@ -58,14 +55,14 @@ def test_identify_concludes_and_says_how_to_run_it_again(log, tmp_path):
     assert page.text.index(f"{note} (J. Smith, ") < page.text.index(conclusion["headline"])
 
 
-def test_states_concludes_and_draws(log, tmp_path):
-    told = ran("states", log, "-v", "cheng_cebon_2011", "-o", tmp_path, "--json", "--figures", "svg")
+def test_states_concludes_and_draws(folder, tmp_path):
+    told = ran("states", folder / "flat.csv", "-v", NAME, "-o", tmp_path, "--json", "--figures", "svg")
     assert (
         told["conclusion"]["headline"]
         == "The states are reliable in all samples of 1 log in which the filter has settled."
     )
     assert told["files"]["figures"] == str(tmp_path / "figures")
-    assert (tmp_path / "figures" / "first" / "states" / "sideslip.semitrailer.svg").is_file()
+    assert (tmp_path / "figures" / "flat" / "states" / "sideslip.semitrailer.svg").is_file()
     text = Page((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert "The band does not include the uncertainty of the parameters and sensor errors." in text
 
@@ -99,7 +96,7 @@ def states(*arguments: str) -> tuple[dict, dict[str, np.ndarray]]:
 def identification(**more) -> str:
     """An identification.json without sensor errors."""
     log = LogSummary(name="run", span=(0, 1), samples=2, used=1, speed=(20, 20), rejected={}, noise={}, notes=())
-    truck = vehicle.get(NAME)
+    truck = get(NAME)
     empty = Identification(
         method="one-stage",
         vehicle=truck,

@@ -8,7 +8,7 @@ import pytest
 
 from fifthwheel.base.atomic import one_run
 from fifthwheel.estimate.identify.knowledge.knowledge import Knowledge
-from tests.apps.cli.conftest import ESTIMATED, TRUCK, refused
+from tests.apps.cli.conftest import ESTIMATED, LINEAR, TRUCK, refused
 from tests.apps.fleet.make import FIXED, make_fleet
 
 
@@ -92,24 +92,11 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
     merged = run("knowledge", "merge", "one.json", "other", result, "-o", "merged.json", "--json").json()
     assert merged["logs"] == ["second", "first"]
     refused(run("knowledge", "merge", "one.json", "-o", "merged.json"), "merged.json: exists")
-    begun = run(
-        *(
-            "identify",
-            folder / "flat.csv",
-            "-v",
-            TRUCK,
-            "--knowledge",
-            "merged.json",
-            "-o",
-            "next",
-            "--json",
-            "--tyres",
-            "linear",
-        ),
-    ).json()
+    begin = ("identify", folder / "flat.csv", "--knowledge", "merged.json")
+    begun = run(*begin, "-v", TRUCK, "-o", "next", "--json", *LINEAR).json()
+    assert "merged.json" in Path("next/report.html").read_text(encoding="utf-8").replace("<wbr/>", "")
     assert any("Begins with the information of earlier logs (2," in note for note in begun["notes"])
     assert [log.name for log in Knowledge.load("next").logs] == ["second", "first", "flat"]
-    begin = ("identify", folder / "flat.csv", "--knowledge", "merged.json")
     refused(
         run(*begin, "-v", TRUCK, "--set", "semitrailer.mass=40t"),
         "semitrailer.mass: 40000 kg, but 33450 kg with the same load in first: another load",
@@ -117,10 +104,7 @@ def test_merged_knowledge_begins_an_identification(result, run, folder, tmp_path
     refused(run("identify", folder / "flat.csv", "-v", "other"), "other: a folder without .*--knowledge other")
     lorry = Path("lorry.toml")
     lorry.write_text(run("vehicle", TRUCK).out.replace('"tractor"', '"lorry"'), encoding="utf-8")
-    refused(
-        run(*begin, "-v", lorry),
-        "lorry: the knowledge is of a truck whose first unit is tractor",
-    )
+    refused(run(*begin, "-v", lorry), "lorry: the knowledge is of a truck whose first unit is tractor")
 
 
 OPTIONS = [word for name in FIXED for word in ("--set", f"{name}=exact")]

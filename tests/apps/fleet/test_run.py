@@ -364,7 +364,7 @@ def test_why_a_band_does_not_narrow(changes, text) -> None:
 
 def test_load_height_beyond_a_limit(tmp_path) -> None:
     manifest, out = make_fleet(tmp_path, trucks=1, trips=1), tmp_path / "out"
-    settings = fw.OneStage(given={"others": "exact"})
+    settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
     run(manifest, out, settings=settings, fleet=FleetSettings(height_limit=0.5), jobs=1)
     (finding,) = report(out, tmp_path / "fleet.html")
     assert finding.kind == "load height"

@@ -62,8 +62,12 @@ def test_the_advice_follows_a_drive(session):
     assert coach.advice.next.startswith("88 km/h: ")
     assert " to the left" in coach.advice.next
     assert [p.reached for p in coach.advice.progress] == [False, False]
-    seen = []
+    seen, done_at = [], math.inf
     for frame in frames(driven(64.0)):
+        if coach.advice.done:
+            done_at = min(done_at, frame.time)
+        if frame.time > done_at + 1:
+            break
         for result in session.node.receive(frame):
             session.handle(result)
             if coach.advice not in seen[-1:]:

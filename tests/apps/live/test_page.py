@@ -19,24 +19,37 @@ from tests.apps.live.browser import browser
 from tests.apps.live.truck_bus import SIGNALS, TRUCK, driven, frames, observer_node, write_files
 
 
-@pytest.fixture
-def page(tmp_path):
-    node = observer_node(write_files(tmp_path))
+def started(folder):
+    """A page after eight seconds, and its session."""
+    node = observer_node(write_files(folder))
     session = Session(node=node, writer=BackgroundWriter())
     page = Page("0", TRUCK, session)
     session.views = [page]
     for frame in frames(driven()):
         for output in node.receive(frame):
             session.handle(output)
+    return page, session
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    page, session = started(tmp_path_factory.mktemp("page"))
     yield page
     session.close()
 
 
 @pytest.fixture
-def learning_page(tmp_path):
+def own_page(tmp_path):
+    page, session = started(tmp_path)
+    yield page
+    session.close()
+
+
+@pytest.fixture(scope="module")
+def learning_page(tmp_path_factory):
     """A page with the parameters of a learner after two seconds."""
     learning = make_learning(TRUCK, SIGNALS, trailer="depot 1")
-    node = make_node(completed_map(write_files(tmp_path)), learning)
+    node = make_node(completed_map(write_files(tmp_path_factory.mktemp("learning"))), learning)
     session = Session(node=node, writer=BackgroundWriter(), learning=learning)
     page = Page("0", TRUCK, session)
     session.views = [page]
@@ -104,10 +117,10 @@ def test_parameters_have_plain_names_sigma_and_unit(learning_page):
     assert all(parameter["text"].count(" ± ") == 1 for parameter in shown.values())
 
 
-def test_connections_are_limited(page):
-    held = [get(page, "/events") for _ in range(32)]
+def test_connections_are_limited(own_page):
+    held = [get(own_page, "/events") for _ in range(32)]
     with pytest.raises((ConnectionError, http.client.HTTPException)):
-        get(page)
+        get(own_page)
     assert len(held) == 32
 
 
@@ -123,19 +136,19 @@ def test_a_port_in_use_is_refused(page):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("width", [390, 1400])
-def test_a_browser_shows_states_and_drawings(page, tmp_path, width):
+def test_a_browser_shows_states_and_drawings(own_page, tmp_path):
     with browser(tmp_path / "profile") as shown:
-        shown.open(page.address, width)
-        shown.wait_for("document.getElementById('status').textContent === 'ok'")
-        assert shown.evaluate("document.documentElement.scrollWidth") <= width
+        for width in (390, 1400):
+            shown.open(own_page.address, width)
+            shown.wait_for("document.getElementById('status').textContent === 'ok'")
+            assert shown.evaluate("document.documentElement.scrollWidth") <= width
         assert shown.evaluate("document.querySelectorAll('#plots canvas').length") == 5
         assert "rotate(" in shown.evaluate("document.querySelector('#above g').getAttribute('transform')")
         painted = """[...document.querySelectorAll('#plots canvas')].every((canvas) =>
             canvas.getContext('2d').getImageData(60, 0, canvas.width - 60, canvas.height).data.some((v) => v))"""
         assert shown.wait_for(painted)
         assert not shown.messages
-        threading.Thread(target=page.snapshots.close).start()
+        threading.Thread(target=own_page.snapshots.close).start()
         shown.wait_for("document.getElementById('status').textContent === 'ended'")
 
 

@@ -43,10 +43,10 @@ def command(*options):
 
 
 def start(folder, *options):
-    """A process that has given its first states."""
+    """A process that has given its first states; its output is in two files."""
     log = folder / "process.log"
-    with log.open("w") as file:
-        process = subprocess.Popen(command(*options), cwd=folder, stderr=file)
+    with log.open("w") as file, (folder / "out").open("w") as out:
+        process = subprocess.Popen(command(*options), cwd=folder, stdout=out, stderr=file)
     while " s  " not in log.read_text():
         assert process.poll() is None, log.read_text()
         time.sleep(0.02)
@@ -61,13 +61,14 @@ def run(folder, *options):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_the_run_with_a_complete_record(folder, number):
+def test_a_signal_ends_the_run_with_a_complete_record_and_a_summary(folder, number):
     process = start(folder, "--replay", "run.log", "--record", "run.parquet", "--page", "0")
     time.sleep(0.5)
     process.send_signal(number)
     assert process.wait(60) == 0
     assert 20 < pq.read_table(folder / "run.parquet").num_rows < 1600
     assert not (folder / "run.parquet.parts").exists()
+    assert " s of bus time, " in (folder / "out").read_text()
 
 
 def test_the_journal_says_what_happened(folder):
@@ -179,7 +180,7 @@ def test_a_killed_process_loses_at_most_ten_seconds(long_folder):
 def test_files_are_whole_whenever_the_process_is_killed(long_folder):
     folder = long_folder
     options = ["--replay", "run.log", "--rate", "20", "--record", "run.parquet"]
-    for wait in (0.0, 0.05, 0.2, 0.5, 0.9):
+    for wait in (0.0, 0.2, 0.9):
         process = start(folder, *options)
         time.sleep(wait)
         os.kill(process.pid, signal.SIGKILL)
@@ -214,17 +215,6 @@ def test_the_end_has_a_summary(folder):
     done = run(folder, "--replay", "run.log", "--rate", "max", "--learn", "--state", "truck.json")
     assert "Verdict" in done.stdout
     assert "--state" not in done.stdout
-
-
-def test_a_run_that_is_interrupted_has_a_summary(folder):
-    command_line = command("--replay", "run.log", "--learn")
-    with subprocess.Popen(command_line, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
-        while " s  " not in run.stderr.readline():
-            assert run.poll() is None
-        run.send_signal(signal.SIGINT)
-        printed, _ = run.communicate(timeout=60)
-    assert run.returncode == 0
-    assert " s of bus time, " in printed
 
 
 def test_a_page_is_announced_only_after_the_bus_is_open(folder):

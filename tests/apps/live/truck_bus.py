@@ -4,15 +4,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from fifthwheel import truck as vehicle
 from fifthwheel.apps.live.node import Node
 from fifthwheel.apps.live.setup import completed_map, make_node, make_observer
 from fifthwheel.data.logs import SignalMap
 from fifthwheel.data.logs.can.database import Frame
 from fifthwheel.data.record import Record
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 
-TRUCK = vehicle.get("cheng_cebon_2011")
+TRUCK = get("cheng_cebon_2011")
 DBC = """VERSION ""
 NS_ :
 BS_:

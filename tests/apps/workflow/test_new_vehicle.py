@@ -162,10 +162,7 @@ def test_a_solo_slip_alone_gives_mass_and_cog_of_the_tractor() -> None:
         ({"solo": "5,300 kg"}, r"solo: expected a decimal point, and no separator of thousands"),
         ({"wheelbase": None}, r"wheelbase: expected a value, got none; give wheelbase"),
         ({"solo": "5200"}, r"solo: expected 2 loads, of tractor\.front, tractor\.drive, got '5200'; give them in kg"),
-        (
-            {"trailer_tare": "24.9 t", "laden": "6000 7000 11000"},
-            r"payload\.mass: expected above 0 kg, got -\d+ kg",
-        ),
+        ({"trailer_tare": "24.9 t", "laden": "6000 7000 11000"}, r"payload\.mass: expected above 0 kg, got -\d+ kg"),
     ],
 )
 def test_errors_name_the_answer_and_the_cure(changed: dict[str, str | None], message: str) -> None:

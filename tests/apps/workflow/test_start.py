@@ -5,7 +5,6 @@ import json
 import os
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -16,9 +15,8 @@ from fifthwheel.apps.workflow.start import Note, chosen_one_stage, identificatio
 from fifthwheel.base.errors import FifthwheelError, VehicleError
 from fifthwheel.base.options import IdentifyOptions
 from fifthwheel.base.spelling import spelled_for
-from fifthwheel.estimate.identify import Identification, OneStage
+from fifthwheel.estimate.identify import OneStage
 from fifthwheel.estimate.identify.unknowns.parameters import estimated_parameters
-from tests.apps.cli.conftest import run
 from tests.estimate.identify.knowledge.conftest import TRUCK, identified
 
 
@@ -236,23 +234,11 @@ def test_a_refused_setting_is_named_in_the_words_of_the_front_end(wrong):
             starts_of(TRUCK, IdentifyOptions(**wrong))
 
 
-__all__ = ["run"]
-
-EXAMPLES = Path(__file__).parents[3] / "examples"
-
-
-def test_a_result_keeps_the_note(run: Any, tmp_path: Path) -> None:
-    log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
-    words = ("--method", "article", "--passes", "1", "--note", "New <tyres>, 8 bar", "--author", "A. Driver")
-    outcome = run("identify", log, "-v", truck, "--out", "w/runs/first", *words)
-    assert outcome.code == 0, outcome.err
-    file = tmp_path / "w" / "runs" / "first" / "identification.json"
-    today = datetime.datetime.now().astimezone().date().isoformat()
-    kept = {"text": "New <tyres>, 8 bar", "author": "A. Driver", "date": today}
-    assert json.loads(file.read_text())["note"] == kept
-    assert Identification.load(file).method == "two-stage"
-    workspace = Workspace(tmp_path / "w")
-    assert runs.labels(workspace) == {"first": f"first: New <tyres>, 8 bar (A. Driver, {today})"}
+def test_the_list_of_results_has_the_notes(tmp_path: Path) -> None:
+    note = {"text": "New <tyres>, 8 bar", "author": "A. Driver", "date": "2026-01-02"}
+    (tmp_path / "runs" / "first").mkdir(parents=True)
+    (tmp_path / "runs" / "first" / "identification.json").write_text(json.dumps({"note": note}))
+    assert runs.labels(Workspace(tmp_path)) == {"first": "first: New <tyres>, 8 bar (A. Driver, 2026-01-02)"}
 
 
 def test_without_a_note_nothing_is_kept(tmp_path: Path) -> None:

@@ -108,18 +108,17 @@ SEEDS = range(12)
 
 @pytest.mark.parametrize("seed", SEEDS)
 def test_random_steps(seed: int) -> None:
-    """One vehicle, and several vehicles in 1, 4 and 8 lanes; the number of lanes does not divide that of vehicles."""
+    """One vehicle, and several vehicles in 1, 4 or 8 lanes; the number of lanes does not divide that of vehicles."""
     rng = np.random.default_rng(seed)
     step = random_step(rng)
     vehicles, rows = 9, 25
     carry, sample, constant = (rng.normal(size=(vehicles, *size)) for size in ((2,), (rows, 3), (2,)))
     expected = [interpreted(step, *each) for each in zip(carry, sample, constant, strict=True)]
     assert_same(Scan(step)(carry[3], sample[3], constant[3]), expected[3])
-    for lanes in (1, 4, 8):
-        assert_same(
-            Scan(step, lanes).batch(carry.copy(), sample, constant),
-            (np.array([e[0] for e in expected]), np.array([e[1] for e in expected])),
-        )
+    assert_same(
+        Scan(step, (1, 4, 8)[seed % 3]).batch(carry.copy(), sample, constant),
+        (np.array([e[0] for e in expected]), np.array([e[1] for e in expected])),
+    )
 
 
 def assert_same(actual: tuple[Array, Array], expected: tuple[Array, Array]) -> None:

@@ -82,8 +82,7 @@ def test_arrays_of_any_order_and_type(scan: Scan) -> None:
     assert np.array_equal(counted[1], scan(np.array([1.0, 2.0]), np.ones((3, 2)), np.ones(3))[1])
 
 
-@pytest.mark.parametrize("lanes", [1, 4, 8])
-@pytest.mark.parametrize("vehicles", [1, 3, 4, 8, 11])
+@pytest.mark.parametrize(("vehicles", "lanes"), [(3, 1), (1, 4), (4, 4), (11, 4), (8, 8), (11, 8)])
 def test_vehicles_and_lanes(vehicles: int, lanes: int) -> None:
     carry, sample, constant = random_inputs(vehicles, 30)
     actual = Scan(STEP, lanes).batch(carry.copy(), sample, constant)
@@ -95,7 +94,7 @@ def test_vehicles_and_lanes(vehicles: int, lanes: int) -> None:
         assert max_difference(actual[1][i], expected[1]) <= 1e-13
 
 
-@pytest.mark.parametrize("lanes", [pytest.param(1), 4, 8])
+@pytest.mark.parametrize("lanes", [1, 8])
 def test_batch_does_not_change_its_arguments(lanes: int) -> None:
     arrays = random_inputs(8, 30)
     copies = [array.copy() for array in arrays]
@@ -104,7 +103,7 @@ def test_batch_does_not_change_its_arguments(lanes: int) -> None:
         assert np.array_equal(array, before)
 
 
-@pytest.mark.parametrize("vehicles", [6, pytest.param(8)])
+@pytest.mark.parametrize("vehicles", [6, 8])
 def test_batch_does_not_change_a_carry_of_one_element(vehicles: int) -> None:
     carry = np.zeros((vehicles, 1))
     after, _ = Scan(times(2.0), 4).batch(carry, np.ones((5, 1)), np.ones((vehicles, 1)))

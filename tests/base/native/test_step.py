@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 
 import fifthwheel
-from fifthwheel import truck as vehicle
 from fifthwheel.base.native import AdjointScan, Scan, compiled, step
 from fifthwheel.base.native import step as module
 from fifthwheel.base.native.llvm_ir import module as assembly
 from fifthwheel.base.native.step import closure
 from fifthwheel.estimate.filters import kalman, tangent
 from fifthwheel.model import dynamics
+from fifthwheel.truck import get
 from tests.base.native.conftest import times
 
 OUTPUTS = ("yaw_rate.tractor", "yaw_rate.semitrailer")
@@ -150,15 +150,10 @@ def test_lost_machine_code_is_compiled_again(cache_folder: Path) -> None:
     assert code.read_bytes() == content
 
 
-LONG = ("a_double", "b_double", "truck_dolly_semitrailer", "truck_full_trailer")
-
-
-@pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LONG)) for n in vehicle.catalogue.names()]
-)
+@pytest.mark.parametrize("name", ["cheng_cebon_2011", pytest.param("truck_dolly_semitrailer", marks=pytest.mark.slow)])
 def test_steps_depend_on_the_topology_only(name: str) -> None:
     """The identity of a model does not contain the numbers of its vehicle; so the step must not either."""
-    truck = vehicle.get(name)
+    truck = get(name)
     changed = truck.replace({path: 1.001 * value for path, value in truck.parameters().items()})
     assert dynamics.model(truck, (), roll=True).identity == dynamics.model(changed, (), roll=True).identity
     outputs = tuple(f"yaw_rate.{unit.name}" for unit in truck.units)
@@ -173,7 +168,7 @@ def test_steps_depend_on_the_topology_only(name: str) -> None:
 
 def test_a_model_finds_the_code_of_another_process() -> None:
     """The functions of the model are not built, and the numbers are those of the step that is built."""
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     free = ("tractor.front.cornering_stiffness",)
     results = []
     for known in (False, True):

@@ -261,8 +261,7 @@ def test_two_stages_note_that_they_do_not_use_them(record: fw.Record, truck: fw.
 
 
 def test_a_learner_has_them(record: fw.Record, truck: fw.Vehicle) -> None:
-    settings = fw.OneStage(given={"others": "exact"}, tyres="linear")
-    learner = fw.Learner(truck, record.signals, settings, sensors={YAW: GYRO})
+    learner = fw.Learner(truck, record.signals, ONE, sensors={YAW: GYRO})
     assert learner[f"{YAW}.gain"].sigma == pytest.approx(0.002)
     learner.learn(stating(record, {YAW: GYRO}).cut(0, 1))
     with pytest.raises(fw.SignalError, match=r"states sensors \(yaw_rate.semitrailer\)"):

@@ -124,12 +124,7 @@ def test_the_relations_of_a_known_turn():
     towed = lagged(rate, 8.0 / u)
     acceleration = u * rate
     roll = 0.03 * np.gradient(lagged(lagged(u * towed, 0.15), 0.15), 0.05)
-    exact = {
-        RATE2: towed,
-        HITCH: -towed * 8.0 / u,
-        ACCELERATION: acceleration,
-        ROLL: roll,
-    }
+    exact = {RATE2: towed, HITCH: -towed * 8.0 / u, ACCELERATION: acceleration, ROLL: roll}
     record = Record(time=time, signals={"speed": np.full(time.size, u), RATE: rate, **exact})
     found = {r.signal: r for r in relations(record, wheelbase=wheelbase, min_speed=5.0)}
     assert set(found) == set(exact)

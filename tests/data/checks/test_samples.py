@@ -5,14 +5,7 @@ import pytest
 
 from fifthwheel.data.channels import CHANNELS, channel_of
 from fifthwheel.data.checks import Fault, check
-from fifthwheel.data.checks.samples import (
-    dropouts,
-    impossible_samples,
-    spike_mask,
-    spikes,
-    stuck,
-    without_spikes,
-)
+from fifthwheel.data.checks.samples import dropouts, impossible_samples, spike_mask, spikes, stuck, without_spikes
 from fifthwheel.data.record import Record
 
 STEER, RATE, RATE2 = "steer.tractor.front", "yaw_rate.tractor", "yaw_rate.semitrailer"

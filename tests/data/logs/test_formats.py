@@ -1,4 +1,4 @@
-"""One run in every format: the same record, the same parameters; damaged files give a record or a SignalError."""
+"""One run in every format: the same record; damaged files give a record or a SignalError."""
 
 import codecs
 import contextlib
@@ -22,7 +22,6 @@ from fifthwheel.truck import get
 from tests.data.logs.formats import FORMATS, stored
 
 TRUCK = get("cheng_cebon_2011")
-LINEAR = OneStage(tyres="linear")
 
 
 @pytest.fixture(scope="module")
@@ -31,13 +30,8 @@ def drive():
     return Record(time=record.time, signals=record.signals, name="drive")
 
 
-@pytest.fixture(scope="module")
-def identification(drive):
-    return identify([drive], TRUCK, LINEAR)
-
-
 @pytest.mark.parametrize("name", FORMATS)
-def test_every_format_gives_the_same_record_and_parameters(tmp_path, drive, identification, name):
+def test_every_format_gives_the_same_record(tmp_path, drive, name):
     path, signal_map = stored(drive, tmp_path, name)
     path = path.rename(tmp_path / "no_ending")  # the format is recognised by content
     record = read_log(path, signal_map, name="drive")
@@ -47,11 +41,6 @@ def test_every_format_gives_the_same_record_and_parameters(tmp_path, drive, iden
     assert record.time - shift == pytest.approx(drive.time, abs=1.1e-4 if name == "drive.trc" else 2e-6)
     for signal, values in drive.signals.items():
         assert record.signals[signal] == pytest.approx(values, rel=1e-6, abs=1e-7)
-    again = identify([record], TRUCK, LINEAR)
-    for one, other in zip(identification.parameters, again.parameters, strict=True):
-        assert other.verdict == one.verdict
-        assert other.value == pytest.approx(one.value, abs=(0.1 if name == "drive.trc" else 0.01) * one.sigma)
-        assert other.sigma == pytest.approx(one.sigma, rel=0.01)
 
 
 @pytest.mark.parametrize("name", FORMATS)
@@ -114,9 +103,7 @@ def test_any_bytes_give_a_record_or_a_signal_error(tmp_path_factory, head, data)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "name", ["drive.csv", "drive.mf4", "v5.mat", "drive.mcap", "drive.asc", "drive.blf", "candump.log"]
-)
+@pytest.mark.parametrize("name", ["drive.csv", "drive.mf4", "candump.log"])
 def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive, name):
     """Bits flipped, checked or not: parameters within 5 sigma, another verdict than converged, or a SignalError."""
     path, signal_map = stored(drive, tmp_path, name)
@@ -133,4 +120,4 @@ def test_a_damaged_log_gives_no_wrong_parameters(tmp_path, drive, name):
             assert all(np.isfinite([e.value, e.sigma]).all() for e in result.parameters)
             converged = [e for e in result.parameters if e.verdict == "converged"]
             assert all(abs(e.value - truth[e.name]) < 5 * e.sigma for e in converged)
-    assert identified or name == "drive.blf"  # one damaged container loses all
+    assert identified

@@ -149,10 +149,7 @@ CHANNELS: dict[str, dict[str | None, str]] = {
         None: "STEER_FRACTION [deg]; STEER_RATE [deg/s]; STEERING_TORQUE",
     },
     # Dewesoft: Example_Drive01.d7d of dwdatareader
-    "Dewesoft": {
-        SPEED: "GPSvel [km/h]",
-        "engine_speed": "ENG_RPM [rpm]",
-    },
+    "Dewesoft": {SPEED: "GPSvel [km/h]", "engine_speed": "ENG_RPM [rpm]"},
     # Tests of articulated vehicles with devices on both units
     "articulated vehicles": {
         TOWED_YAW_RATE: "TrlIMU_GyrZ [deg/s]; YAW_TRL [deg/s]; TrailerYawRate [rad/s]; Gyro_Z_2 [deg/s]",
@@ -183,16 +180,14 @@ CHANNELS: dict[str, dict[str | None, str]] = {
         None: "LRW_Geschw [deg/s]; LRW_Geschw; couple_volant; lacet; psi [deg]",
     },
     # Velocities on axes of the earth
-    "earth": {
-        None: "ecef_vy [m/s]; ECEF_vel_x [m/s]; ECEF_vel_y [m/s]; bestxyz.vel_y; vel_y_ned [m/s]",
-    },
+    "earth": {None: "ecef_vy [m/s]; ECEF_vel_x [m/s]; ECEF_vel_y [m/s]; bestxyz.vel_y; vel_y_ned [m/s]"},
     # Constructed contradictions of unit, name and quantity
     "contradictions": {
         None: (
             "Speed [rad/s]; AngularVelocity; WheelSpeed [rpm]; SteeringWheelSpeed [deg/s]; SteeringWheelSpeed; "
             "YawRate [V]; YawRate [deg/s^2]; SteeringAngle [%]; WheelSlip_FL [%]; WindSpeed [m/s]; delta_t [s]; "
             "deltaQ"
-        ),
+        )
     },
     # J1939-71, the package's own database, and names of ours
     "driving": {

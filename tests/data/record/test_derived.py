@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.signal import butter, lfilter
 
-from fifthwheel import truck as vehicle
 from fifthwheel.data.record.derived import (
     article_gyro_variance,
     estimate_noise_variance,
@@ -13,6 +12,7 @@ from fifthwheel.data.record.derived import (
     wheel_speed_difference,
 )
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 
 DIFFERENCE = "wheel_speed_difference.semitrailer.middle"
 LEFT, RIGHT = sides_of(DIFFERENCE)
@@ -41,7 +41,7 @@ TIME = np.arange(20_000) / 100
 @pytest.mark.parametrize("rate", [20, 50, 200])
 def test_noise_of_gyros_on_a_moving_truck(manoeuvre, rate):
     gyros = article_gyro_variance(["tractor", "semitrailer"])
-    record = simulate(vehicle.get("cheng_cebon_2011"), manoeuvre=manoeuvre, duration=60, rate=rate, seed=2)
+    record = simulate(get("cheng_cebon_2011"), manoeuvre=manoeuvre, duration=60, rate=rate, seed=2)
     for name, variance in gyros.items():
         assert estimate_noise_variance(record.time, record.signals[name]) == pytest.approx(variance, rel=0.25), name
 

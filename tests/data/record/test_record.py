@@ -93,12 +93,7 @@ def test_short_gaps_of_an_input_are_interpolated():
 
 
 @pytest.mark.parametrize(
-    ("start", "stop", "where"),
-    [
-        (4.05, 6.0, "4.00 to 6.00"),
-        (-1, 0.95, "0.00 to 1.00"),
-        (18.95, 99, "18.90 to 19.90"),
-    ],
+    ("start", "stop", "where"), [(4.05, 6.0, "4.00 to 6.00"), (-1, 0.95, "0.00 to 1.00"), (18.95, 99, "18.90 to 19.90")]
 )
 def test_long_gaps_of_an_input_are_refused(start, stop, where):
     with pytest.raises(SignalError, match="speed: missing in all samples of"):

@@ -135,8 +135,7 @@ def test_values_that_mean_none_in_a_users_database(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "text"),
-    [("a.dbc", "nonsense"), ("a.arxml", "<AUTOSAR"), ("a.dbc", ""), ("a.txt", "x"), ("a.kcd", "<a/>")],
+    ("name", "text"), [("a.dbc", "nonsense"), ("a.arxml", "<AUTOSAR"), ("a.dbc", ""), ("a.txt", "x"), ("a.kcd", "<a/>")]
 )
 def test_what_is_no_database_is_refused_by_name(tmp_path, name, text):
     with pytest.raises(SignalError, match=rf"^{name}: not a valid CAN database \(.+\); give a DBC or ARXML"):

@@ -14,16 +14,7 @@ from pyarrow import parquet
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
 from fifthwheel.apps.cluster import connected
-from fifthwheel.apps.studies import (
-    Estimates,
-    Identified,
-    Learned,
-    SimulatedRun,
-    StatesOf,
-    exact_guess,
-    observer,
-    study,
-)
+from fifthwheel.apps.studies import Estimates, Identified, Learned, SimulatedRun, StatesOf, exact_guess, observer, study
 from fifthwheel.apps.studies.estimators import as_estimator
 from fifthwheel.apps.studies.result_table import COLUMNS, ResultTable, RunName, as_table
 from fifthwheel.apps.studies.scenarios import simulated
@@ -183,7 +174,7 @@ def test_an_interrupt_keeps_finished_runs(tmp_path: Path) -> None:
 KILLED = """
 import os, time
 from pathlib import Path
-from tests.apps.studies.test_study import MeanYawRate, run
+from tests.apps.studies.test_monte_carlo import MeanYawRate, run
 
 class Slow(MeanYawRate):
     def __call__(self, record, vehicle, /):
