@@ -134,6 +134,32 @@ def test_joint_filter(gate: float) -> None:
     assert rejected == 0 if gate == np.inf else 0.02 < rejected < 0.5
 
 
+def test_joint_filter_in_numpy() -> None:
+    """The same against an independent joint filter with explicit matrices and all channels together."""
+    rows = biased_rows(60, 1, gaps=False)
+    noise = Noise(process=Q, measurement=R)
+    actual = dual.run_dual(BIASED, rows, c=C, noise=noise, scaling=plain(CENTRE, SCALE), start=START)
+    x, P = np.concatenate([START.x, START.z]), joint_covariance(START)
+    for k, row in enumerate(rows):
+        dt, d = row[:2]
+        F, H, g = np.eye(5), np.zeros((3, 5)), np.zeros(5)
+        F[0, 1], F[1, 0], F[1, 1], F[2, 2] = dt, -2 * dt, 1 - dt * C[0], np.exp(-dt)
+        F[0, 3], F[2, 4] = dt * SCALE[0], dt * d * SCALE[1]
+        g[:3] = dt * CENTRE[0], dt * d, dt * d * CENTRE[1]
+        H[0, 0], H[1, 1], H[1, 2], H[2, 2] = 1, 1, -1, 1
+        H[0, 4], H[1, 3] = SCALE[1], d * SCALE[0]
+        b = np.array([CENTRE[1], d * CENTRE[0], C[1]])
+        x, P = F @ x + g, F @ P @ F.T
+        P[:3, :3] += Q * dt
+        S = H @ P @ H.T + np.diag(R)
+        K = P @ H.T @ np.linalg.inv(S)
+        x, P = x + K @ (row[2:5] - H @ x - b), P - K @ S @ K.T
+        assert actual.z[k] == pytest.approx(x[3:], abs=1e-11)
+        assert actual.z_variance[k] == pytest.approx(np.diag(P)[3:], abs=1e-11)
+    assert actual.end.x == pytest.approx(x[:3], abs=1e-11)
+    assert joint_covariance(actual.end) == pytest.approx(P, abs=1e-11)
+
+
 def test_record_in_two_segments() -> None:
     rows = biased_rows()
     arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE),
@@ -143,6 +169,13 @@ def test_record_in_two_segments() -> None:
     second = dual.run_dual(BIASED, rows[33:], start=first.end, **arguments)
     assert np.array_equal(np.vstack([first.z, second.z]), complete.z)
     assert np.array_equal(second.end.vector(), complete.end.vector())
+
+
+def test_state_as_a_vector() -> None:
+    restored = DualState.from_vector(replace(START, walk=0.25).vector(), 3, 2)
+    for name in ("x", "P", "z", "Pz", "sensitivity"):
+        assert np.array_equal(getattr(restored, name), getattr(START, name)), name
+    assert restored.walk == 0.25
 
 
 # The dual filter of Wan and Nelson.
@@ -243,6 +276,47 @@ def test_equals_the_reference_filter(name: str, direct: float) -> None:
     assert actual.z == pytest.approx(history, abs=1e-10)
     for field in ("x", "P", "z", "Pz", "sensitivity"):
         assert getattr(actual.end, field) == pytest.approx(getattr(end, field), abs=1e-10), field
+
+
+def test_one_channel_equals_the_textbook_filter() -> None:
+    """The matrices of Wan and Nelson with one channel, so that there is no sequential update."""
+    model = example(
+        lambda x, dt, d, p, c: SPRING.transition(x, dt, d, p, ca.SX.zeros(2)),
+        lambda x, d, p, c: ca.sin(x[0]) + 0.1 * p[1] * x[1],
+        x=2,
+        d=1,
+        p=2,
+    )
+    rows = spring_rows()
+    rows = sample_rows(rows[:, 0], rows[:, 1:2], rows[:, 2:3])
+    r = np.array([0.03])
+    actual = dual.run_dual(
+        model,
+        rows,
+        c=NOTHING,
+        noise=Noise(process=SPRING_Q, measurement=r),
+        scaling=SPRING_SCALING,
+        start=SPRING_START,
+        coupling=COUPLINGS["Wan and Nelson"],
+    )
+    s, numbers = SPRING_START, Numbers(model)
+    x, P, w, Pw, V = s.x[:, None], s.P, s.z[:, None], s.Pz, s.sensitivity
+    for k, row in enumerate(rows):
+        p = SPRING_SCALING.to_p(w[:, 0])
+        slope = np.diag(SPRING_SCALING.slope(p))
+        forward, A, by_p = numbers.transition(x[:, 0], row[0], row[1:2], p, NOTHING)
+        x, P, V = forward[:, None], A @ P @ A.T + SPRING_Q * row[0], A @ V + by_p @ slope
+        predicted, H, by_p = numbers.observation(x[:, 0], row[1:2], p, NOTHING)
+        error, by_w = row[2:3, None] - predicted[:, None], H @ V + by_p @ slope
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + r)
+        Kw = Pw @ by_w.T @ np.linalg.inv(by_w @ Pw @ by_w.T + r)
+        x, P, V = x + K @ error, (np.eye(2) - K @ H) @ P, V - K @ by_w
+        w, Pw = w + Kw @ error, (np.eye(2) - Kw @ by_w) @ Pw
+        assert actual.z[k] == pytest.approx(w[:, 0], abs=1e-10)
+        assert actual.z_variance[k] == pytest.approx(np.diag(Pw), abs=1e-10)
+    assert actual.end.x == pytest.approx(x[:, 0], abs=1e-10)
+    assert pytest.approx(P, abs=1e-10) == actual.end.P
+    assert actual.end.sensitivity == pytest.approx(V, abs=1e-10)
 
 
 # Sensitivities.
@@ -359,7 +433,7 @@ STARTS = {
 }
 
 
-@pytest.mark.parametrize("name", ["Wan and Nelson", "Friedland"])
+@pytest.mark.parametrize("name", COUPLINGS)
 def test_any_start_and_any_noise(article: Article, name: str) -> None:
     """Parameters are within their bounds, stiffnesses positive, covariances symmetric and positive, all finite."""
     model, c, scaling = free_article(article)
@@ -410,6 +484,24 @@ def test_any_start_and_any_noise(article: Article, name: str) -> None:
     check()
 
 
+def test_parameter_stays_at_its_bound() -> None:
+    """An offset of five with a bound of two; the correction of the state belongs to the bounded parameter."""
+    model = example(lambda x, dt, d, p, c: x * ca.exp(-dt), lambda x, d, p, c: x + p, x=1, p=1)
+    rows = sample_rows(np.full(200, 0.1), np.empty((200, 0)), np.full((200, 1), 5.0))
+    scaling = Scaling(
+        logarithmic=(False,), centre=np.zeros(1), scale=np.ones(1), lower=np.array([-1.0]), upper=np.array([2.0])
+    )
+    start = DualState(x=np.zeros(1), P=np.full((1, 1), 0.01), z=np.zeros(1), Pz=np.eye(1), sensitivity=np.zeros((1, 1)))
+    noise = Noise(process=np.zeros((1, 1)), measurement=np.ones(1))
+    actual = dual.run_dual(model, rows, c=NOTHING, noise=noise, scaling=scaling, start=start)
+    assert actual.z.max() == 2.0
+    assert actual.z[-1] == 2.0
+    assert abs(actual.end.x.item()) < 0.1
+    beyond = replace(start, z=np.array([9.0]))
+    outside = dual.run_dual(model, rows[:1], c=NOTHING, noise=noise, scaling=scaling, start=beyond)
+    assert outside.z.item() == 2.0
+
+
 def test_correction_of_the_state_belongs_to_the_bounded_parameter() -> None:
     """P = 3, r = 1 and V = -1/2 give K = 3/4, psi = 1/2 and V+ = -7/8; z is bounded to 1/10."""
     model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: x + p, x=1, p=1)
@@ -424,8 +516,6 @@ def test_correction_of_the_state_belongs_to_the_bounded_parameter() -> None:
     assert actual.z.item() == 0.1
     assert actual.end.sensitivity.item() == pytest.approx(-7 / 8, rel=1e-14)
     assert actual.end.x.item() == pytest.approx(3 / 4 * 2.0 - 7 / 8 * 0.1, rel=1e-14)
-    outside = replace(start, z=np.array([9.0]))
-    assert dual.run_dual(model, row, c=NOTHING, noise=noise, scaling=scaling, start=outside).z.item() == 0.1
 
 
 def test_scaling() -> None:
@@ -464,7 +554,91 @@ def test_random_walk_and_forgetting() -> None:
     assert np.array_equal(same.z_variance, each.z_variance)
 
 
+def test_random_walk_limits_the_decrease_of_the_variance() -> None:
+    """Without it the variance of z decreases; with it, it is stationary; with forgetting, it decreases again."""
+    rows = biased_rows(1500, gaps=False)
+    arguments = {"c": C, "noise": Noise(process=Q, measurement=R), "scaling": plain(CENTRE, SCALE), "start": START}
+
+    def middle_and_end(coupling: DualCoupling) -> tuple[float, float]:
+        variance = dual.run_dual(BIASED, rows, coupling=coupling, **arguments).z_variance[:, 0]
+        return variance[700:750].mean(), variance[-50:].mean()
+
+    without_walk, with_walk = middle_and_end(DualCoupling()), middle_and_end(DualCoupling(random_walk=0.01))
+    with_forgetting = middle_and_end(DualCoupling(random_walk=0.01, forgetting=0.1))
+    assert without_walk[1] < 0.6 * without_walk[0]
+    assert with_walk[1] == pytest.approx(with_walk[0], rel=0.1)
+    assert without_walk[1] < with_forgetting[1] < 0.3 * with_walk[1]
+
+
 # Missing values, gate, batches.
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+@pytest.mark.parametrize("channel", range(3))
+def test_missing_channel_equals_a_model_without_it(channel: int, name: str) -> None:
+    """A channel that is sometimes missing: there the smaller model gives the same result."""
+    remaining = [i for i in range(3) if i != channel]
+    fewer = example(lambda *a: BIASED.transition(*a), lambda *a: BIASED.observation(*a)[remaining], x=3, d=1, p=2, c=2)
+    rows = biased_rows(60, channel)
+    missing_channels = np.zeros((60, 3), dtype=bool)
+    missing_channels[:, channel] = np.random.default_rng(channel).random(60) < 0.5
+    small = np.hstack([rows[:, :2], rows[:, 2:5][:, remaining], rows[:, 5:][:, remaining]])
+    arguments = {"c": C, "scaling": plain(CENTRE, SCALE), "coupling": COUPLINGS[name]}
+    noise, noise_of_fewer = (Noise(process=Q, measurement=r) for r in (R, R[remaining]))
+    actual = dual.run_dual(BIASED, without(rows, missing_channels, 1), noise=noise, start=START, **arguments)
+    state = START
+    for k in range(60):
+        if missing_channels[k, channel]:
+            step = dual.run_dual(fewer, small[k : k + 1], noise=noise_of_fewer, start=state, **arguments)
+        else:
+            step = dual.run_dual(BIASED, rows[k : k + 1], noise=noise, start=state, **arguments)
+        state = step.end
+        assert actual.z[k] == pytest.approx(state.z, rel=1e-12, abs=1e-12)
+        assert actual.z_variance[k] == pytest.approx(np.diag(state.Pz), rel=1e-12)
+    assert actual.end.vector() == pytest.approx(state.vector(), rel=1e-12, abs=1e-12)
+    assert not actual.innovation[missing_channels].any()
+    assert not actual.accepted[missing_channels].any()
+
+
+@pytest.mark.parametrize("name", COUPLINGS)
+def test_without_measurements_it_is_prediction(name: str) -> None:
+    """Parameters are constant; state, covariance and sensitivity follow the model."""
+    rows = without(biased_rows(30), np.ones((30, 3), dtype=bool), 1)
+    scaling, noise = plain(CENTRE, SCALE), Noise(process=Q, measurement=R)
+    actual = dual.run_dual(BIASED, rows, c=C, noise=noise, scaling=scaling, start=START, coupling=COUPLINGS[name])
+    p = scaling.to_p(START.z)
+    x, P, V, numbers = START.x, START.P, START.sensitivity, Numbers(BIASED)
+    for row in rows:
+        x, F, by_p = numbers.transition(x, row[0], row[1:2], p, C)
+        P, V = F @ P @ F.T + Q * row[0], F @ V + by_p * SCALE
+    assert np.array_equal(actual.z, np.tile(START.z, (30, 1)))
+    assert np.array_equal(actual.end.Pz, START.Pz)
+    assert actual.end.x == pytest.approx(x, abs=1e-13)
+    assert pytest.approx(P, abs=1e-13) == actual.end.P
+    assert actual.end.sensitivity == pytest.approx(V, abs=1e-13)
+    assert not actual.innovation.any()
+
+
+def test_one_of_two_channels_in_numbers() -> None:
+    """y = [NaN, 1] of x + z and x - z, variances 1: P = 4 and Pz = 2, so S = 7."""
+    model = example(lambda x, dt, d, p, c: x, lambda x, d, p, c: ca.vertcat(x + p, x - p), x=1, p=1)
+    rows = sample_rows(np.zeros(1), np.empty((1, 0)), np.array([[np.nan, 1.0]]))
+    actual = dual.run_dual(
+        model,
+        rows,
+        c=NOTHING,
+        noise=Noise(process=np.zeros((1, 1)), measurement=np.ones(2)),
+        scaling=plain(np.zeros(1), np.ones(1)),
+        start=DualState(
+            x=np.zeros(1), P=np.full((1, 1), 4.0), z=np.zeros(1), Pz=np.full((1, 1), 2.0), sensitivity=np.zeros((1, 1))
+        ),
+    )
+    assert actual.z.item() == pytest.approx(-2 / 7, rel=1e-14)
+    assert actual.z_variance.item() == pytest.approx(2 - 4 / 7, rel=1e-14)
+    assert actual.end.x.item() == pytest.approx(4 / 7, rel=1e-14)
+    assert actual.innovation.tolist() == [[0, 1]]
+    assert actual.innovation_variance.tolist() == [[7, 7]]
+    assert actual.accepted.tolist() == [[0, 1]]
 
 
 @pytest.mark.parametrize("name", COUPLINGS)
@@ -501,6 +675,41 @@ def test_fixed_parameters_give_the_kalman_filter(article: Article) -> None:
     assert max_difference(actual.end.P[None], expected.covariance[-1:]) <= 1e-11
     assert actual.innovation == pytest.approx(expected.innovation, abs=1e-11)
     assert actual.innovation_variance == pytest.approx(expected.innovation_variance, rel=1e-11)
+
+
+def test_batch_equals_a_loop_over_vehicles() -> None:
+    """Six vehicles with different starts, constants and records in lanes of four."""
+    rng = np.random.default_rng(9)
+    step, vehicles = dual.dual_step(SPRING, SPRING_SCALING.logarithmic), 6
+    start = replace(SPRING_START, walk=0.7).vector()
+    constant = np.concatenate(
+        [[0.1, 0.2], Noise(process=SPRING_Q, measurement=SPRING_R, gate=4.0).vector(), SPRING_SCALING.vector(),
+         [0.01, 0.02, 0.3, 1.0, 1.0]]
+    )  # fmt: skip
+    starts, constants = start * rng.uniform(0.9, 1.1, (vehicles, 1)), np.tile(constant, (vehicles, 1))
+    constants[:, :2] *= rng.uniform(0.8, 1.2, (vehicles, 2))
+    rows = np.array([spring_rows(seed=seed) for seed in range(vehicles)])
+    after, out = step.batch(starts, rows, constants)
+    for i in range(vehicles):
+        after_one, out_one = step(starts[i], rows[i], constants[i])
+        assert out[i] == pytest.approx(out_one, rel=1e-12, abs=1e-12)
+        assert after[i] == pytest.approx(after_one, rel=1e-12, abs=1e-12)
+
+
+def test_parameters_converge() -> None:
+    """After 8000 samples of a spring the errors of the estimates are below three sigma."""
+    rows = spring_rows(8000, 3)
+    actual = dual.run_dual(
+        SPRING,
+        rows,
+        c=np.array([0.1, 0.0]),
+        noise=Noise(process=SPRING_Q * 0.01, measurement=SPRING_R),
+        scaling=SPRING_SCALING,
+        start=replace(SPRING_START, z=np.zeros(2), Pz=np.eye(2), sensitivity=np.zeros((2, 2))),
+    )
+    sigma = np.sqrt(actual.z_variance[-1])
+    assert (np.abs(actual.z[-1] - SPRING_SCALING.to_z(np.array([2.2, 0.6]))) < 3 * sigma).all()
+    assert (sigma < 0.1).all()
 
 
 def test_channel_that_depends_only_on_a_parameter() -> None:

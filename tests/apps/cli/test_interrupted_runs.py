@@ -138,26 +138,35 @@ results.write_states = write_states
 """
 
 
-def test_a_signal_removes_temporary_files(place):
+@pytest.mark.parametrize(
+    ("number", "code"), [pytest.param(signal.SIGINT, 130, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
+def test_a_signal_removes_temporary_files(number, code, place):
     process = started(WRITING, place, "states", "log.csv", "-v", "truck.toml", "-o", "out")
     assert (place / "out/.fifthwheel/new/states.parquet").exists()
-    process.terminate()
+    process.send_signal(number)
     out, err = process.communicate(timeout=30)
-    assert (process.returncode, out) == (143, "")
+    assert (process.returncode, out) == (code, "")
     assert err == "interrupted; files written before the interrupt are complete\n"
     assert sorted(path.name for path in place.iterdir()) == ["log.csv", "program.py", "truck.toml"]
 
 
 WORKERS = """
-import time
-from fifthwheel.apps.cluster import process_pool
+import sys, time
+from fifthwheel.apps.cli import main
+from fifthwheel.apps.cheng_cebon_2011 import outcomes
+import importlib
+study = importlib.import_module("fifthwheel.apps.cheng_cebon_2011.reproduce")
 
-def wait():
+def outcome(*arguments, **options):
     print("ready\\n", end="", flush=True)  # in one piece, because several processes may print
     time.sleep(60)
 
-def main():
-    process_pool(2).submit(wait).result()
+class Experiment:
+    arms = (None,)
+
+study.outcome = outcome
+study.simulate = lambda *_: ({"one": Experiment()}, {})
 """
 
 
@@ -174,10 +183,11 @@ def left(session: int) -> set[int]:
 
 
 @NEEDS_PROC
-def test_workers_end_with_their_parent(place):
-    process = started(WORKERS, place)
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGTERM, marks=pytest.mark.slow), signal.SIGKILL])
+def test_workers_end_with_their_parent(number, place):
+    process = started(WORKERS, place, "reproduce", "--quick", "-o", "out")
     assert len(left(process.pid)) > 1
-    process.kill()
+    process.send_signal(number)
     process.communicate(timeout=30)  # the workers hold the pipes too
     deadline = time.monotonic() + 20
     while (workers := left(process.pid)) and time.monotonic() < deadline:
@@ -185,3 +195,4 @@ def test_workers_end_with_their_parent(place):
     for worker in workers:
         os.kill(worker, signal.SIGKILL)
     assert not workers
+    assert (place / "out").exists() == (number == signal.SIGKILL)
