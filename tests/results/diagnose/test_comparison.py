@@ -9,7 +9,7 @@ from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import OneStage, Verdict, identify
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.assess import assessment as assess
+from fifthwheel.results.assess.assessment import assess
 from fifthwheel.results.diagnose import compare, spoken
 from fifthwheel.results.report.comparison import comparison_headline
 from fifthwheel.truck.quantities import quantity_of

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from fifthwheel.base.formatting import with_sigma
-from fifthwheel.base.pages import CaptionedPlot, page
+from fifthwheel.base.pages import CaptionedPlot
+from fifthwheel.base.pages.html import page
 from fifthwheel.base.plots import Line, Panel, Plot, downsample, plotly_figure
 from fifthwheel.base.plots.items import rgba
 from fifthwheel.estimate.identify.result import display
