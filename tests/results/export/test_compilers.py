@@ -32,7 +32,7 @@ def observer(lane: Record) -> Observer:
     return Observer(truck, lane.signals)
 
 
-@pytest.mark.parametrize(("compiler", "precision"), [("gcc", ("-DFW_FLOAT",)), ("clang", ())])
+@pytest.mark.parametrize(("compiler", "precision"), [("gcc", ()), ("clang", ("-DFW_FLOAT",))])
 def test_without_undefined_behaviour(
     observer: Observer, lane: Record, tmp_path: Path, compiler: str, precision: tuple[str, ...]
 ) -> None:
