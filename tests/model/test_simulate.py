@@ -36,8 +36,7 @@ def lateral_motion(record: Record) -> tuple[np.ndarray, np.ndarray]:
     return acceleration, cumulative_trapezoid(velocity, record.time, initial=0)
 
 
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw and roll", "yaw only"])
-@pytest.mark.parametrize("name", ["cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"])
+@pytest.mark.parametrize(("name", "roll"), [("cheng_cebon_2011", True), ("auburn_6x4", False)])
 def test_the_lane_change_is_that_of_the_standard(name, roll):
     """SAE J2179: 1.464 m sideways in 61 m at 88 km/h with 0.15 g, first to the left, then back."""
     record = simulate(get(name), count=2, rate=200, sensors=NOISELESS, roll=roll)
@@ -56,8 +55,7 @@ def test_the_lane_change_is_that_of_the_standard(name, roll):
     assert period[0] == pytest.approx(61 / KMH_88 / 2, rel=0.05)  # 0.4 Hz
 
 
-@pytest.mark.parametrize("speed", [5.0, 6.0, 8.0, 12.0, 30.0, 35.0])
-@pytest.mark.parametrize("count", [1, 2])
+@pytest.mark.parametrize(("speed", "count"), [(5.0, 1), (5.0, 2), (12.0, 1), (35.0, 1), (35.0, 2)])
 def test_a_lane_change_is_complete_at_any_speed(truck, speed, count):
     record = simulate(truck, count=count, speed=speed, rate=50, sensors=NOISELESS)
     _, offset = lateral_motion(record)
@@ -97,9 +95,9 @@ def test_other_sensors(truck):
     )
 
 
-@pytest.mark.parametrize("manoeuvre", LINEAR_MANOEUVRES)
+@pytest.mark.parametrize("manoeuvre", ["lane_changes", "random"])
 def test_equal_seeds_give_equal_records(truck, manoeuvre):
-    record, same, other = (simulate(truck, manoeuvre=manoeuvre, duration=8.0, seed=seed) for seed in (4, 4, 5))
+    record, same, other = (simulate(truck, manoeuvre=manoeuvre, duration=2.0, seed=seed) for seed in (4, 4, 5))
     assert record == same
     for name in RATES:
         difference = record.signals[name] - other.signals[name]
@@ -173,7 +171,7 @@ def test_rate_duration_speed_and_name(truck):
 @pytest.mark.parametrize("manoeuvre", ["lane_changes", "sweep", "random"])
 def test_simulated_records_are_plausible(truck, manoeuvre):
     count = {"count": 3} if manoeuvre == "lane_changes" else {}
-    for name in ("cheng_cebon_2011", "auburn_6x4", "auburn_6x4_unladen"):
+    for name in ("cheng_cebon_2011", "auburn_6x4_unladen"):
         vehicle = get(name)
         assert check(simulate(vehicle, manoeuvre=manoeuvre, **count), wheelbase=vehicle.wheelbase) == ()
 

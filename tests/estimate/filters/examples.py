@@ -8,7 +8,6 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.types import Array
 from fifthwheel.estimate.filters import Model, Noise, kalman
 from fifthwheel.estimate.filters.model import pack_array, packed_size, sizes, unpack_array
@@ -16,7 +15,7 @@ from fifthwheel.estimate.filters.step_rows import step_rows
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 
 GYROS = ("roll_rate.tractor", "roll_rate.semitrailer", "yaw_rate.tractor", "yaw_rate.semitrailer")
 NOISE = np.array([4.52e-4, 4.70e-5, 1.52e-5, 1.11e-5])
@@ -183,7 +182,7 @@ class Article:
 
 def lane_change(rng: np.random.Generator) -> Article:
     """A lane change with irregular sampling, simulated by the discrete model; all channels are measured."""
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     without_relaxation = truck.replace(
         {path: 0.0 for path in truck.parameters() if path.endswith(".relaxation_length")}
     )

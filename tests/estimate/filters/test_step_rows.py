@@ -4,15 +4,19 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import CubicSpline
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.units import STANDARD_GRAVITY
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.step_rows import (
+    CUT,
     SMALLEST_PLAY,
+    STEP,
     WIDTH,
+    SpeedCurve,
+    Spline,
     StepRows,
     corrected_inputs,
     play_contact,
@@ -20,9 +24,10 @@ from fifthwheel.estimate.filters.step_rows import (
 )
 from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 from tests.estimate.observe.conftest import STEER, YAWS, put, rows
 
-TRUCK = vehicle.get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
+TRUCK = get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
 MODEL = dynamics.model(TRUCK, (*YAWS, "articulation.semitrailer"), roll=False)
 
 
@@ -175,3 +180,67 @@ def test_an_input_of_few_samples_is_shifted_too(record: Record, count: int) -> N
     np.testing.assert_allclose(shifted[STEER], 0.01 + 0.2 * np.minimum(few.time + 0.01, few.time[-1]))
     expected = 0.2 * (few.time + 0.01 <= few.time[-1] + 1e-12) if count > 3 else np.zeros(count)
     np.testing.assert_allclose(shifted[dynamics.rate_input(STEER)], expected, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [4, 5, 1000])
+def test_values_and_derivatives_of_the_spline_are_those_of_scipy(count: int) -> None:
+    generator = np.random.default_rng(count)
+    time = np.cumsum(generator.uniform(0.001, 0.02, count))  # steps of very different length
+    values = np.cumsum(generator.normal(size=count))
+    at = np.concatenate([time, np.sort(generator.uniform(time[0], time[-1], 3 * count))])
+    expected = CubicSpline(time, values)
+    shifted, rate = Spline(time, values)(at)
+    np.testing.assert_allclose(shifted, expected(at), rtol=1e-12, atol=1e-12 * np.abs(values).max())
+    np.testing.assert_allclose(rate, expected(at, 1), rtol=1e-10, atol=1e-11 * np.abs(expected(at, 1)).max())
+
+
+def test_the_speed_curve_equals_weighted_least_squares() -> None:
+    """The parabola gives the speed, the line its rate; also near the ends, where there are samples on one side only."""
+    time = np.linspace(0, 99 * STEP, 100)
+    speed = 20 + np.cumsum(np.random.default_rng(0).normal(0, 0.1, time.size))
+    speeds, _, rates, _ = SpeedCurve(time, speed)(time)
+    for k in (0, 1, 10, 50, 98, 99):
+        t = time - time[k]
+        near = np.abs(t) <= CUT * WIDTH
+        weights = np.exp(-(t[near] ** 2) / (4 * WIDTH**2))  # of the residuals, not of their squares
+        parabola, line = (np.polyfit(t[near], speed[near], degree, w=weights) for degree in (2, 1))
+        np.testing.assert_allclose([speeds[k], rates[k]], [parabola[-1], line[0]], rtol=1e-9)
+
+
+@pytest.mark.parametrize("rate", [10, 100])
+def test_a_constant_rate_of_the_speed_is_exact(rate: float) -> None:
+    """Inside the log and outside of it, with samples that are missing."""
+    time = np.arange(0, 10, 1 / rate)
+    time = time[(time < 4) | (time > 4.4)]
+    at = np.linspace(-0.5, 10.5, 500)
+    speeds, slopes, rates, changes = SpeedCurve(time, 20 - 0.8 * time)(at)
+    np.testing.assert_allclose(speeds, 20 - 0.8 * at, atol=1e-9)
+    np.testing.assert_allclose([slopes, rates], -0.8, atol=1e-9)
+    np.testing.assert_allclose(changes, 0.0, atol=1e-9)
+
+
+def test_the_speed_curve_has_no_delay_and_is_smooth() -> None:
+    """Of a speed that falls, is constant and rises, and of one in steps, as on a CAN bus."""
+    time = np.cumsum(np.random.default_rng(0).uniform(0.005, 0.015, 1000))
+    slope = np.select([time < 3, time < 7], [-2.0, 0.0], 1.0)
+    speed = 20 + np.concatenate([[0.0], np.cumsum(slope[1:] * np.diff(time))])
+    speeds, _, rates, _ = SpeedCurve(time, speed)(time)
+    settled = np.abs(time[:, None] - [3.0, 7.0]).min(axis=1) > CUT * WIDTH
+    np.testing.assert_allclose(speeds[settled], speed[settled], atol=0.02)
+    np.testing.assert_allclose(rates[settled], slope[settled], atol=0.02)
+    for middle, height in ((3.0, -1.0), (7.0, 0.5)):  # half way where the slope changes
+        assert np.interp(middle, time, rates) == pytest.approx(height, abs=0.03)
+    steps = SpeedCurve(time, np.round(speed, 1))
+    np.testing.assert_allclose(steps(time)[2][settled], slope[settled], atol=0.1)
+    inside, h = np.linspace(time[0] + 0.1, time[-1] - 0.1, 300), 1e-4
+    now, later, before = (steps(inside + s) for s in (0.0, h, -h))
+    for value, its_slope in ((0, 1), (2, 3)):
+        np.testing.assert_allclose(now[its_slope], (later[value] - before[value]) / (2 * h), atol=1e-3)
+
+
+def test_noise() -> None:
+    """The standard deviation of the slope of a line with Gaussian weights."""
+    dt, sigma = 0.01, 0.1
+    noise = np.random.default_rng(1).normal(0, sigma, 200_000)
+    _, _, rates, _ = SpeedCurve(np.linspace(0, (noise.size - 1) * dt, noise.size), 20 + noise)(np.arange(10, 1990, 0.5))
+    assert rates.std() == pytest.approx(sigma * np.sqrt(dt / (4 * np.sqrt(np.pi) * WIDTH**3)), rel=0.03)

@@ -6,13 +6,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.estimate.filters import Noise, tangent
 from fifthwheel.estimate.filters.model import sizes
 from fifthwheel.estimate.filters.step_rows import step_rows
 from fifthwheel.estimate.filters.variances import PROCESS_VARIANCE, process_covariance
 from fifthwheel.model import dynamics
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 
 YAW_RATES = ("yaw_rate.tractor", "yaw_rate.semitrailer")
 Setting = tuple[dynamics.ChainModel, np.ndarray, np.ndarray]
@@ -20,7 +20,7 @@ Setting = tuple[dynamics.ChainModel, np.ndarray, np.ndarray]
 
 def setting_of(third: str, *, roll: bool) -> Setting:
     """A model with all parameters free, the rows of a record with a gap in its third channel, and the parameters."""
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     record = simulate(truck, count=1, seed=1).cut(0.5, 4.0)
     record = record.with_signals({"articulation.semitrailer": record.reference["articulation.semitrailer"]})
     truck = truck.with_logged_steering(record.signals, "the record")

@@ -24,7 +24,8 @@ from tests.estimate.observe.conftest import ROLLS, STEER, YAWS, assert_same, bat
 )
 def test_an_implausible_value_counts_as_missing(truck, lane_changes, name, value, duration):
     """One sample of 10 rad of steer angle made the states wrong for seconds, one of 1e300 for ever."""
-    wrong, missing = (put(lane_changes, name, 8.0, 8.0 + duration - 1e-9, v) for v in (value, np.nan))
+    record = lane_changes.cut(7.5, 10.0)
+    wrong, missing = (put(record, name, 8.0, 8.0 + duration - 1e-9, v) for v in (value, np.nan))
     o = Observer(truck, lane_changes.signals)
     actual = batched(o, wrong)
     assert_same(actual, batched(o, missing))

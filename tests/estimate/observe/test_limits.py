@@ -8,16 +8,13 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.estimate.observe import monitor as monitor_module
-from fifthwheel.estimate.observe.observer_step import reported_signals
-from tests.estimate.observe.conftest import STEER, YAWS, rows, samples
+from tests.estimate.observe.conftest import STEER, rows, samples
 
 EDGE = 1e-6
-
-
-def test_numbers_of_the_status():
-    """Files and live answers contain the number."""
-    numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4, "SETTLING": 5}
-    assert {status.name: int(status) for status in Status} == numbers
+ABOVE_0 = (
+    *("min_speed", "coast", "max_gap", "gate", "max_nis", "nis_window"),
+    *("max_steer_rate", "max_acceleration", "speed_smoothing"),
+)
 
 
 def reference_monitor(carry, innovations, variances, accepted, weight, dt, sudden, limit, window, restart_after):
@@ -170,18 +167,6 @@ def test_the_monitor_of_a_filter_sample_by_sample():
     assert other.status(Status.OK) is Status.INCONSISTENT
 
 
-@pytest.mark.parametrize("bank", [False, True])
-def test_reported_signals(truck, bank):
-    units, road = ("tractor", "semitrailer"), ("bank.road",) if bank else ()
-    plane = [f"{quantity}.{unit}" for quantity in ("sideslip", "yaw_rate") for unit in units]
-    plane.append("articulation.semitrailer")
-    roll = [f"{quantity}.{unit}" for quantity in ("roll", "roll_rate") for unit in units]
-    assert reported_signals(truck, roll=False, bank=bank) == (*plane, *road)
-    groups = ("tractor.front", "tractor.drive", "semitrailer")
-    loads = [f"{quantity}.{group}" for quantity in ("load_transfer", "predicted_load_transfer") for group in groups]
-    assert reported_signals(truck, roll=True, bank=bank) == (*plane, *roll, *loads, *road)
-
-
 @pytest.mark.parametrize(("gap", "starts"), [(0.999, False), (1.001, True)])
 def test_a_gap_of_more_than_the_largest_starts_again(truck, lane_changes, gap, starts):
     record = rows(lane_changes, (lane_changes.time <= 4) | (lane_changes.time > 4 + gap))
@@ -222,7 +207,11 @@ def test_a_resumed_observer_remembers_its_last_measurement(truck, lane_changes):
         ({"process_noise": -EDGE}, False),
         ({"restart_after": 0.0}, True),
         ({"restart_after": -EDGE}, False),
-        *(({name: value}, value > 0) for name in ("min_speed", "coast", "max_gap", "gate") for value in (EDGE, 0.0)),
+        *(({name: value}, value > 0) for name in ABOVE_0 for value in (EDGE, 0.0)),
+        ({"speed_smoothing": float("nan")}, False),
+        ({"friction": 0.0}, False),
+        ({"friction": float("nan")}, False),
+        ({"friction": 80.0}, False),
         ({"gate": float("nan")}, False),
         ({"bank": EDGE}, True),
         ({"bank": 0.0}, True),
@@ -290,11 +279,3 @@ def test_which_matrices_are_covariances():
         assert allowed(unit * np.array([[0.0, 0.0], [0.0, 1.0]]))
     for r, possible in ((-0.499, True), (-0.501, False)):  # of three equal correlations at least -0.5
         assert allowed(np.full((3, 3), r) + (1 - r) * np.eye(3)) == possible
-
-
-def test_yaw_rates_are_needed(truck):
-    acceleration = "lateral_acceleration.tractor"
-    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: not among the signals"):
-        Observer(truck, ("speed", STEER, acceleration))
-    assert Observer(truck, ("speed", STEER, acceleration, YAWS[0])).roll
-    assert not Observer(truck, ("speed", STEER, YAWS[0])).roll

@@ -196,7 +196,7 @@ def test_none_without_roll() -> None:
 def test_warnings_of_drawn_manoeuvres() -> None:
     """Trucks and manoeuvres as in benchmarks/wheel_lift.py, whose vehicle file is wrong, with other seeds."""
     rng, leads, unfounded = np.random.default_rng(8), [], 0
-    for k in range(24):
+    for k in range(12):
         truck = TRUCK.replace({"semitrailer.payload.height": rng.uniform(2.2, 3.4)})
         given = {"acceleration": rng.uniform(2.5, 5.0), "speed": rng.uniform(18.0, 25.0), "lead": 2.0, "duration": 8.0}
         record, truth = driven(truck, (single_sine, step_input, sine_with_dwell)[k % 3](truck, **given))
@@ -213,6 +213,6 @@ def test_warnings_of_drawn_manoeuvres() -> None:
         else:
             ratios = [np.abs(values).max() for name, values in truth.items() if name != "lifted"]
             unfounded += bool(warned.any() and max(ratios) < 0.7)
-    assert len(leads) >= 8
+    assert len(leads) >= 4
     assert np.mean(np.array(leads) >= 0.5) >= 0.9
     assert unfounded == 0

@@ -32,6 +32,12 @@ def learned(guess: Vehicle, lanes: Record) -> Learner:
     return learn(guess, lanes)
 
 
+@pytest.fixture(scope="session")
+def considering(guess: Vehicle, lanes: Record) -> Learner:
+    """The same with considered numbers."""
+    return learn(guess, lanes, CONSIDERING)
+
+
 def learn(guess: Vehicle, record: Record, settings: OneStage = FIVE, **arguments: LearnerSettings) -> Learner:
     """A learner after a record."""
     learner = Learner(guess, record.signals, settings, **arguments)

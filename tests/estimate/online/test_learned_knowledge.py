@@ -1,5 +1,6 @@
 """What a learner learned, as knowledge for later logs and learners."""
 
+import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -42,12 +43,24 @@ def learner_of(record: fw.Record, guess: fw.Vehicle, knowledge: fw.Knowledge | N
     return learner
 
 
+@pytest.fixture(scope="module")
+def first(records: list[fw.Record], guess: fw.Vehicle) -> fw.Learner:
+    """A learner after the first record; tests must not change it."""
+    return learner_of(records[0], guess)
+
+
+@pytest.fixture(scope="module")
+def second(records: list[fw.Record], guess: fw.Vehicle, earlier: fw.Knowledge) -> fw.Learner:
+    """One that began with the information of the first record, after the second one."""
+    return learner_of(records[1], guess, earlier)
+
+
 @pytest.mark.parametrize("known", [False, True])
 def test_start_and_what_was_learned_give_the_estimates(
-    records: list[fw.Record], guess: fw.Vehicle, earlier: fw.Knowledge, known: bool
+    records: list[fw.Record], guess: fw.Vehicle, second: fw.Learner, known: bool
 ) -> None:
     """With the effect of considered unknowns, but for directions in which the walk exceeds what was learned."""
-    live = learner_of(records[1], guess, earlier if known else None).live
+    live = (second if known else learner_of(records[1], guess)).live
     n = len(live.setup.estimated_unknowns)
     (z0, P0), (z1, P1) = ((z[:n], P[:n, :n]) for z, P in (live.joint(live.began), live.joint()))
     information, vector = learned_information(live)
@@ -62,10 +75,10 @@ def test_start_and_what_was_learned_give_the_estimates(
 
 
 def test_a_later_learner_and_identification_begin_with_it(
-    records: list[fw.Record], guess: fw.Vehicle, truck: fw.Vehicle
+    records: list[fw.Record], guess: fw.Vehicle, truck: fw.Vehicle, first: fw.Learner
 ) -> None:
     """Values stay, and sigma grows by the variation of the stiffness from log to log only."""
-    learner = learner_of(records[0], guess)
+    learner = first
     (log,) = learner.knowledge.logs
     assert (log.trailer, log.load, log.tractor) == ("T 17", "steel", "tractor")
     later = fw.Learner(guess, records[1].signals, SETTINGS, knowledge=learner.knowledge, occasion=OCCASION)
@@ -79,22 +92,21 @@ def test_a_later_learner_and_identification_begin_with_it(
 
 
 def test_a_learner_adds_its_log_to_those_that_it_began_with(
-    records: list[fw.Record], guess: fw.Vehicle, earlier: fw.Knowledge
+    records: list[fw.Record], guess: fw.Vehicle, earlier: fw.Knowledge, second: fw.Learner
 ) -> None:
-    learner = learner_of(records[1], guess, earlier)
-    known = learner.knowledge
+    known = second.knowledge
     assert [log.name for log in known.logs][:1] == ["run 3"]
     assert len(known.logs) == 2
-    again = known.with_logs(learner.knowledge.logs)
+    again = known.with_logs(second.knowledge.logs)
     assert len(again.logs) == 2  # what it learned counts once
     unused = fw.Learner(guess, records[1].signals, SETTINGS, knowledge=earlier, occasion=OCCASION)
     assert len(unused.knowledge.logs) == 1
 
 
 def test_each_coupling_is_a_log_and_the_file_keeps_them(
-    records: list[fw.Record], guess: fw.Vehicle, tmp_path: Path
+    records: list[fw.Record], guess: fw.Vehicle, first: fw.Learner, tmp_path: Path
 ) -> None:
-    learner = learner_of(records[0], guess)
+    learner = copy.copy(first)
     learner.couple("T 3", guess)
     shifted = replace(records[1], time=records[1].time + 100.0)
     learner.learn(shifted)
@@ -112,7 +124,9 @@ def test_each_coupling_is_a_log_and_the_file_keeps_them(
 
 
 def test_fixing_a_parameter_ends_a_log(records: list[fw.Record], guess: fw.Vehicle) -> None:
-    learner = learner_of(records[0], guess)
+    settings = fw.OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
+    learner = fw.Learner(guess, records[0].signals, settings)
+    learner.learn(records[0])
     fixed = learner.with_fixed(guess, {"semitrailer.yaw_inertia": learner["semitrailer.yaw_inertia"].value})
     (log,) = fixed.knowledge.logs
     assert "semitrailer.yaw_inertia" in log.estimated

@@ -14,11 +14,10 @@ from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Status
 from fifthwheel.estimate.online import Learner, LearnerSettings
-from fifthwheel.estimate.online.online_model import Excitation
+from fifthwheel.estimate.online.online_model import Excitation, online_setup
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 from tests.estimate.online.conftest import (
-    CONSIDERING,
     FIVE,
     HEIGHT,
     assert_identified,
@@ -51,14 +50,16 @@ def test_the_vehicle_has_the_estimates(guess: Vehicle, learned: Learner) -> None
     assert all(vehicle.parameters()[name] == guess.parameters()[name] for name in others)
 
 
-def test_considered_parameters_stay_and_increase_the_sigmas(guess: Vehicle, lanes: Record, learned: Learner) -> None:
-    considering = learn(guess, lanes, CONSIDERING)
+def test_considered_parameters_stay_and_increase_the_sigmas(
+    guess: Vehicle, considering: Learner, learned: Learner
+) -> None:
     considered = [u.name for u in considering._live.setup.unknowns if not u.estimated]
     assert considered == ["tractor.roll_axis_height", "semitrailer.roll_axis_height"]
     for name in considered:
         assert considering[name].value == guess.parameters()[name]
     assert len(considering.parameters) == len(learned.parameters)
     assert considering[HEIGHT].sigma > 1.2 * learned[HEIGHT].sigma
+    assert considering.doubts == ()
 
 
 def test_changes_of_the_vehicle_file_are_considered_at_zero(guess: Vehicle, lanes: Record) -> None:
@@ -78,12 +79,9 @@ def test_automatic_tyres_are_linear_without_axle_loads(guess: Vehicle, lanes: Re
     trailer = guess.units[1].model_copy(update={"axle_groups": tuple(axles)})
     undetermined = guess.model_copy(update={"units": (guess.units[0], trailer)})
     automatic = replace(FIVE, tyres="auto")
-    for vehicle, settings, law in (
-        (undetermined, automatic, "linear"),
-        (guess, automatic, "saturating"),
-        (guess, None, "linear"),
-    ):
-        assert Learner(vehicle, lanes.signals, settings).live.setup.settings.tyres == law
+    for vehicle, law in ((undetermined, "linear"), (guess, "saturating")):
+        assert online_setup(vehicle, lanes.signals, automatic).settings.tyres == law
+    assert Learner(guess, lanes.signals).live.setup.settings.tyres == "linear"
 
 
 def test_without_a_roll_rate_the_payload_height_is_not_identifiable(guess: Vehicle, lanes: Record) -> None:
@@ -195,20 +193,15 @@ def missing(fraction: float) -> Callable[[Array], Array]:
 
 
 HARMLESS: Mapping[str, tuple[Callable[[Array], Array], tuple[str, ...]]] = {
-    "spikes": (spikes(1.0), ("yaw_rate", "roll_rate")),
     "huge spikes": (spikes(1e300), ("yaw_rate", "roll_rate")),
     "steer spikes": (spikes(0.2), ("steer",)),
     "speed spikes": (spikes(20.0), ("speed",)),
     "dropouts": (missing(0.3), ("yaw_rate", "roll_rate", "speed")),
-    "steer dropouts": (missing(0.02), ("steer",)),
 }
 HARMFUL: Mapping[str, tuple[Callable[[Array], Array], tuple[str, ...]]] = {
     "inverted sign": (lambda v: -v, ("steer",)),
     "degrees": (np.degrees, ("yaw_rate", "roll_rate")),
     "noise": (lambda v: np.random.default_rng(len(v)).normal(size=len(v)), ("yaw_rate", "roll_rate")),
-    "random walk": (lambda v: 0.1 * np.cumsum(np.random.default_rng(1).normal(size=len(v))), ("yaw_rate", "roll_rate")),
-    "stuck at zero": (lambda v: 0 * v, ("yaw_rate", "roll_rate")),
-    "noisy steer": (lambda v: v + 0.05 * np.random.default_rng(2).normal(size=len(v)), ("steer",)),
     "noisy speed": (lambda v: v + 10 * np.random.default_rng(3).normal(size=len(v)), ("speed",)),
 }
 
@@ -231,7 +224,7 @@ def test_no_fault_breaks_the_covariance(truck: Vehicle, guess: Vehicle, lanes: R
     learner.vehicle()
 
 
-@pytest.mark.parametrize("time", [0.5, 0.4, -1.0, np.nan, np.inf, None])
+@pytest.mark.parametrize("time", [0.5, np.nan, None])
 def test_a_time_that_is_not_later_is_refused_without_effect(guess: Vehicle, lanes: Record, time: float | None) -> None:
     one, other = (Learner(guess, lanes.signals, FIVE) for _ in range(2))
     for sample in samples(lanes.cut(0.0, 0.5)):
@@ -277,7 +270,7 @@ def test_an_implausible_speed_is_missing(guess: Vehicle, lanes: Record) -> None:
     assert status[-1] == Status.INPUT_MISSING
 
 
-@pytest.mark.parametrize("steer", [1e155, -1e300, 1.1])
+@pytest.mark.parametrize("steer", [-1e300, 1.1])
 def test_an_impossible_steer_angle_is_missing(guess: Vehicle, lanes: Record, steer: float) -> None:
     """In the first sample, and after a gap."""
     learner = Learner(guess, lanes.signals, FIVE)

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.channels import YAW_RATE
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify.settings import OneStage
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.online import Learner, LearnerSettings
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 from tests.estimate.online.conftest import CONSIDERING, HEIGHT, assert_identified, estimates, learn
 
 
@@ -126,4 +125,4 @@ def test_a_known_trailer_name_with_another_vehicle_file_is_refused(guess: Vehicl
 
 def test_another_tractor_is_refused(learned: Learner) -> None:
     with pytest.raises(VehicleError, match="a new tractor needs a new Learner"):
-        learned.couple("any", vehicle.get("auburn_6x4"))
+        learned.couple("any", get("auburn_6x4"))

@@ -1,19 +1,21 @@
-"""Predicted channels: responses of vehicles with other stiffness and length, and which records have none."""
+"""Predicted channels and their lags."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.time_bases.predictions import predict_channels
+from fifthwheel.estimate.time_bases.predictions import RATE, LagCurve, lag_curve, predict_channels
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import get
+from tests.estimate.time_bases.examples import SOURCES, TIME, WHITE, YAW, YAW2, excitation, late, shifted, slow_noise
 
 TRUCK = get("cheng_cebon_2011")
 RECORD = simulate(TRUCK, count=1, seed=3)
-STEER, YAW2, ANGLE = "steer.tractor.front", "yaw_rate.semitrailer", "articulation.semitrailer"
+STEER = "steer.tractor.front"
 
 
 def changed(factors):
@@ -154,3 +156,130 @@ def test_of_a_long_gap_ten_seconds_remain():
     assert abs(len(prediction.time) - len(whole.time) - 10 * 25) <= 1
     assert abs(np.diff(prediction.time).max() - 90) < 0.1
     assert prediction.time[-1] == whole.time[-1] + 100
+
+
+# Lags
+
+
+def curve_of(measured: np.ndarray, predicted: np.ndarray) -> LagCurve:
+    curve = lag_curve(measured, predicted)
+    assert curve is not None
+    return curve
+
+
+@pytest.mark.parametrize("lag", [-0.6, 0.0, 0.3, 1.6])
+def test_lag_and_gain(lag: float) -> None:
+    predicted = excitation(1)
+    curve = curve_of(0.3 + 1.4 * np.interp(TIME - lag, TIME, predicted), predicted)
+    found = curve.best()
+    assert found is not None
+    assert found[0] == pytest.approx(lag, abs=0.002)
+    gain = curve.gain()
+    assert gain is not None
+    assert gain[0] == pytest.approx(1.4, rel=0.02)
+    assert gain[2] == pytest.approx(1.0, abs=0.01)
+
+
+def test_sigma_of_lag_and_gain() -> None:
+    """Of 60 draws of autocorrelated noise."""
+    lags, gains = [], []
+    for seed in range(60):
+        predicted = excitation(seed)
+        noise = 0.3 * slow_noise(1000 + seed, 0.8)
+        curve = curve_of(np.interp(TIME - 0.2, TIME, predicted) + noise, predicted)
+        found, gain = curve.best(), curve.gain()
+        assert found is not None
+        assert gain is not None
+        lags.append((found[0] - 0.2) / found[1])
+        gains.append((gain[0] - 1.0) / gain[1])
+    for z in (lags, gains):  # 15 blocks of 4 s: sigma itself varies by about a fifth
+        assert 0.75 < np.sqrt(np.mean(np.square(z))) < 1.4
+
+
+def test_an_inverted_signal_has_no_lag() -> None:
+    predicted = np.sin(np.pi * TIME) + 0.3 * excitation(2)
+    curve = curve_of(-predicted, predicted)
+    assert curve.explained.max() > 0.5  # half a period later or earlier
+    assert curve.best() is None
+
+
+def test_of_several_maxima_the_smallest_lag_counts() -> None:
+    """A period of 2 s: 0.1 and -1.9 s late explain the same, apart from the noise."""
+    predicted = np.sin(np.pi * TIME)
+    for seed in range(5):
+        found = curve_of(np.sin(np.pi * (TIME - 0.1)) + 0.2 * slow_noise(seed, 0.02), predicted).best()
+        assert found is not None
+        assert found[0] == pytest.approx(0.1, abs=0.03)
+
+
+def test_a_lag_with_too_few_samples_and_missing_ones() -> None:
+    predicted = excitation(3)
+    assert lag_curve(predicted[:100], predicted[:100]) is None
+    measured = np.interp(TIME - 0.3, TIME, predicted)
+    measured[200:600] = np.nan
+    found = curve_of(measured, predicted).best()
+    assert found is not None
+    assert found[0] == pytest.approx(0.3, abs=0.002)
+
+
+def test_the_curve_equals_correlations_one_by_one():
+    predicted, measured = SOURCES[YAW].copy(), late({YAW: 0.3}, noise=0.5)[YAW]
+    measured[300:350] = np.nan
+    predicted[:40] = np.nan
+    curve = lag_curve(measured, predicted)
+    for k, (lag, explained) in enumerate(zip(curve.lags, curve.explained, strict=True)):
+        steps = k - 55
+        assert lag == pytest.approx(steps / RATE)
+        r = np.corrcoef(measured[curve.rows], predicted[curve.rows - steps])[0, 1]
+        assert explained == pytest.approx(max(r, 0) ** 2, abs=1e-12)
+    possible = [k for k in range(TIME.size) if k - 56 >= 40 and k + 56 < TIME.size and np.isfinite(measured[k])]
+    assert curve.rows.tolist() == possible
+    negative = [np.corrcoef(measured[curve.rows], predicted[curve.rows - k])[0, 1] for k in range(-8, 9)]
+    assert curve.inverted == pytest.approx(max(-min(negative), 0) ** 2)
+    upside_down = lag_curve(-measured, predicted)
+    assert upside_down.inverted == pytest.approx(max(negative) ** 2)
+    gain, sigma, explained = curve.gain()
+    best = int(curve.explained.argmax()) - 55
+    p, m = predicted[curve.rows - best], measured[curve.rows]
+    slope, bias = np.polyfit(p, m, 1)
+    assert gain == pytest.approx(slope)
+    assert explained == pytest.approx(1 - np.var(m - slope * p - bias) / np.var(m))
+    assert 0.5 < sigma / (0.5 / np.sqrt(((p - p.mean()) ** 2).sum())) < 2  # of white noise
+
+
+def test_too_few_samples_and_maxima_at_the_ends():
+    predicted = SOURCES[YAW]
+    few = np.full(TIME.size, np.nan)
+    few[200:299] = predicted[200:299]
+    assert lag_curve(few, predicted) is None
+    few[299] = predicted[299]
+    assert lag_curve(few, predicted).rows.size == 100
+    assert lag_curve(predicted, np.ones(TIME.size)).best() is None
+    beyond = lag_curve(shifted(predicted, 2.6), predicted)
+    assert beyond.explained.argmax() != 110 or beyond.gain() is None
+
+
+@pytest.mark.parametrize("missing", [0, 300])
+def test_sigma_is_that_of_scores_in_blocks_of_four_seconds(missing):
+    """The equation of `LagCurve.best`, with least squares by NumPy; of few blocks wider by sqrt(B / (B - 3))."""
+    predicted = SOURCES[YAW2]
+    measured = 1.3 * shifted(predicted, 0.2) + 0.4 * WHITE[YAW2]
+    measured[400 : 400 + missing] = np.nan
+    curve = lag_curve(measured, predicted)
+    lag, sigma = curve.best()
+    k, rows = int(curve.explained.argmax()) - 55, curve.rows
+    assert lag == pytest.approx(k / RATE, abs=0.5 / RATE)
+    p = predicted[rows - k]
+    slope = (predicted[rows - k + 1] - predicted[rows - k - 1]) / (2 / RATE)
+    regressors = np.column_stack([p, np.ones(rows.size)])
+    (gain, _), *_ = np.linalg.lstsq(regressors, measured[rows], rcond=None)
+    slope = slope - regressors @ np.linalg.lstsq(regressors, slope, rcond=None)[0]
+    every = np.column_stack([regressors, slope])
+    residual = measured[rows] - every @ np.linalg.lstsq(every, measured[rows], rcond=None)[0]
+    blocks = {}
+    for row, score in zip(rows, gain * slope * residual, strict=True):
+        blocks[row // 100] = blocks.get(row // 100, 0.0) + score
+    few = len(blocks) / (len(blocks) - 3)
+    variance = few * sum(score**2 for score in blocks.values()) / (gain**2 * (slope @ slope)) ** 2
+    assert sigma == pytest.approx(np.sqrt(variance))
+    assert len(blocks) == 15 - missing // 100

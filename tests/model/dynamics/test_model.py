@@ -8,8 +8,9 @@ import pytest
 from scipy.linalg import expm
 
 from fifthwheel.base.errors import SignalError
+from fifthwheel.base.options import TyreLaw
 from fifthwheel.model.dynamics import ChainModel, all_parameters, model, simulation
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 from tests.model.dynamics.lagrangian import GRAVITY, Array, linear
 from tests.model.dynamics.test_lagrangian import (
     ARTICLE,
@@ -56,7 +57,7 @@ def random_step(seed: int, chain: ChainModel) -> tuple[Array, Array, Array]:
     return rng.normal(size=len(chain.states)) * typical(chain.states), *rng.normal(scale=0.03, size=(2, k))
 
 
-@pytest.mark.parametrize("speed", [3.0, 9.0, 24.4, 35.0])
+@pytest.mark.parametrize("speed", [3.0, 35.0])
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
 @pytest.mark.parametrize("name", FAST_AND_SLOW)
 def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) -> None:
@@ -76,9 +77,7 @@ def test_transition_up_to_the_longest_step(name: str, roll: bool, speed: float) 
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize(
-    "lengths", [(0.0,), (0.1,), (0.3,), (0.45,), (0.8,), (0.45, 0.0, 0.0), (0.0, 0.3, 0.2)], ids=str
-)
+@pytest.mark.parametrize("lengths", [(0.0,), (0.1,), (0.45,), (0.8,), (0.0, 0.3, 0.2)], ids=str)
 def test_longest_step_with_any_relaxation_length(lengths: tuple[float, ...], roll: bool) -> None:
     """`simulation.MAX_STEP_EIGENVALUE` keeps the error below 1e-6 of the largest state at either end of the step."""
     vehicle = with_relaxation(TRUCK, *lengths)
@@ -123,14 +122,9 @@ def test_speed_within_a_step_is_the_mean() -> None:
     assert actual == pytest.approx(expected, rel=1e-7, abs=1e-9)
 
 
-@pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize(
-    "name",
-    ["article", "truck", pytest.param("b_double, some relaxation, all changed", marks=pytest.mark.slow)],
-)
-def test_irregular_samples(name: str, roll: bool) -> None:
+def test_irregular_samples() -> None:
     """Sampling intervals of 2 ms to 0.2 s: there are enough steps, and the state is exact at every sample."""
-    vehicle, speed = VEHICLES[name], 22.0
+    vehicle, speed, roll = VEHICLES["truck, all changed"], 22.0, True
     rng = np.random.default_rng(5)
     time = np.cumsum(rng.choice([0.002, 0.01, 0.0137, 0.05, 0.2], size=60)) + 100
     chain = model(vehicle, (), roll=roll)
@@ -162,9 +156,9 @@ def test_irregular_samples(name: str, roll: bool) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["truck, all changed", "b_double, all changed", "b_double, some relaxation, all changed"]
+    ("name", "roll"), [("truck, all changed", True), ("b_double, some relaxation, all changed", False)]
 )
-def test_derivatives_of_the_transition(name: str) -> None:
+def test_derivatives_of_the_transition(name: str, roll: bool) -> None:
     """Derivatives with respect to state and parameters against central differences of the exact solution."""
     vehicle, dt, speeds = VEHICLES[name], 0.005, (17.0, 18.0)
     values = all_parameters(vehicle, ())
@@ -172,7 +166,7 @@ def test_derivatives_of_the_transition(name: str) -> None:
                for path in values if path.startswith("steer.")}  # fmt: skip
     softening = {path: value for path, value in values.items() if path.endswith(".softening")}
     free = tuple(path for path in values if path not in softening)
-    chain = model(vehicle, (), roll=True, free=free)
+    chain = model(vehicle, (), roll=roll, free=free)
     assert chain.free == free
     assert chain.known == tuple(softening)
     x, before, after = random_step(3, chain)
@@ -237,9 +231,7 @@ def unit_motion(vehicle: Vehicle, states: tuple[str, ...], x: Array, speed: floa
 
 
 @pytest.mark.parametrize("roll", [True, False], ids=["yaw-roll", "yaw only"])
-@pytest.mark.parametrize(
-    "name", ["article, all changed", "truck, all changed", "b_double", "b_double, some relaxation"]
-)
+@pytest.mark.parametrize("name", ["truck, all changed", "b_double, some relaxation"])
 class TestSensors:
     """Outputs of sensors with sinusoidal steer angles against a simulation by Lagrange's equations."""
 
@@ -401,3 +393,63 @@ def test_functions_have_named_arguments_and_results() -> None:
     for function, outputs in ((chain.transition, ["x_next"]), (chain.rates, ["rate", "rate_next"])):
         assert function.name_out() == outputs
     assert (chain.observation.name_in(), chain.observation.name_out()) == (["x", "d", "p", "c"], ["y"])
+
+
+# Rates at both ends of a step
+
+
+RATED = ("yaw_rate.tractor", "roll_rate.semitrailer")
+RATED_FREE = ("tractor.front.cornering_stiffness", "semitrailer.payload.height", "steer.tractor.front.delay")
+
+
+@pytest.fixture(scope="module")
+def rated() -> ChainModel:
+    truck = get("cheng_cebon_2011").with_logged_steering({"steer.tractor.front"}, "the test")
+    return model(truck, RATED, roll=True, bank=True, free=RATED_FREE)
+
+
+def test_mean_rate_is_the_slope_of_the_state(rated: ChainModel) -> None:
+    rng = np.random.default_rng(0)
+    x, h = 0.05 * rng.normal(size=len(rated.states)), 1e-5
+    values = all_parameters(rated.vehicle, RATED)
+    p, c, d = rated.free_values(values), rated.known_values(values), np.array([20.0, 0.01, 20.0, 0.01])
+    later = np.array(rated.transition(x, h, d, p, c)).ravel()
+    first, last = (np.array(rate).ravel() for rate in rated.rates(x, later, h, d, p, c))
+    np.testing.assert_allclose((first + last) / 2, (later - x) / h, rtol=1e-6, atol=1e-6)
+
+
+def test_trapezoidal_rule_gives_the_parameter_derivatives_of_a_step(rated: ChainModel) -> None:
+    symbols = [ca.SX.sym(name, rated.transition.numel_in(i)) for i, name in enumerate(("x", "dt", "d", "p", "c"))]
+    later = ca.SX.sym("later", len(rated.states))
+    exact = ca.Function("exact", symbols, [ca.jacobian(rated.transition(*symbols), symbols[3])])
+    rates = rated.rates(symbols[0], later, *symbols[1:])
+    ends = ca.Function("ends", [later, *symbols], [ca.jacobian(rate, symbols[3]) for rate in rates])
+    values = all_parameters(rated.vehicle, RATED)
+    x, dt, d = np.full(len(rated.states), 0.02), 0.004, np.array([20.0, 0.01, 20.0, 0.012])
+    p, c = rated.free_values(values), rated.known_values(values)
+    after, F = rated.transition(x, dt, d, p, c), np.array(rated.state_jacobian(x, dt, d, p, c))
+    first, last = (np.array(rate) for rate in ends(after, x, dt, d, p, c))
+    actual, expected = dt / 2 * (F @ first + last), np.array(exact(x, dt, d, p, c))
+    largest = np.abs(expected).max(axis=0)
+    np.testing.assert_allclose(actual / largest, expected / largest, atol=0.01)
+
+
+@pytest.mark.parametrize("tyres", ["linear", "saturating"])
+def test_sensitivities_of_the_rates_are_their_derivatives(tyres: TyreLaw) -> None:
+    """Without those of the inverse mass matrix; of an extended model, whose stiffness depends on the slip."""
+    truck = get("cheng_cebon_2011").with_logged_steering({"steer.tractor.front"}, "the test")
+    free = (*RATED_FREE, "tractor.mass", "tractor.cog", "semitrailer.yaw_inertia")
+    free += ("tractor.front.softening",) if tyres == "linear" else ()
+    rated = model(truck, RATED, roll=True, bank=True, free=free, extended=True, tyres=tyres)
+    values = all_parameters(truck, RATED, extended=True, tyres=tyres) | {"tractor.front.softening": 2.0}
+    n, k = len(rated.states), 2 * len(rated.inputs)
+    d, rng = np.zeros(k), np.random.default_rng(2)
+    d[[0, k // 2]], d[[1, k // 2 + 1]] = (20.0, 20.5), (0.01, 0.012)
+    symbols = [ca.SX.sym("a", size) for size in (n, n, 1, k, len(free), len(rated.known))]
+    exact = ca.Function("exact", symbols, [ca.jacobian(rate, symbols[4]) for rate in rated.rates(*symbols)])
+    at = 0.02 * rng.normal(size=n), 0.02 * rng.normal(size=n), 0.01, d, rated.free_values(values)
+    for actual, expected in zip(
+        rated.rate_sensitivities(*at, rated.known_values(values)), exact(*at, rated.known_values(values)), strict=True
+    ):
+        size = np.abs(np.array(expected)).max(axis=0) + 1e-12
+        np.testing.assert_allclose(np.array(actual) / size, np.array(expected) / size, atol=1e-10)

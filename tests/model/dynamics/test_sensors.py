@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
 from fifthwheel.base.options import TyreLaw
 from fifthwheel.base.types import Array
@@ -19,7 +18,7 @@ from fifthwheel.truck.unit import Accelerometer
 
 SPEED, RATE = 22.0, 1000.0
 STEER = "steer.tractor.front"
-TRUCK = vehicle.get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
+TRUCK = get("cheng_cebon_2011").with_logged_steering({STEER}, "the test")
 UNITS = ("tractor", "semitrailer")
 
 

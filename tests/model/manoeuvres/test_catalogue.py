@@ -17,14 +17,6 @@ from fifthwheel.truck import get
 from tests.model.manoeuvres.conftest import KMH_88, check_geometry
 
 
-@pytest.mark.parametrize("name", MANOEUVRES)
-def test_every_manoeuvre_has_a_form_and_at_most_one_for_the_plant(name):
-    manoeuvre = MANOEUVRES[name]
-    assert manoeuvre.acceleration or manoeuvre.open_loop or manoeuvre.path
-    assert not (manoeuvre.open_loop and manoeuvre.path)
-    assert manoeuvre.description
-
-
 @pytest.mark.parametrize("name", PLANT_MANOEUVRES)
 def test_courses_of_the_plant(name, truck):
     result = course(name, truck)

@@ -199,7 +199,7 @@ def loads_of_front_axle(roughness: float, kmh: float, duration: float) -> tuple[
     return load, load * (1 - transfer) / 2
 
 
-@pytest.mark.parametrize(("name", "kmh"), [("A", 90), ("C", 90), ("B", 40)])
+@pytest.mark.parametrize(("name", "kmh"), [("C", 90), ("B", 40)])
 def test_the_load_on_a_rough_road_is_that_of_a_half_car(name: str, kmh: float) -> None:
     """Over time, on the mean of both tracks, and its RMS on the whole road by the spectrum."""
     properties, speed, roughness = NO_RESISTANCE, kmh / 3.6, ROAD_CLASSES[name]
@@ -231,9 +231,8 @@ def test_the_rms_load_rises_with_the_root_of_roughness_and_speed() -> None:
     """Of a wheel: at higher speeds the waves of one frequency are longer and more alike on both tracks."""
     rms = {
         (name, kmh): np.std(loads_of_front_axle(ROAD_CLASSES[name], kmh, 120.0)[1]) / np.sqrt(ROAD_CLASSES[name] * kmh)
-        for name, kmh in (("A", 90), ("B", 90), ("C", 90), ("B", 40))
+        for name, kmh in (("B", 90), ("C", 90), ("B", 40))
     }
-    assert rms["A", 90] == pytest.approx(rms["B", 90], rel=0.01)
     assert rms["C", 90] == pytest.approx(rms["B", 90], rel=0.01)
     assert rms["B", 40] == pytest.approx(rms["B", 90], rel=0.1)
 

@@ -50,7 +50,7 @@ def test_a_raised_axle_has_neither_load_nor_force():
     assert of_group == pytest.approx(truck.axle_loads()["semitrailer"], rel=0.02)
 
 
-@pytest.mark.parametrize("keys", [{}, SELF_STEERING, COMMAND, LIFTED])
+@pytest.mark.parametrize("keys", [SELF_STEERING, COMMAND, LIFTED])
 def test_model_and_nonlinear_truck_agree(keys: dict[str, object]):
     """As well as with fixed axles; see `test_truck`."""
     truck = with_axle(keys)

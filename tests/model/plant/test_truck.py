@@ -2,7 +2,6 @@
 
 import sys
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -140,7 +139,7 @@ def test_linear_limit():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"])
+@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])
 def test_linear_limit_of_long_combinations(name: str):
     """The same for three and four units, with drawbar eyes and a turntable: within 2 % in yaw and 3 % in roll."""
     truck = get(name)
@@ -478,12 +477,6 @@ def test_a_truck_without_steered_axle_is_refused():
     locked["units"][0]["axle_groups"][0]["axles"][0]["steerable"] = False
     with pytest.raises(VehicleError, match="steerable"):
         Plant(Vehicle(**locked))
-
-
-def test_all_true_signals_can_be_recorded(lane_change: PlantRun):
-    record = lane_change.record(everything=True)
-    assert set(record.reference) == set(lane_change.truth)
-    assert all(a != b for a, b in pairwise(sorted(record.reference)))
 
 
 def test_without_mujoco(monkeypatch: pytest.MonkeyPatch):

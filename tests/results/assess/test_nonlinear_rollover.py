@@ -19,12 +19,7 @@ def test_a_high_load_rolls_over_at_the_threshold_of_the_linear_springs():
 
 @pytest.mark.parametrize(
     ("name", "first"),
-    [
-        ("b_double", "tractor+lead+semitrailer"),
-        ("a_double", "tractor+first"),
-        ("truck_dolly_semitrailer", "truck"),
-        ("truck_full_trailer", "dolly+trailer"),
-    ],
+    [("a_double", "tractor+first"), ("truck_full_trailer", "dolly+trailer")],
 )
 def test_the_set_that_rolls_over_first_is_that_of_the_linear_springs(name, first):
     truck = Truck(vehicle=get(name))

@@ -72,13 +72,7 @@ def test_an_estimate_far_from_the_vehicle_file(result):
     ("name", "value", "sigma", "kind", "unit"),
     [
         (f"{STEER}.gain", 1.25, 0.05, CautionKind.GAIN, "1"),
-        (f"{STEER}.delay", 0.06, 0.01, CautionKind.DELAY, "s"),
-        ("yaw_rate.tractor.gain", 1.2, 0.01, CautionKind.GAIN, "1"),
         ("yaw_rate.tractor.offset", 0.02, 0.001, CautionKind.OFFSET, "rad/s"),
-        ("lateral_acceleration.tractor.offset", 1.2, 0.1, CautionKind.OFFSET, "m/s^2"),
-        ("lateral_acceleration.tractor.delay", 0.12, 0.01, CautionKind.DELAY, "s"),
-        ("lateral_acceleration.tractor.position", 1.0, 0.1, CautionKind.POSITION, "m"),
-        ("lateral_acceleration.tractor.height", 2.0, 0.1, CautionKind.HEIGHT, "m"),
     ],
 )
 def test_unusual_sensor_errors(result, name, value, sigma, kind, unit):

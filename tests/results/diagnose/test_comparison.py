@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.identify import OneStage, Verdict, identify
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.assess.assessment import assess
 from fifthwheel.results.diagnose import compare, spoken
 from fifthwheel.results.report.comparison import comparison_headline
+from fifthwheel.truck import get
 from fifthwheel.truck.quantities import quantity_of
 from tests.results.diagnose.chosen import FRONT, HEIGHT, REAR, SOFTENING, estimate, of
 
@@ -210,10 +210,10 @@ def test_csv_has_no_formulas(result):
 @pytest.mark.slow
 def test_the_differences_of_equal_trucks_have_their_sigma():
     """Over many pairs of logs of one truck, differences of the stiffness are as large as their sigmas."""
-    truck, name = vehicle.get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
+    truck, name = get("cheng_cebon_2011"), "semitrailer.cornering_stiffness"
     others = dict.fromkeys(("cornering_stiffness", "yaw_inertia", "payload.height"), "exact")
     settings = OneStage(given={**others, name: "free"}, tyres="linear")
-    runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(20)]
+    runs = [identify([simulate(truck, count=1, seed=k)], truck, settings) for k in range(12)]
     found = [difference(a, b) for a, b in zip(runs[::2], runs[1::2], strict=True)]
     assert found[0].sigma < 0.7 * np.hypot(runs[0][name].sigma, runs[1][name].sigma)  # independence would be far off
     variation = quantity_of(f"{name}.variation").sigma * truck.parameters()[name]

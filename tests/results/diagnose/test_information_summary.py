@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.estimate.design import Remedy
 from fifthwheel.estimate.design.assess import predict_sigmas
 from fifthwheel.estimate.identify import SensorError, Verdict, identify
@@ -20,6 +19,7 @@ from fifthwheel.results.diagnose.information_summary import (
     variance_budget,
 )
 from fifthwheel.results.diagnose.summaries import summarise_runs
+from fifthwheel.truck import get
 from fifthwheel.truck.quantities import FRICTION
 from fifthwheel.truck.spoken_names import named
 from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment, estimate, of, outlook
@@ -27,7 +27,7 @@ from tests.results.diagnose.chosen import AXIS, FRONT, HEIGHT, REAR, assessment,
 
 @pytest.fixture(scope="module")
 def straight():
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     record = simulate(truck, manoeuvre="straight", duration=10, seed=3, name="straight")
     return record, identify([record], truck)
 
@@ -184,16 +184,6 @@ def test_the_largest_correlation_is_that_of_an_estimated_unknown(result):
 )
 def test_what_is_known_is_said_in_words(known, text):
     assert describe_remedy(Remedy(known=known)) == text
-
-
-def test_a_fraction_is_the_reduction_of_the_variance_by_an_exact_number(result):
-    """A fit with the roll axis fixed where the other one estimates it."""
-    identification = result.identification
-    (axis,) = [e for e in identification.uncertain if e.name == AXIS]
-    truck = identification.initial_vehicle.replace({AXIS: axis.value})
-    known = identify(result.records[:1], truck, replace(identification.settings, given={AXIS: "exact"}))
-    (term,) = [term for term in variance_budget(identification, HEIGHT) if term.source == AXIS]
-    assert term.fraction == pytest.approx(1 - (known[HEIGHT].sigma / identification[HEIGHT].sigma) ** 2, rel=0.1)
 
 
 def test_the_remaining_uncertainty_is_that_of_the_estimates(result):

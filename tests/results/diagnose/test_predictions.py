@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import VehicleError
 from fifthwheel.base.pages.html import blocks
 from fifthwheel.estimate.identify import OneStage, identify
@@ -72,7 +71,7 @@ def test_the_assumed_numbers_are_shown(numbers):
     assert "No number is assumed" in printed(vehicle_document(get("auburn_6x4"), summarize(get("auburn_6x4")), []))
 
 
-TRUCK = vehicle.get("cheng_cebon_2011")
+TRUCK = get("cheng_cebon_2011")
 NAME = "semitrailer.cornering_stiffness"
 
 

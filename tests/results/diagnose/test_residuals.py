@@ -5,7 +5,6 @@ import pytest
 from scipy import stats
 
 from fifthwheel.results.diagnose import residuals
-from fifthwheel.results.diagnose.thresholds import SEGMENTS
 
 TIME = np.arange(4000) * 0.01
 NOISE = np.random.default_rng(1).standard_normal(4000)
@@ -30,14 +29,6 @@ def test_a_slow_wave_is_autocorrelated_over_a_quarter_of_its_period():
     assert "vehicle file" in residuals.describe_whiteness(correlation, 0.0, free_run=False)
 
 
-def test_the_autocorrelation_of_a_first_order_process_is_exponential():
-    values = np.zeros(4000)
-    for i in range(1, 4000):
-        values[i] = 0.9 * values[i - 1] + NOISE[i]
-    correlation = residuals.autocorrelation(TIME, values)
-    assert correlation.value[:5] == pytest.approx(0.9 ** np.arange(1, 6), abs=0.05)
-
-
 def test_gaps_and_a_lower_rate_do_not_change_the_lags():
     values = np.where(np.arange(4000) % 2 == 0, NOISE, np.nan)
     values[1000:1400] = np.nan
@@ -57,30 +48,6 @@ def test_rms_limits_are_those_of_chi_squared():
     for count in (30, 200, 5000):
         exact = np.sqrt(stats.chi2.ppf([0.025, 0.975], count) / count)
         assert residuals.rms_limits(count) == pytest.approx(exact, rel=2e-3)
-
-
-def test_segments_locate_larger_innovations():
-    large = NOISE.copy()
-    large[2000:2500] *= 3
-    segments = residuals.segment_rms(TIME, large)
-    assert len(segments.rms) == SEGMENTS
-    assert segments.time[np.argmax(segments.rms)] == pytest.approx(22.5, abs=2.5)
-    assert residuals.segment_rms(TIME, NOISE).fraction_within_limits > 0.8
-    assert residuals.segment_rms(TIME[:10], NOISE[:10]) is None
-
-
-@pytest.mark.parametrize(
-    ("rms", "expected"), [(1.0, "is expected."), (1.1, "no practical effect"), (2.0, "too narrow"), (0.4, "wider")]
-)
-def test_the_rms_of_innovations_in_words(rms, expected):
-    assert expected in residuals.describe_innovation_rms(rms, 1000)
-
-
-def test_outliers_are_mentioned():
-    values = NOISE.copy()
-    values[::50] *= 20
-    correlation = residuals.autocorrelation(TIME, values)
-    assert "outliers" in residuals.describe_whiteness(correlation, residuals.outlier_fraction(values), free_run=True)
 
 
 def test_the_autocorrelation_equals_a_sum_over_pairs():

@@ -25,10 +25,9 @@ def responses(truck):
     return at
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_gain_and_phase_are_those_of_the_equations(truck, responses, seed):
+def test_gain_and_phase_are_those_of_the_equations(truck, responses):
     """Within their sigma, and 0.2 % of the simulation with steps of 20 ms."""
-    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=400.0, sensors=NOISE, rate=50.0, seed=seed)
+    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=400.0, sensors=NOISE, rate=50.0, seed=1)
     found = fw.evaluate(log, "frequency_response", vehicle=truck)
     f = found.arrays["frequency"]
     for name, exact in responses(f).items():
@@ -41,7 +40,7 @@ def test_gain_and_phase_are_those_of_the_equations(truck, responses, seed):
         assert np.mean(np.abs(lag) < 2 * relative + 0.002) > 0.85, name
 
 
-@pytest.mark.parametrize(("manoeuvre", "duration"), [("sweep", 60.0), ("random", 60.0), ("random", 120.0)])
+@pytest.mark.parametrize(("manoeuvre", "duration"), [("sweep", 60.0), ("random", 60.0)])
 def test_ninety_per_cent_of_the_intervals_contain_the_gain(truck, responses, manoeuvre, duration):
     """With good sensors; a periodogram of segments would be biased by up to ten sigma."""
     sensors = {n: v for n, v in NOISE.items() if not n.startswith("lateral_acceleration")}
@@ -56,9 +55,8 @@ def test_ninety_per_cent_of_the_intervals_contain_the_gain(truck, responses, man
     assert all(len(values) > 100 and np.mean(values) > 0.85 for values in inside.values())
 
 
-@pytest.mark.parametrize("manoeuvre", ["random", "sweep"])
-def test_measures_of_the_frequency_response(truck, responses, manoeuvre):
-    log = fw.simulate(truck, manoeuvre=manoeuvre, speed=U, duration=300.0, sensors=NOISE, rate=50.0, seed=4)
+def test_measures_of_the_frequency_response(truck, responses):
+    log = fw.simulate(truck, manoeuvre="random", speed=U, duration=300.0, sensors=NOISE, rate=50.0, seed=4)
     found = fw.evaluate(log, "frequency_response", vehicle=truck)
     f = np.linspace(0.02, 1.5, 1481)
     exact = responses(f)
@@ -73,10 +71,9 @@ def test_measures_of_the_frequency_response(truck, responses, manoeuvre):
     assert len(found.plots()) == len(NOISE)
 
 
-@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])
-def test_the_delay_of_a_long_combination_does_not_reduce_its_gain(name):
+def test_the_delay_of_a_long_combination_does_not_reduce_its_gain():
     """Its last unit follows the steer angle by up to 2 s."""
-    vehicle = get(name)
+    vehicle = get("truck_full_trailer")
     ends = [f"yaw_rate.{vehicle.units[k].name}" for k in (0, -1)]
     run = fw.simulate(vehicle, manoeuvre="random", speed=U, sensors=dict.fromkeys(ends, 0.0), duration=300.0, rate=20.0)
     found = fw.evaluate(run, "frequency_response", vehicle=vehicle)["rearward_amplification_yaw_rate"]

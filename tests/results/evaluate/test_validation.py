@@ -23,7 +23,8 @@ QUIET = {name: 1e-4 * variance for name, variance in NOISE.items()}
 
 
 def simulated(truck, test, seed=1, noise=NOISE):
-    duration = 600.0 if test == "frequency_response" else None  # in 120 s, sigma of some gains is above a default
+    # in 120 s with noise, sigma of some gains is above a default
+    duration = 600.0 if test == "frequency_response" and noise is NOISE else None
     settings = {
         "speed": U,
         **ONE.get(MANOEUVRES[test], {}),
@@ -99,22 +100,21 @@ def test_softer_tyres_of_all_axles_are_outside_of_the_sideslip_gradient(truck):
 @pytest.mark.parametrize("test", METHODS)
 def test_noise_alone_is_not_outside(truck, test):
     log = simulated(truck, test)
-    for seed in (2, 3):
-        found = fw.validate(simulated(truck, test, seed), log, test, vehicle=truck)
-        assert not [item.name for item in (*found.measures, *found.curves) if item.verdict == "outside"]
+    found = fw.validate(simulated(truck, test, 2), log, test, vehicle=truck)
+    assert not [item.name for item in (*found.measures, *found.curves) if item.verdict == "outside"]
 
 
 def test_with_a_tolerance_close_to_0_noise_alone_is_rarely_outside(truck):
     """Of a measure by 5 % with two sigma, as it should, in 300 pairs 5.7 %; of a curve in 1 of 100 pairs."""
     tolerances = {"understeer_gradient": "0.001 deg/g", "steer_less_ackermann": "0.001 deg"}
     verdicts = []
-    for seed in range(40):
+    for seed in range(24):
         pair = (steady_turns(truck, "constant speed", seed + start) for start in (0, 1000))
         found = fw.validate(*pair, "steady_state", vehicle=truck, tolerances=tolerances)
         verdicts.append((found.measures[0].verdict, found.curves[0].verdict))
     of_measure, of_curve = (list(column) for column in zip(*verdicts, strict=True))
-    assert of_measure.count("outside") <= 5
-    assert of_curve.count("outside") <= 2
+    assert of_measure.count("outside") <= 3
+    assert of_curve.count("outside") <= 1
     assert "inside" not in of_measure + of_curve
 
 
@@ -167,7 +167,7 @@ def test_what_only_one_record_has_is_noted(truck):
         fw.validate(other, more, "steady_state")
 
 
-@pytest.mark.parametrize("test", METHODS)
+@pytest.mark.parametrize("test", ["steady_state", "frequency_response", "step"])
 def test_inverted_angles_of_the_results_are_refused(truck, test):
     log = simulated(truck, test, noise=GYROS).cut(0.0, 120.0)
     angles = {name: log.reference[name] for name in ("roll.tractor", "articulation.semitrailer")}

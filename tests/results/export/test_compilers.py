@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import export_c
+from fifthwheel.truck import get
 from tests.results.export.cortex_m import CORES, MISSING, emulated
 from tests.results.export.test_c_observer import FAULTS, assert_equal, compiled, pushed, replayed, with_fault
 
@@ -21,19 +21,18 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def lane() -> Record:
-    return simulate(vehicle.get("cheng_cebon_2011"), count=1, seed=3)
+    return simulate(get("cheng_cebon_2011"), count=1, seed=3)
 
 
 @pytest.fixture(scope="module")
 def observer(lane: Record) -> Observer:
     """With 8 states: without relaxation lengths."""
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     truck = truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
     return Observer(truck, lane.signals)
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize("precision", [(), ("-DFW_FLOAT",)])
+@pytest.mark.parametrize(("compiler", "precision"), [("gcc", ()), ("clang", ("-DFW_FLOAT",))])
 def test_without_undefined_behaviour(
     observer: Observer, lane: Record, tmp_path: Path, compiler: str, precision: tuple[str, ...]
 ) -> None:

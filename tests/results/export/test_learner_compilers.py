@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.relinearised import RelinearisationSettings
 from fifthwheel.estimate.identify.settings import OneStage
@@ -15,6 +14,7 @@ from fifthwheel.estimate.online import Learner, LearnerSettings
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import export_c
 from fifthwheel.results.export.project import LEARNER_SOURCES
+from fifthwheel.truck import get
 from tests.results.export.c_learner import (
     compiled,
     csv_text,
@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def lane() -> Record:
-    return simulate(vehicle.get("cheng_cebon_2011"), count=1, seed=3)
+    return simulate(get("cheng_cebon_2011"), count=1, seed=3)
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +40,11 @@ def learner(lane: Record) -> Learner:
     """Five parameters, all other numbers are known; with passes within the record."""
     settings = OneStage(given={"others": "exact", "sensors": "exact"}, tyres="linear")
     passes = RelinearisationSettings(lag=20, samples=150, first_pass_limit=0.01, pass_limit=0.05)
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     return Learner(truck, lane.signals, settings, learner=LearnerSettings(relinearisation=passes))
 
 
-@pytest.mark.parametrize("compiler", ["gcc", "clang"])
-@pytest.mark.parametrize("precision", [(), ("-DFW_FLOAT",)])
+@pytest.mark.parametrize(("compiler", "precision"), [("gcc", ("-DFW_FLOAT",)), ("clang", ())])
 def test_without_undefined_behaviour(
     learner: Learner, lane: Record, tmp_path: Path, compiler: str, precision: tuple[str, ...]
 ) -> None:
@@ -65,7 +64,7 @@ def test_without_undefined_behaviour(
 
 def test_tyres_that_saturate(lane: Record, tmp_path: Path) -> None:
     """The friction is one more estimate."""
-    learner = Learner(vehicle.get("cheng_cebon_2011"), lane.signals, OneStage(tyres="saturating"))
+    learner = Learner(get("cheng_cebon_2011"), lane.signals, OneStage(tyres="saturating"))
     states, found = replayed(compiled(learner, tmp_path), learner, lane, str(tmp_path / "learned.bin"))
     expected, estimates = pushed(learner, lane)
     assert "road.friction" in found

@@ -10,12 +10,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Identification, identify
 from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.estimate.observe import Observer, States
 from fifthwheel.model.simulate import simulate
+from fifthwheel.truck import get
 
 NASTY = 'bend <b> & "quoted" </script><!--'
 
@@ -37,7 +37,7 @@ def result() -> Result:
 
 @functools.cache  # a fixture that several conftest.py import runs once for each
 def _result() -> Result:
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     first = simulate(truck, count=2, seed=1, name="lane changes")
     records = [first, faulty(simulate(truck, count=2, seed=2, name=NASTY))]
     start = truck.replace({"semitrailer.yaw_inertia": 0.9 * truck.parameters()["semitrailer.yaw_inertia"]})

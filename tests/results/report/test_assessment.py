@@ -9,7 +9,6 @@ import pytest
 from rich.console import Console
 
 import fifthwheel as fw
-from fifthwheel import truck as vehicle
 from fifthwheel.base.pages.terminal import show
 from fifthwheel.results.assess.lane_change import linear
 from fifthwheel.results.assess.truck import Truck
@@ -23,6 +22,7 @@ from fifthwheel.results.report.assessment import (
     write_evidence,
 )
 from fifthwheel.results.report.provenance import FileUsed, Provenance
+from fifthwheel.truck import get
 from tests.results.report.conftest import Page
 from tests.results.report.test_browser import CHROMIUM, browse
 
@@ -172,7 +172,7 @@ def test_a_changed_estimate_is_stated_and_what_follows_from_it_is_left_out(resul
 
 
 def test_a_vehicle_has_no_estimates(tmp_path):
-    truck = vehicle.get("cheng_cebon_2011").with_stated({HEIGHT: 0.05})
+    truck = get("cheng_cebon_2011").with_stated({HEIGHT: 0.05})
     rows = TruckEvidence(assessment=fw.assess(truck, cheap=True)).parameters()
     assert (rows[0].name, rows[0].sigma, rows[0].verdict) == (HEIGHT, 0.05, "stated")
     assert {row.verdict for row in rows[1:]} == {"assumed"}
@@ -206,7 +206,7 @@ def test_it_prints_on_one_sheet_of_a4(long, evidence, tmp_path):
             "engine_power": 390e3,
         }
         changes = {f"driveline.{name}": value for name, value in values.items()}
-        truck = fw.assess(vehicle.get("a_double"), nonlinear=False, body=body, changes=changes)
+        truck = fw.assess(get("a_double"), nonlinear=False, body=body, changes=changes)
         assert len(truck) >= 28
         evidence = replace(evidence, assessment=truck, identification=None, conclusion=["A caution. " * 20])
     written(evidence, tmp_path)

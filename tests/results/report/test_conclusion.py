@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.base import pages
 from fifthwheel.data.checks import Fault, Finding
 from fifthwheel.estimate.identify import Estimate, identify
@@ -14,6 +13,7 @@ from fifthwheel.estimate.identify.verdict import Verdict
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.diagnose import Advice
 from fifthwheel.results.report import Conclusion, StateConditions, conclude_identification, conclude_states
+from fifthwheel.truck import get
 from tests.results.report.conftest import NASTY
 
 
@@ -115,7 +115,7 @@ def test_a_roll_rate_that_is_not_logged_is_the_reason(result, verdict, changes, 
 
 
 def test_a_straight_run_identifies_nothing():
-    truck = vehicle.get("cheng_cebon_2011")
+    truck = get("cheng_cebon_2011")
     record = simulate(truck, manoeuvre="straight", duration=10, seed=3, name="straight")
     identification = identify([record], truck)
     for records in ([record], []):  # the terminal has no records

@@ -12,14 +12,13 @@ from types import ModuleType
 import pytest
 from typer.testing import CliRunner
 
-from fifthwheel import truck as vehicle
 from fifthwheel.apps.cli import app
 from fifthwheel.base.atomic import clean_up
 from fifthwheel.base.errors import FifthwheelError, SignalError, VehicleError
 from fifthwheel.estimate.observe import Observer
 from fifthwheel.results.export import export_fmu
 from fifthwheel.results.export.fmu import archive as fmu_archive
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror", "-fsyntax-only")
@@ -31,7 +30,7 @@ Archive = dict[str, str]
 
 @pytest.fixture(scope="module")
 def truck() -> Vehicle:
-    return vehicle.get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
+    return get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
 
 
 @pytest.fixture(scope="module")

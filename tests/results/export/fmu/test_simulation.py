@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fifthwheel import truck as vehicle
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.model import dynamics
@@ -21,7 +20,7 @@ from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import PLATFORMS, export_fmu
 from fifthwheel.results.export.fmu.models import default_outputs
-from fifthwheel.truck import Vehicle
+from fifthwheel.truck import Vehicle, get
 from tests.results.export.fmu import Unit
 from tests.results.export.test_c_observer import missing_inputs, missing_measurements
 
@@ -40,7 +39,7 @@ TOLERANCE = 1e-10
 @pytest.fixture(scope="module")
 def truck() -> Vehicle:
     """With relaxation lengths and one steered axle."""
-    return vehicle.get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
+    return get("cheng_cebon_2011").with_logged_steering([STEER], "the test")
 
 
 @pytest.fixture(scope="module")
