@@ -46,9 +46,24 @@ def errors_and_bound(truck: Vehicle, seeds: range, settings: OneStage) -> tuple[
     return np.array(errors), sigma * np.abs(scale.slope(p)) / p
 
 
-def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle) -> None:
-    errors, bound = errors_and_bound(truck, range(6), FIVE)
-    assert (np.sqrt(np.mean(errors**2, axis=0)) < 2.2 * bound).all()
+@pytest.mark.parametrize("seeds", [range(6), pytest.param(range(30), marks=pytest.mark.slow)])
+def test_errors_after_one_lane_change_are_near_the_bound(truck: Vehicle, seeds: range) -> None:
+    errors, bound = errors_and_bound(truck, seeds, FIVE)
+    factor = 1.5 if len(seeds) >= 30 else 2.2
+    assert (np.sqrt(np.mean(errors**2, axis=0)) < factor * bound).all()
+
+
+@pytest.mark.slow
+def test_sigma_agrees_with_the_errors(truck: Vehicle, guess: Vehicle) -> None:
+    """The vehicle file, the latency of the gyros and the rate of the log are exact."""
+    normalised = []
+    given = dict.fromkeys(("others", "*_rate.*.delay", "time_base"), "exact")
+    given |= {"road.bank": "+- 0.03 rad", "discrepancy": "+- 1.5 %"}
+    for seed in range(8):
+        learner = learn(guess, simulate(truck, count=2, seed=seed), replace(FIVE, given=given))
+        for estimate in learner.parameters:
+            normalised.append((estimate.value - truck.parameters()[estimate.name]) / estimate.sigma)
+    assert 0.5 < np.std(normalised) < 1.5
 
 
 @pytest.mark.slow
@@ -56,7 +71,7 @@ def test_estimates_agree_with_the_fit_of_the_log(truck: Vehicle, guess: Vehicle)
     """With default settings, and the tyres of the logs. The fit estimates the uncertain numbers that the learner
     considers; they are right here, so that the difference is less than a sigma of the fit."""
     differences, settings = [], replace(LINEAR, given={"softening": "exact"})  # the truck is linear
-    for seed in range(3):
+    for seed in range(6):
         record = simulate(truck, count=1, seed=seed)
         fit, learner = identify([record], guess, replace(settings, adapt_noise=False)), learn(guess, record, settings)
         differences.append([(learner[e.name].value - e.value) / e.sigma for e in fit.parameters if e.sigma])
@@ -101,10 +116,25 @@ def test_long_and_uneven_steps_are_divided(truck: Vehicle, guess: Vehicle) -> No
     assert_identified(learn(guess, Record(time=record.time[kept], signals=signals)), truck, sigmas=6.0)
 
 
+@pytest.mark.slow
+def test_a_vehicle_of_three_units(guess: Vehicle) -> None:
+    fields = guess.model_dump()
+    semitrailer = fields["units"][1]
+    fields["units"] = (*fields["units"], {**semitrailer, "name": "second"})
+    coupling = {**fields["couplings"][0], "name": "hitch"}
+    coupling["leading_position"] = min(axle.position for axle in guess.units[1].axles)
+    fields["couplings"] = (*fields["couplings"], coupling)
+    combination = Vehicle(**fields)
+    record = simulate(combination, count=1, speed=15.0, seed=1)
+    learner = learn(combination, record, replace(FIVE, given={**FIVE.given, "payload.height": "+- 0.75 m"}))
+    assert {e.name.split(".")[0] for e in learner.parameters} == {"tractor", "semitrailer", "second"}
+    assert all(np.isfinite([e.value, e.sigma]).all() for e in learner.parameters)
+
+
 def test_errors_of_the_states_agree_with_their_sigmas(truck: Vehicle, guess: Vehicle) -> None:
     """Before anything is learned, and after."""
     before, after = [], []
-    for seed in range(5):
+    for seed in range(8):
         record = simulate(truck, count=1, seed=seed)
         learner = Learner(guess, record.signals, FIVE)
         answers = [learner.push(sample) for sample in samples(record)]

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from fifthwheel import truck as vehicle
 from fifthwheel.base.errors import FifthwheelError
 from fifthwheel.data.logs import write_record
 from fifthwheel.data.record import Record
@@ -15,9 +16,10 @@ from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status
 from fifthwheel.model.simulate import simulate
 from fifthwheel.results.export import FILES, c_text, export_c
-from fifthwheel.truck import Vehicle, get
+from fifthwheel.truck import Vehicle
+from tests.model.dynamics.test_lagrangian import b_double
 from tests.model.dynamics.test_steering import lag
-from tests.model.dynamics.test_tyres import brush
+from tests.model.dynamics.test_tyres import brush, tanh_law
 
 COMPILER = shutil.which("gcc") or shutil.which("clang") or shutil.which("cc")
 pytestmark = pytest.mark.skipif(COMPILER is None, reason="no C compiler")
@@ -25,14 +27,15 @@ STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wconversion", "-pedantic", "-Werror"
 STEER = "steer.tractor.front"
 ACCELERATION = "lateral_acceleration.tractor"
 ERRORS = {f"{STEER}.offset": 0.002, f"{STEER}.gain": 1.03, f"{STEER}.delay": 0.04, "yaw_rate.tractor.offset": 0.001}
-EAGER = {"hold": 0.05, "max_gap": 0.2, "coast": 0.1, "gate": 2.0, "restart_after": 0.0, "min_speed": 24.3}
 SETTINGS = {
     "plain": ObserverSettings(),
-    "eager, with sensor errors": ObserverSettings(sensor_errors=ERRORS, bank_mean=0.02, **EAGER),
+    "sensor errors": ObserverSettings(sensor_errors=ERRORS, bank_mean=0.02),
+    "exact": ObserverSettings(bank=0.0, steer_offset=0.0),
     "bank": ObserverSettings(bank=0.04, bank_mean=0.01, estimate_bank=True, steer_offset=0.001),
-    "own tyre law": ObserverSettings(friction=0.5, tyres=brush),
+    "saturating": ObserverSettings(friction=0.5),
+    "own tyre law": ObserverSettings(friction=0.5, tyres=tanh_law),
+    "eager": ObserverSettings(hold=0.05, max_gap=0.2, coast=0.1, gate=2.0, restart_after=0.0, min_speed=24.3),
 }
-"""The brush law has the sign function, which derivatives of abs have."""
 TOLERANCE = {"double": 1e-12, "float": 1e-4}
 AMPLIFIED = {"reversed_steer": 5.0, "slow": 3.0}
 """Factor of the tolerance for a fault with which the filter starts again and again, which amplifies rounding: with
@@ -151,7 +154,7 @@ def with_fault(record: Record, fault: str) -> Record:
 @pytest.fixture(scope="module")
 def truck() -> Vehicle:
     """With 8 states: without relaxation lengths."""
-    truck = get("cheng_cebon_2011")
+    truck = vehicle.get("cheng_cebon_2011")
     return truck.replace({f"{path}.relaxation_length": 0.0 for path in truck.axle_loads()})
 
 
@@ -161,22 +164,16 @@ def lane(truck: Vehicle) -> Record:
     return simulate(truck, count=1, seed=3)
 
 
-@pytest.fixture(scope="module")
-def plain(truck: Vehicle, lane: Record, tmp_path_factory: pytest.TempPathFactory) -> tuple[Observer, Path]:
-    """An observer with default settings and its program in double precision."""
-    observer = Observer(truck, lane.signals)
+@pytest.fixture(scope="module", params=SETTINGS)
+def program(request: pytest.FixtureRequest, truck: Vehicle, lane: Record, tmp_path_factory: pytest.TempPathFactory):
+    """An observer and its program in double precision."""
+    observer = Observer(truck, lane.signals, SETTINGS[request.param])
     return observer, compiled(observer, tmp_path_factory.mktemp("c"))
 
 
-@pytest.mark.parametrize("settings", SETTINGS)
-def test_every_fault_gives_what_push_gives(
-    settings: str, truck: Vehicle, plain: tuple[Observer, Path], lane: Record, tmp_path: Path
-) -> None:
-    observer, replay = plain
-    if settings != "plain":
-        observer = Observer(truck, lane.signals, SETTINGS[settings])
-        replay = compiled(observer, tmp_path)
-    seen, estimates_bank = set(), observer.settings.estimate_bank
+def test_every_fault_gives_what_push_gives(program: tuple[Observer, Path], lane: Record) -> None:
+    (observer, replay), seen = program, set()
+    estimates_bank = observer.settings.estimate_bank
     for fault in FAULTS:
         record = with_fault(lane, fault)
         expected = pushed(observer, record)
@@ -187,28 +184,44 @@ def test_every_fault_gives_what_push_gives(
     assert seen & {Status.COASTING, Status.INCONSISTENT}
 
 
-def test_own_equations_of_the_steering(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+def test_brush_tyres(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    """A law with the sign function, which derivatives of abs have."""
+    observer = Observer(truck, lane.signals, ObserverSettings(friction=0.5, tyres=brush))
+    replay = compiled(observer, tmp_path)
+    assert_equal(replayed(replay, observer, lane), pushed(observer, lane), TOLERANCE["double"])
+
+
+@pytest.mark.parametrize("settings", ["plain", pytest.param("saturating", marks=pytest.mark.slow)])
+def test_own_equations_of_the_steering(settings: str, truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     """A lag of the front axle and roll steer of the trailer; the C code starts at their steady state, too."""
     own = truck.with_logged_steering([STEER], "the lane change")
     own = own.with_steering(lag_and_roll_steer, states={"actuator.tractor": "0.01 rad"}, parameters=OWN)
-    observer = Observer(own, lane.signals)
+    observer = Observer(own, lane.signals, SETTINGS[settings])
     assert "actuator.tractor" in observer.reported
     replay = compiled(observer, tmp_path)
     for record in (lane, with_fault(lane, "missing_inputs"), with_fault(lane, "outages")):
         assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["double"])
 
 
-def test_single_precision(plain: tuple[Observer, Path], lane: Record, tmp_path: Path) -> None:
-    observer, _ = plain
+def test_single_precision(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    observer = Observer(truck, lane.signals)
     replay = compiled(observer, tmp_path, "-DFW_FLOAT")
     for fault in ("gaps", "missing_inputs", "spikes"):
         record = with_fault(lane, fault)
         assert_equal(replayed(replay, observer, record), pushed(observer, record), TOLERANCE["float"])
 
 
-@pytest.mark.parametrize("units", ["yaw only", "accelerometer", pytest.param("four units", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "units",
+    [
+        "yaw only",
+        "accelerometer",
+        *(pytest.param(n, marks=pytest.mark.slow) for n in ("three units", "four units", "relaxation lengths")),
+    ],
+)
 def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
-    train = get("a_double") if units == "four units" else truck
+    catalogue = {"four units": "a_double", "relaxation lengths": "cheng_cebon_2011"}
+    train = vehicle.get(catalogue[units]) if units in catalogue else b_double() if units == "three units" else truck
     sensors = article_gyro_variance([unit.name for unit in train.units])
     sensors |= {ACCELERATION: 0.01} if units == "accelerometer" else {}
     record = simulate(train, count=1, seed=1, sensors=sensors)
@@ -218,8 +231,9 @@ def test_other_models(units: str, truck: Vehicle, tmp_path: Path) -> None:
     assert_equal(replayed(compiled(observer, tmp_path), observer, record), pushed(observer, record), 1e-12)
 
 
-def test_a_time_that_is_not_later_changes_nothing(plain: tuple[Observer, Path], lane: Record) -> None:
-    observer, replay = plain
+def test_a_time_that_is_not_later_changes_nothing(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
+    observer = Observer(truck, lane.signals)
+    replay = compiled(observer, tmp_path)
     rows = np.column_stack([lane.time, *[lane.signals[name] for name in (*observer.inputs, *observer.outputs)]])
     good = ",".join(map(repr, rows[0].tolist()))
     wrong = [",".join([text, *map(str, rows[0, 1:])]) for text in ("0.0", "-1.0", "nan", "inf")]
@@ -234,9 +248,10 @@ def test_a_time_that_is_not_later_changes_nothing(plain: tuple[Observer, Path], 
     assert float(done.stdout.splitlines()[1].split(",")[3]) == pytest.approx(answers[1]["sideslip.tractor"], rel=1e-12)
 
 
-def test_the_program_reads_a_file_with_names(plain: tuple[Observer, Path], lane: Record, tmp_path: Path) -> None:
+def test_the_program_reads_a_file_with_names(truck: Vehicle, lane: Record, tmp_path: Path) -> None:
     """In any order, with other columns, units and empty fields; another unit or a missing signal is refused."""
-    observer, replay = plain
+    observer = Observer(truck, lane.signals)
+    replay = compiled(observer, tmp_path)
     write_record(lane, tmp_path / "log.csv")
     text = (tmp_path / "log.csv").read_text()
     done = subprocess.run([replay], input=text, capture_output=True, text=True, check=True)
