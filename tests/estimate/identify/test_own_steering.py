@@ -24,7 +24,7 @@ from fifthwheel.model.dynamics import linear_system
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.plant import Plant, Properties
 from fifthwheel.model.simulate import simulate
-from fifthwheel.results.assess import assessment as assess
+from fifthwheel.results.assess import assess
 from fifthwheel.results.report import write_report
 from fifthwheel.truck import Vehicle, get
 
@@ -212,8 +212,3 @@ def test_a_study_runs_again_when_the_equations_change() -> None:
     trucks = (TRUCK, TRUE, with_lag(TRUCK, "0.2 s"), TRUCK.with_steering(roll_steer, parameters={"coefficient": "1"}))
     assert len({_digest(truck) for truck in trucks}) == len(trucks)
     assert _digest(TRUE) == _digest(with_lag(TRUCK, f"{LAG} s"))
-
-
-def test_settings_say_what_is_wrong() -> None:
-    with pytest.raises(SignalError, match=r"roll: .*got 'no'"):
-        OneStage(roll="no")
