@@ -185,7 +185,7 @@ def test_the_file_of_another_truck_is_the_cause(record):
     assert doubt.statistic > LARGE_DISCREPANCY
 
 
-@pytest.mark.parametrize("foreign", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("foreign", [True, False])
 def test_a_validation_log_of_another_trailer_contradicts(truck, record, foreign):
     p = truck.parameters()
     lighter = {name: p[name] - 9000.0 for name in ("semitrailer.mass", "semitrailer.payload.mass")}
