@@ -58,7 +58,7 @@ TESTS = {
         FLEET_TESTS,
     ),
     "src/fifthwheel/estimate/identify/fits.py": (
-        "tests/estimate/identify/test_fit_evaluation.py tests/estimate/identify/test_saturating_tyres.py",
+        "tests/estimate/identify/test_fits.py tests/estimate/identify/test_saturating_tyres.py",
         SOLVER_TESTS,
     ),
     f"{ONE_STAGE}/identify.py": (

@@ -157,28 +157,52 @@ def test_the_end_of_several_paths() -> None:
     assert vehicle.stated["semitrailer.roll_damping"] == pytest.approx(24e3)
 
 
-def test_an_uncertain_number_has_the_stated_sigma() -> None:
-    path = "semitrailer.roll_stiffness"
-    assert prior(path) == pytest.approx((2.7e6, 0.27e6))
-    assert prior(path, f"{path}=2600 kN m/rad +- 100 kN m/rad") == pytest.approx((2.6e6, 0.1e6))
-    assert prior(path, f"{path}=2600 kN m/rad") == pytest.approx((2.6e6, 0.26e6))
-    assert prior(path, f"{path}=exact") is None
+ROLL, KINDS = (
+    "semitrailer.roll_stiffness",
+    ("steer.*.delay=+- 5 ms", "yaw_rate.*.gain=exact", "misalignment=+- 0.5 deg"),
+)
 
 
-def test_an_estimated_parameter_has_the_stated_prior() -> None:
-    assert prior(TRAILER, f"{TRAILER}=1300 kN/rad +- 5 %") == pytest.approx((1.3e6, 0.065e6))
-    assert prior(TRAILER, f"{TRAILER}=1300 kN/rad") == pytest.approx((1.3e6, 0.39e6))
-    assert prior(TRAILER, f"{TRAILER}=exact") is None
+@pytest.mark.parametrize(
+    ("name", "texts", "expected"),
+    [
+        (ROLL, (), (2.7e6, 0.27e6)),
+        (ROLL, (f"{ROLL}=2600 kN m/rad +- 100 kN m/rad",), (2.6e6, 0.1e6)),
+        (ROLL, (f"{ROLL}=2600 kN m/rad",), (2.6e6, 0.26e6)),
+        (ROLL, (f"{ROLL}=exact",), None),
+        (TRAILER, (f"{TRAILER}=1300 kN/rad +- 5 %",), (1.3e6, 0.065e6)),
+        (TRAILER, (f"{TRAILER}=1300 kN/rad",), (1.3e6, 0.39e6)),
+        (TRAILER, (f"{TRAILER}=exact",), None),
+        (HEIGHT, (), (1.4, 0.75)),
+        (HEIGHT, (f"{HEIGHT}=2 m +- 0.2 m",), (2.0, 0.2)),
+        (HEIGHT, (f"{HEIGHT}=+- 10 %",), (1.23, 0.123)),
+        (HEIGHT, (f"{HEIGHT}=2 m",), (2.0, 0.75)),
+        (GAIN, (f"{GAIN}=1 +- 2 %",), (1.0, 0.02)),
+        (GAIN, (f"{GAIN}=1.03",), (1.03, 0.15)),
+        (GAIN, ("steer.*.gain=1.03 +- 2 %",), (1.03, 0.0206)),
+        (DELAY, (f"{DELAY}=20 ms +- 5 ms",), (0.02, 0.005)),
+        ("yaw_rate.tractor.delay", (f"{DELAY}=20 ms +- 5 ms",), (0.0, 0.01)),
+        ("yaw_rate.tractor.misalignment", ("yaw_rate.tractor.misalignment=exact",), None),
+        ("steer.tractor.front.play", ("steer.tractor.front.play=0.3 deg +- 0.1 deg",), (0.00523599, 0.00174533)),
+        ("steer.tractor.front.delay", KINDS, (0.0, 0.005)),
+        ("yaw_rate.tractor.gain", KINDS, None),
+        ("roll_rate.semitrailer.misalignment", KINDS, (0.0, 0.00872665)),
+        ("speed.delay", ("speed.delay=60 ms +- 5 ms",), (0.06, 0.005)),
+        # an exact sensor error reaches the model, and the logs cannot change it
+        (GAIN, (f"{GAIN}=1.03 exact",), (1.03, 0.0)),
+        (DELAY, (f"{DELAY}=20 ms exact",), (0.02, 0.0)),
+        ("yaw_rate.tractor.gain", ("yaw_rate.tractor.gain=1.01 exact",), (1.01, 0.0)),
+    ],
+)
+def test_the_prior_is_as_stated(name: str, texts: tuple[str, ...], expected: tuple[float, float] | None) -> None:
+    assert prior(name, *texts) == (expected and pytest.approx(expected, abs=1e-6))
 
 
-def test_the_prior_of_a_payload_height() -> None:
-    """In m, and at the stated value instead of the start value of the settings."""
-    assert prior(HEIGHT) == (1.4, 0.75)
-    assert prior(HEIGHT, f"{HEIGHT}=2 m +- 0.2 m") == (2.0, 0.2)
-    assert prior(HEIGHT, f"{HEIGHT}=+- 10 %") == pytest.approx((1.23, 0.123))
-    assert prior(HEIGHT, f"{HEIGHT}=2 m") == (2.0, 0.75)
+def test_an_exact_payload_height_is_part_of_the_vehicle() -> None:
     vehicle, settings = stated(f"{HEIGHT}=2 m exact")
     assert (vehicle.parameters()[HEIGHT], settings.given, vehicle.stated[HEIGHT]) == (2.0, {HEIGHT: "exact"}, 0.0)
+    article = IdentifyOptions(method="article", statements=(f"{HEIGHT}=exact",))
+    assert identification_settings(TRUCK, article)[1].given == {"sensors": "exact", HEIGHT: "exact"}
 
 
 def test_free_parameters_are_estimated_too() -> None:
@@ -187,35 +211,6 @@ def test_free_parameters_are_estimated_too() -> None:
     names = estimated_parameters(*stated("tractor.cog=free", "tractor.front.cornering_stiffness=exact"))
     assert "tractor.cog" in names
     assert "tractor.front.cornering_stiffness" not in names
-
-
-def test_single_sensors() -> None:
-    assert prior(GAIN, f"{GAIN}=1 +- 2 %") == (1.0, 0.02)
-    assert prior(GAIN, f"{GAIN}=1.03") == (1.03, 0.15)
-    assert prior(DELAY, f"{DELAY}=20 ms +- 5 ms") == pytest.approx((0.02, 0.005))
-    assert prior("yaw_rate.tractor.delay", f"{DELAY}=20 ms +- 5 ms") == (0.0, 0.01)
-    assert prior("yaw_rate.tractor.misalignment", "yaw_rate.tractor.misalignment=exact") is None
-    play = "steer.tractor.front.play"
-    vehicle, settings = stated(f"{play}=0.3 deg +- 0.1 deg")
-    (unknown,) = (u for u in one_stage_unknowns(vehicle, OUTPUTS, settings) if u.name == play)
-    assert unknown.lower == 0.0
-
-
-@pytest.mark.parametrize(("name", "value"), [(GAIN, "1.03"), (DELAY, "20 ms"), ("yaw_rate.tractor.gain", "1.01")])
-def test_an_exact_sensor_error_reaches_the_model(name: str, value: str) -> None:
-    """The logs cannot change it."""
-    found = prior(name, f"{name}={value} exact")
-    assert found is not None
-    assert found[0] == pytest.approx(0.02 if name == DELAY else float(value))
-    assert 0 < found[1] < 1e-6
-
-
-def test_all_sensors_of_a_kind() -> None:
-    kinds = ("steer.*.delay=+- 5 ms", "yaw_rate.*.gain=exact", "misalignment=+- 0.5 deg")
-    assert prior("steer.tractor.front.delay", *kinds) == (0.0, 0.005)
-    assert prior("yaw_rate.tractor.gain", *kinds) is None
-    assert prior("roll_rate.semitrailer.misalignment", *kinds) == (0.0, pytest.approx(0.00872665))
-    assert prior("steer.tractor.front.gain", "steer.*.gain=1.03 +- 2 %") == (1.03, pytest.approx(0.0206))
 
 
 def test_the_bank_of_the_road() -> None:
@@ -340,6 +335,7 @@ LINEAR: dict[str, str] = {
     "semitrailer.wheelbase=7.7 kg": "expected m .* got 'kg'; give the value in m",
     "mass_scale=+- 1 %": r"got the error that tractor\.mass, .* share; .* such as tractor\.mass='\+- 1 %'",
     "tractor.mass=+- -5 %": "0 or more, got .*; give its magnitude",
+    "steer.*.gain=+- -5 %": "0 or more, got .*; give its magnitude",
     "tractor.mass=+- 5": "expected a unit.*write '\\+- 5 kg'",
     "tractor.mass=+- 5 s": "expected kg .* got 's'",
     "fifth_wheel.roll_damping=+- 10 %": "percent of 0 is 0",
@@ -352,6 +348,7 @@ LINEAR: dict[str, str] = {
     "steer.*.delay=+- 5 %": "percent of 0 is 0",
     "steer.*.delay=+- 5 deg": "expected s .* got 'deg'",
     "steer.*.delay=free": "is estimated already",
+    "speed.gain=1 +- 1 %": r"speed has no error 'gain'; .*delay",
     "road.bank=+- 1 m": "expected rad .* got 'm'",
     "road.bank=1 deg +- 1 deg": "has the mean 0; state only its standard deviation",
     "time_base=0.1 +- 1 %": "has the mean 0; state only its standard deviation",
@@ -363,6 +360,7 @@ LINEAR: dict[str, str] = {
 OF_SATURATING_TYRES = {
     "road.friction=dusty": "expected a number or one of dry, wet, snow, ice, unknown, got 'dusty'",
     "road.friction=7": "friction: expected between 0.05 and 6, got 7",
+    "road.friction=0": "friction: expected between 0.05 and 6, got 0",
     "tyre.shape=free": "is no number of a vehicle file",
     "softening=+- 50 %": 'saturating tyres soften by their law.*tyres="linear"',
 }
@@ -401,12 +399,6 @@ def test_statements_that_disagree_are_refused(pair: tuple[str, str]) -> None:
         stated(*pair)
 
 
-def test_the_speed_has_no_other_error() -> None:
-    assert prior("speed.delay", "speed.delay=60 ms +- 5 ms") == (0.06, 0.005)
-    with pytest.raises(FifthwheelError, match=r"speed has no error 'gain'; .*delay"):
-        stated("speed.gain=1 +- 1 %")
-
-
 def test_a_sensor_that_no_log_has_is_refused() -> None:
     record = Record(time=[0.0, 1.0], signals={"speed": [20.0, 20.0], "yaw_rate.tractor": [0.0, 0.1]})
     _, settings = stated(f"{DELAY}=20 ms", f"{HEIGHT}=2 m", "tractor.cog=free")
@@ -422,34 +414,25 @@ def test_a_sensor_that_no_log_has_is_refused() -> None:
     require_signals(settings, record.with_signals(wheels))
 
 
-def test_the_article_takes_what_is_exact() -> None:
-    article = IdentifyOptions(method="article", statements=(f"{HEIGHT}=exact",))
-    assert identification_settings(TRUCK, article)[1].given == {"sensors": "exact", HEIGHT: "exact"}
-
-
 def test_identify_uses_what_is_stated(run: Any) -> None:
     """Values and sigmas of the result, and its settings in the file that it writes."""
     log, truck = EXAMPLES / "lane_changes.csv", EXAMPLES / "truck.toml"
     path = "semitrailer.roll_axis_height"
-
-    def identified(*texts: str) -> Any:
-        outcome = run("identify", log, "-v", truck, "--json", "--tyres=linear", *[f"--set={text}" for text in texts])
-        assert (outcome.code, outcome.err) == (0, "")
-        result = outcome.json()
-        rows = {row["name"]: row for key in ("parameters", "sensors", "uncertain") for row in result[key]}
-        return rows, result["settings"]
-
-    default, _ = identified()
-    rows, settings = identified(f"{path}=exact", f"{GAIN}=1.03 exact", f"{TRAILER}=exact", "steer.*.delay=+- 1 ms")
-    assert rows[HEIGHT]["sigma"] < 0.95 * default[HEIGHT]["sigma"]
+    texts = [f"{path}=exact", f"{GAIN}=1.03 exact", f"{TRAILER}=exact", "steer.*.delay=+- 1 ms"]
+    texts += ["semitrailer.roll_stiffness=2500 kN m/rad +- 1 %", f"{HEIGHT}=1.5 m +- 0.3 m"]
+    outcome = run("identify", log, "-v", truck, "--json", "--tyres=linear", *[f"--set={text}" for text in texts])
+    assert (outcome.code, outcome.err) == (0, "")
+    result = outcome.json()
+    rows, settings = (
+        {row["name"]: row for key in ("parameters", "sensors", "uncertain") for row in result[key]},
+        result["settings"],
+    )
+    assert path not in rows
     assert abs(rows[GAIN]["value"] - 1.03) < 1e-6
-    assert rows[GAIN]["sigma"] < 1e-6 < default[GAIN]["sigma"]
-    front = "tractor.front.cornering_stiffness"
-    assert rows[front]["value"] < default[front]["value"], "the wheels turn further than the log says"
+    assert rows[GAIN]["sigma"] < 1e-6
     assert (rows[TRAILER]["verdict"], rows[TRAILER]["sigma"]) == ("fixed", None)
     assert rows["steer.tractor.front.delay"]["sigma"] < 1.001e-3
     assert settings["given"][GAIN] == "1.03 exact"
-    rows, _ = identified("semitrailer.roll_stiffness=2500 kN m/rad +- 1 %", f"{HEIGHT}=1.5 m +- 0.3 m")
     assert rows["semitrailer.roll_stiffness"]["initial"] == 2.5e6
     assert rows["semitrailer.roll_stiffness"]["sigma"] < 0.0101 * 2.5e6
     assert rows[HEIGHT]["prior"] == 0.3
@@ -487,7 +470,7 @@ def total_prior(path: str, vehicle: Vehicle, settings: OneStage) -> float:
     return math.hypot(*[u.slopes.get(path, 0.0) * u.prior_sigma for u in unknowns])
 
 
-@of_test(deadline=None, max_examples=60)
+@of_test(deadline=None, max_examples=40)
 @given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
     """Of every number of a vehicle file, in both ways to state it."""
@@ -511,7 +494,7 @@ def test_a_stated_sigma_is_the_prior_sigma(number: tuple[Vehicle, str], settings
     assert not message or path in message
 
 
-@of_test(deadline=None, max_examples=60)
+@of_test(deadline=None, max_examples=40)
 @given(numbers, laws, st.sampled_from(["file", "--set"]))
 def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: OneStage, how: str) -> None:
     vehicle, path = number
@@ -522,7 +505,7 @@ def test_an_exact_number_has_no_prior(number: tuple[Vehicle, str], settings: One
     assert path not in estimated_parameters(*chosen)
 
 
-@of_test(deadline=None, max_examples=60)
+@of_test(deadline=None, max_examples=30)
 @given(numbers, laws)
 def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], settings: OneStage) -> None:
     vehicle, path = number
@@ -540,15 +523,6 @@ def test_a_free_number_is_estimated_or_refused(number: tuple[Vehicle, str], sett
         assert not message or path in message
     assert len(priors) < 2, "what the file states has no effect on a wide prior"
     assert min(priors, default=math.inf) > sigma
-
-
-def test_the_place_of_a_sensor_in_the_vehicle_file() -> None:
-    placed = Vehicle.loads(
-        TRUCK.to_toml().replace("[[unit]]", "[[unit]]\naccelerometer = {position = '-1 +- 0.2 m', height = '1 m'}", 1)
-    )
-    unknowns = {u.name: u for u in one_stage_unknowns(placed, ("lateral_acceleration.tractor",), OneStage())}
-    place = unknowns["lateral_acceleration.tractor.position"]
-    assert (place.centre, place.prior_sigma) == (-1.0, 0.2)
 
 
 def test_what_the_file_states_of_an_estimated_parameter() -> None:

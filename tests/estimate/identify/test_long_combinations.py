@@ -71,11 +71,8 @@ def test_check_says_what_the_gyros_of_a_dolly_are_for(record: Record) -> None:
     ("name", "is_blind"),
     [
         ("b_double", False),  # without a dolly
-        ("a_double", False),
         ("a_double", True),
         ("truck_dolly_semitrailer", True),
-        ("truck_full_trailer", False),
-        ("truck_full_trailer", True),
     ],
 )
 def test_one_lane_change_identifies_a_long_combination(name: str, is_blind: bool) -> None:
@@ -93,7 +90,7 @@ def test_one_lane_change_identifies_a_long_combination(name: str, is_blind: bool
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["b_double", "a_double", "truck_dolly_semitrailer", "truck_full_trailer"])
+@pytest.mark.parametrize("name", ["a_double", "truck_full_trailer"])
 def test_states_of_the_last_unit_on_the_nonlinear_truck(name: str) -> None:
     """In a lane change the error of its sideslip, roll and articulation is below 10 % of the largest value."""
     pytest.importorskip("mujoco")

@@ -212,8 +212,3 @@ def test_a_study_runs_again_when_the_equations_change() -> None:
     trucks = (TRUCK, TRUE, with_lag(TRUCK, "0.2 s"), TRUCK.with_steering(roll_steer, parameters={"coefficient": "1"}))
     assert len({_digest(truck) for truck in trucks}) == len(trucks)
     assert _digest(TRUE) == _digest(with_lag(TRUCK, f"{LAG} s"))
-
-
-def test_settings_say_what_is_wrong() -> None:
-    with pytest.raises(SignalError, match=r"roll: .*got 'no'"):
-        OneStage(roll="no")

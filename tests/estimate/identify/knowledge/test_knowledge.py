@@ -10,11 +10,12 @@ from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.estimate.identify.knowledge.knowledge import UNSURE
 from fifthwheel.results.diagnose.doubt_cautions import contradiction_cautions
 from tests.estimate.identify.knowledge.conftest import SETTINGS
+from tests.estimate.identify.test_saturating_tyres import response
 
 TRUCK = fw.vehicle("cheng_cebon_2011")
 GUESS = TRUCK.replace({"tractor.front.cornering_stiffness": 4.2e5, "semitrailer.cornering_stiffness": 1.1e6})
 TYRES = "semitrailer.cornering_stiffness"
-FRONT = "tractor.front.cornering_stiffness"
+FRONT, HEIGHT = "tractor.front.cornering_stiffness", "semitrailer.payload.height"
 LINEAR = fw.OneStage(tyres="linear")
 """The tyres of the simulated truck."""
 SMALL = fw.OneStage(given={"*": "exact", FRONT: "free"}, tyres="linear")
@@ -60,9 +61,9 @@ def test_logs_one_after_another_in_any_order_are_as_in_one_call(records, togethe
         assert (np.abs(ratio - 1) < 0.05).all(), ratio
 
 
-def test_a_result_begins_with_what_earlier_logs_told(records, together):
-    result = fw.identify([records[0]], GUESS)
-    more = fw.identify([records[1]], GUESS, knowledge=result.knowledge)
+def test_a_result_begins_with_what_earlier_logs_told(records):
+    result = fw.identify([records[0]], GUESS, LINEAR)
+    more = fw.identify([records[1]], GUESS, LINEAR, knowledge=result.knowledge)
     assert [log.name for log in more.knowledge.logs] == ["run 0", "run 1"]
     assert any(note.endswith("(1, the last of them run 0).") for note in more.notes)
     assert all(more[e.name].sigma < e.sigma for e in result.parameters if "road" not in e.name)
@@ -105,24 +106,12 @@ def test_another_trailer_is_set_aside(together):
     assert after[FRONT].sigma < together[FRONT].sigma  # the log is not used, the others are
 
 
-@pytest.mark.slow
-def test_a_late_steering_signal_is_found(together):
-    record = log(10, name="late")
-    steer = record.signals["steer.tractor.front"]
-    late = np.interp(record.time - 0.25, record.time, steer)
-    record = replace(record, signals={**record.signals, "steer.tractor.front": late})
-    result = fw.identify([record], GUESS, LINEAR, knowledge=together.knowledge)
-    last = result.knowledge.logs[-1]
-    assert last.set_aside or "steer.tractor.front.delay" in last.changed
-    assert any("steer.tractor.front.delay" in text for text in last.doubts)
-
-
 def test_another_load_shares_the_tyres_at_their_nominal_load(records):
     """The stiffness of the unladen trailer gives that of the laden one, by the load of its tyres."""
     empty = fw.with_payload(TRUCK, 0.0)
     unladen = fw.identify([log(3, empty)], fw.with_payload(GUESS, 0.0), LINEAR, occasion=fw.Occasion(load="0t"))
-    laden = fw.identify([records[0]], GUESS, knowledge=unladen.knowledge)
-    alone = fw.identify([records[0]], GUESS)
+    laden = fw.identify([records[0]], GUESS, LINEAR, knowledge=unladen.knowledge)
+    alone = fw.identify([records[0]], GUESS, LINEAR)
     assert unladen[TYRES].value < 0.6 * laden[TYRES].value
     assert laden[TYRES].sigma < alone[TYRES].sigma
     assert laden["semitrailer.payload.height"].sigma < alone["semitrailer.payload.height"].sigma
@@ -218,3 +207,72 @@ def test_a_log_that_did_not_converge_is_set_aside_until_it_is_identified_again(k
     assert [log.set_aside for log in later.knowledge.logs] == ["", "", "", UNSURE, ""]
     again = fw.identify([first], TRUCK, SETTINGS, knowledge=later.knowledge)
     assert [(log.name, log.set_aside) for log in again.knowledge.logs][3:] == [("run 5", ""), ("run 4", "")]
+
+
+# A known payload
+
+
+@pytest.fixture(scope="module")
+def assumed():
+    """The truck with a suspension in its file that is stiffer than the real one, at a higher roll axis."""
+    values, name = TRUCK.parameters(), "semitrailer.roll_stiffness"
+    return TRUCK.replace({name: 1.12 * values[name], "semitrailer.roll_axis_height": 0.88})
+
+
+def test_a_known_payload_makes_the_next_payload_height_more_accurate(assumed):
+    """The known one has the same mass, and a height of 0.8 m."""
+    low, record = fw.simulate(TRUCK.replace({HEIGHT: 0.8}), count=1, seed=3), fw.simulate(TRUCK, count=1, seed=4)
+    settings = replace(LINEAR, given={HEIGHT: "0.8 m exact"})
+    known = fw.identify([low], assumed, settings, occasion=fw.Occasion(load="a"))
+    alone = fw.identify([record], assumed, LINEAR)[HEIGHT]
+    after = fw.identify([record], assumed, LINEAR, knowledge=known.knowledge, occasion=fw.Occasion(load="b"))[HEIGHT]
+    true = TRUCK.parameters()[HEIGHT]
+    assert abs(alone.value / true - 1) > 0.09
+    assert abs(after.value / true - 1) < 0.08
+    assert after.sigma < 0.7 * alone.sigma
+    assert after.verdict == "converged"
+
+
+# Logs on one road share its friction
+
+FRICTION, TRUE = "road.friction", 0.3
+SLIPPERY = fw.OneStage(tyres="saturating", check=False)
+
+
+@pytest.fixture(scope="module")
+def of_road(tmp_path_factory):
+    """Of a sine on snow, as a file keeps it."""
+    occasion, path = fw.Occasion(road="pass"), tmp_path_factory.mktemp("known") / "knowledge.json"
+    first = response(1.5, TRUE, name="first")
+    result = fw.identify([first], TRUCK, SLIPPERY, occasion=occasion)
+    result.knowledge.save(path)
+    return fw.Knowledge.load(path)
+
+
+def test_the_friction_belongs_to_a_named_road_alone(of_road):
+    """A weak sine begins with it on the same road, and not on another one."""
+    (log,) = of_road.logs
+    assert (log.road, log.trailer, log.load) == ("pass", "", "")
+    assert FRICTION in log.information.names
+    weak = response(0.4, TRUE, name="second", seed=2)
+    same, other, unnamed = (
+        fw.identify([weak], TRUCK, SLIPPERY, knowledge=of_road, occasion=fw.Occasion(road=road))
+        for road in ("pass", "valley", "")
+    )
+    assert same[FRICTION].sigma < 0.8 * other[FRICTION].sigma
+    assert abs(same[FRICTION].value - TRUE) < 3 * same[FRICTION].sigma
+    assert other[FRICTION].sigma == pytest.approx(unnamed[FRICTION].sigma, rel=1e-5)
+    assert FRICTION not in unnamed.knowledge.logs[1].information.names
+
+
+def test_two_trucks_share_the_road_alone(of_road):
+    (log,) = of_road.logs
+    both = of_road.merged(fw.Knowledge(logs=(replace(log, tractor="lorry", name="lorry", digest="other"),)))
+    names = [unknown.name for unknown in both.combined.layout.unknowns]
+    assert {name for name in names if names.count(name) == 1} == {FRICTION}
+    elsewhere = fw.Knowledge(logs=(replace(log, tractor="lorry", road="valley"),))
+    with pytest.raises(fw.SignalError, match="lorry: the first unit of another truck than tractor"):
+        of_road.merged(elsewhere)
+    with pytest.raises(fw.VehicleError, match="tractor: the knowledge is of a truck whose first unit is lorry"):
+        elsewhere.require_same_truck(TRUCK, fw.Occasion(road="pass"))
+    elsewhere.require_same_truck(TRUCK, fw.Occasion(road="valley"))

@@ -36,17 +36,16 @@ def test_a_clean_log_gives_no_doubt(truck: Vehicle, clean: Record) -> None:
     assert {e.verdict for e in result.parameters} == {Verdict.CONVERGED}
 
 
-@pytest.mark.parametrize("gyro", [YAW, TRAILER])
-def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record, gyro: str) -> None:
+def test_a_late_gyro_is_the_most_likely_cause(truck: Vehicle, clean: Record) -> None:
     """70 ms are seven standard deviations of the prior of a latency; the cause and its size are found. An unknown delay
     of the steering would explain much of that of the tractor."""
     settings = replace(LINEAR, given={"steer.*.delay": "+- 5 ms"})
-    result = identify([late(clean, 0.07, gyro)], truck, settings)
+    result = identify([late(clean, 0.07, YAW)], truck, settings)
     (doubt,) = doubts(result, DoubtKind.ASSUMPTION)
     cause = doubt.causes[0]
-    assert cause.name == f"{gyro}.delay"
-    assert cause.changes == {f"{gyro}.delay": pytest.approx(0.07, abs=0.03)}
-    assert cause.prior_sigmas == pytest.approx(cause.changes[f"{gyro}.delay"] / 0.01)
+    assert cause.name == f"{YAW}.delay"
+    assert cause.changes == {f"{YAW}.delay": pytest.approx(0.07, abs=0.03)}
+    assert cause.prior_sigmas == pytest.approx(cause.changes[f"{YAW}.delay"] / 0.01)
     doubtful = {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL}
     assert doubtful == set(doubt.parameters)
     truth = truck.parameters()
@@ -102,21 +101,6 @@ def test_an_unusual_sensor_error(truck: Vehicle, clean: Record) -> None:
         assert cause.changes == {f"{name}.offset": pytest.approx(cause.prior_sigmas * 0.004)}
 
 
-def test_estimates_that_an_unusual_sensor_error_moves_are_doubtful(truck: Vehicle, clean: Record) -> None:
-    """Those that differ by more than half a sigma if the gain of the steering is unknown."""
-    steer = "steer.tractor.front"
-    scaled = clean.with_signals({steer: clean.signals[steer] / 1.1})
-    result = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 1.8 %"}))
-    unknown = identify([scaled], truck, OneStage(tyres="linear", given={"others": "exact", "steer.*.gain": "+- 50 %"}))
-    (doubt,) = result.doubts
-    assert (doubt.kind, doubt.causes[0].name) == (DoubtKind.ASSUMPTION, f"{steer}.gain")
-    moved = {e.name: abs(unknown[e.name].value - e.value) / e.sigma for e in result.parameters}
-    assert {name for name, change in moved.items() if change > 0.8} <= set(doubt.parameters)
-    assert not [name for name in doubt.parameters if moved[name] < 0.4]
-    assert len(doubt.parameters) >= 2
-    assert {e.name for e in result.parameters if e.verdict is Verdict.DOUBTFUL} == set(doubt.parameters)
-
-
 def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
     """A stiffness of 30 % of the true value in the vehicle file is doubtful, and no other one."""
     wrong = truck.replace({FRONT: 0.3 * truck.parameters()[FRONT]})
@@ -129,14 +113,3 @@ def test_an_unusual_estimate(truck: Vehicle, clean: Record) -> None:
     verdicts = {e.name: e.verdict for e in result.parameters}
     assert verdicts.pop(FRONT) is Verdict.DOUBTFUL
     assert set(verdicts.values()) == {Verdict.CONVERGED}
-
-
-def test_a_log_beyond_the_linear_range(truck: Vehicle, clean: Record) -> None:
-    fast = {n: 1.6 * values for n, values in clean.signals.items() if n != "speed"}
-    hard = replace(clean.with_signals(fast), name="hard")
-    result = identify([clean, hard], truck, OneStage(tyres="linear", given={"others": "exact"}))
-    (doubt,) = result.doubts
-    assert (doubt.kind, doubt.log, doubt.causes) == (DoubtKind.RANGE, "hard", ())
-    mean = np.convolve(hard.signals["speed"] * hard.signals[YAW], np.ones(50) / 50, mode="valid")
-    assert doubt.statistic == pytest.approx(np.abs(mean).max(), rel=0.01)
-    assert {e.verdict for e in result.parameters} == {Verdict.DOUBTFUL}

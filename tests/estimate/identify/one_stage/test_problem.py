@@ -25,6 +25,7 @@ from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle
 
 AROUND_TRUTH = {"payload.height": "+- 0.75 m"}
+FEW = {"others": "exact", "sensors": "exact", **AROUND_TRUTH}
 
 
 def problem(truck: Vehicle, records: list[Record], settings: OneStage, further: Sequence[Unknown] = ()) -> Problem:
@@ -145,13 +146,13 @@ def test_hessian_is_the_information(truck: Vehicle) -> None:
     """The covariance of the scores of many logs is the Hessian at the true parameters, without the prior."""
     settings = OneStage(given={"others": "exact", "sensors": "exact", **AROUND_TRUTH}, outlier=100.0)
     scores = []
-    for seed in range(60):
+    for seed in range(40):
         p = problem(truck, [simulate(truck, count=1, seed=seed).cut(0.5, 4.5)], settings)
         quadratic = p.expand(np.zeros(len(p.names)))
         scores.append(quadratic.gradient[:5])
     covariance = np.cov(np.array(scores).T)
     information = (quadratic.hessian - np.eye(len(p.names)))[:5, :5]
-    # 60 draws: a variance has a standard deviation of 18 %
+    # 40 draws: a variance has a standard deviation of 22 %
     assert np.diag(covariance) / np.diag(information) == pytest.approx(np.ones(5), abs=0.55)
 
 
@@ -197,11 +198,10 @@ def test_autocorrelated_innovations_count_less(truck: Vehicle) -> None:
     record, name = simulate(truck, count=1, seed=4), "yaw_rate.semitrailer"
     rng, pole = np.random.default_rng(2), np.exp(-record.time[1] / 0.2)
     slow = lfilter([np.sqrt(1 - pole**2)], [1, -pole], rng.normal(size=len(record)))
-    few = {"others": "exact", "sensors": "exact", **AROUND_TRUTH}
     factors = []
     for size in (0.0, 0.01):
         noisy = record.with_signals({name: record.signals[name] + size * slow})
-        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", given=few))
+        p = problem(truck, [noisy], OneStage(form="prediction_error", tyres="linear", given=FEW))
         p = p.with_residual_noise(np.zeros(len(p.names)), autocorrelated=True)
         factors.append(p.logs[0].autocorrelation_factor[name])
         assert not p.logs[0].noise_models
@@ -252,7 +252,7 @@ def test_a_problem_does_not_change(truck: Vehicle) -> None:
 
 def test_one_block_is_all_blocks(truck: Vehicle, records: list[Record], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tangent, "CHUNK", 37)
-    p = problem(truck, records, OneStage(form="prediction_error"))
+    p = problem(truck, records, OneStage(form="prediction_error", tyres="linear", given=FEW))
     z = np.zeros(len(p.names))
     blocks = list(p.blocks(z, 1, 0))
     assert len(blocks) > 3

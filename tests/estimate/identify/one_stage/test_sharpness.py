@@ -54,6 +54,7 @@ def test_more_information_never_enlarges_a_sigma(logs: list[Record], wrong: Vehi
     assert sum(better["second log"].values()) < sum(usual.values())
 
 
+@pytest.mark.slow
 def test_a_truck_above_its_critical_speed() -> None:
     """Drive tyres of 55 %: no free-running model follows the log; prediction errors identify all parameters."""
     name = "tractor.drive.cornering_stiffness"

@@ -8,7 +8,6 @@ import pytest
 
 from fifthwheel.base.errors import SignalError, VehicleError
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.design import predict_sigmas
 from fifthwheel.estimate.identify import Identification, OneStage, identify
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.observe import Observer, ObserverSettings
@@ -99,9 +98,3 @@ def test_only_roll_rates_and_accelerations_inform_nothing(record: Record) -> Non
     only["lateral_acceleration.tractor"] = np.zeros(len(record))
     with pytest.raises(SignalError, match=r"yaw_rate\.tractor: in none of the logs"):
         identify([replace(record, signals=only)], TRUCK, replace(YAW, check=False))
-
-
-@pytest.mark.slow
-def test_a_prediction_has_no_channel_with_roll(record: Record) -> None:
-    predicted = predict_sigmas([record], TRUCK, YAW)
-    assert HEIGHT not in [p.name for p in predicted.parameters]

@@ -1,7 +1,10 @@
 """The noise model of residuals: its spectrum, and the fit against simulated noise; their autocorrelation."""
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
+from scipy.optimize import minimize, rosen
 
 from fifthwheel.estimate.filters.noise_model import (
     FEWEST_SAMPLES,
@@ -11,6 +14,7 @@ from fifthwheel.estimate.filters.noise_model import (
     fit_noise_model,
     fit_spectrum,
     long_run_covariance,
+    nelder_mead,
 )
 
 Array = np.ndarray
@@ -149,3 +153,19 @@ def test_autocorrelation_factor_of_ar1_noise(rho: float) -> None:
 def test_autocorrelation_factor_is_at_least_one() -> None:
     """Alternating residuals contain more information than white ones; that is not used."""
     assert autocorrelation_factor(np.tile([1.0, -1.0], 1000), 10) == 1.0
+
+
+def rippled(x: Array) -> float:
+    """With so many minima that the simplex shrinks several times."""
+    return float(np.sum(x**2) + 3 * np.sin(25 * x).sum())
+
+
+@pytest.mark.parametrize("function", [rosen, rippled])
+@pytest.mark.parametrize("iterations", [3, 400])
+def test_every_step_is_that_of_scipy(function: Callable[[Array], float], iterations: int) -> None:
+    simplex = np.array([-1.2, 1.0, 0.7]) + 0.5 * np.eye(4, 3)
+    options = {"xatol": 1e-2, "fatol": 1e-2, "maxiter": iterations, "initial_simplex": simplex}
+    expected = minimize(function, simplex[0], method="Nelder-Mead", options=options)
+    best = nelder_mead(function, simplex, tolerance=1e-2, iterations=iterations)
+    assert best.x.tolist() == expected.x.tolist()
+    assert best.value == expected.fun

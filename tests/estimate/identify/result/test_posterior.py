@@ -7,19 +7,11 @@ import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import article
 from fifthwheel.base.errors import FifthwheelError
-from fifthwheel.estimate.identify import Identification, OneStage, Posterior, identify
+from fifthwheel.estimate.identify import Identification, Posterior
 from fifthwheel.estimate.identify.one_stage.estimator import TOLERANCE
 from fifthwheel.estimate.observe import Uncertainty
-from fifthwheel.model.simulate import simulate
-from fifthwheel.truck import get
 
-TRUCK = get("cheng_cebon_2011")
 FRONT, AXLE, GAIN = "tractor.front.cornering_stiffness", "semitrailer.front.position", "yaw_rate.tractor.gain"
-
-
-@pytest.fixture(scope="module")
-def result():
-    return identify([simulate(TRUCK, count=1, seed=1, name="run")], TRUCK, OneStage(tyres="linear"))
 
 
 def test_estimates_and_sigmas_are_those_of_the_result(result):
