@@ -29,6 +29,8 @@ _MAX_SPIKES = 0.1
 """Fraction of the samples; with more outliers the signal or its unit is wrong, not single samples."""
 _BURST = 0.1
 """Duration of the longest spike, s."""
+_MAX_HALF = 500
+"""Largest number of samples before and after one; with a wrong unit of time there are thousands in a burst."""
 _CHUNK = 50_000
 """Samples that are searched for spikes at once, which bounds the memory."""
 
@@ -99,7 +101,7 @@ def spike_mask(name: str, time: Array, values: Array) -> NDArray[np.bool_]:
     if limit is None or values.size < 5:
         return mask
     step = float(np.median(np.diff(time)))
-    half = max(round(1.5 * _BURST / step), 2)
+    half = min(max(round(1.5 * _BURST / step), 2), _MAX_HALF)
     noise = 1.4826 * float(np.median(np.abs(np.diff(values)))) / math.sqrt(2)
     low, high = np.quantile(values, [_MAX_SPIKES / 2, 1 - _MAX_SPIKES / 2])
     # a peak is off its median by less than the fastest change before and after it
