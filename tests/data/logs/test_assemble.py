@@ -5,6 +5,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.checks import Fault, check
 from fifthwheel.data.logs import SignalMap, read_log
 from fifthwheel.data.logs.readers import open_log
@@ -100,3 +101,14 @@ def test_no_channel_of_a_real_log_is_taken_for_held(data):
                     found[name].push(time, values)
         held = {name: round(result.rate) for name, renewals in found.items() if (result := renewals.finish())}
         assert held == ({"ETC1.output_shaft_speed@03": 50} if path.name == "csu_normal_drive.log" else {}), path.name
+
+
+def test_a_window_that_excludes_nothing_is_said(tmp_path) -> None:
+    path = tmp_path / "run.csv"
+    path.write_text("time,speed [m/s]\n" + "".join(f"{t / 10},20\n" for t in range(40)))
+    record = read_log(path, exclude=[(1.0, 2.0), (100.0, 200.0)])
+    notes = [note for note in record.notes if "exclude" in note]
+    assert notes == ["exclude 100..200 s: no timestamp is in this window"]
+    assert not ((record.time > 1) & (record.time < 2)).any()
+    with pytest.raises(SignalError, match=r"exclude 14\.\.12: expected the first instant before the last"):
+        read_log(path, exclude=[(14.0, 12.0)])

@@ -181,7 +181,9 @@ def design(
     ] = None,
     speed: Annotated[
         str | None,
-        typer.Option(help="Speed of the run, such as 80km/h or 22m/s. Default: the best of 50, 65, 80 and 88 km/h."),
+        typer.Option(
+            help="Speed of the run, such as 22m/s; a number alone is in km/h. Default: the best of 50, 65, 80, 88 km/h."
+        ),
     ] = None,
     max_speed: Annotated[str, typer.Option(help="Highest speed to try; above 88km/h it is tried too.")] = "88km/h",
     max_acceleration: Annotated[
@@ -370,7 +372,7 @@ def states(
 
     The columns of states.parquet are time, every state and its sigma (SI), status, nis and log. nis is the health of
     the filter; 1 is expected. Status: 0 ok, 1 coasting, 2 too slow, 3 input missing, 4 inconsistent: the measurements
-    contradict the vehicle, the speed or the steer angle.
+    contradict the vehicle, the speed or the steer angle; 5 settling.
 
     load_transfer.<axle group> is the load of the right wheels less that of the left ones, divided by their sum.
     predicted_load_transfer.<axle group> is its value in 0.6 s if steer angles and speed stay as they are. Where the

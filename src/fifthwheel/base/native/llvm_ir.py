@@ -225,8 +225,10 @@ class Emitter:
             name = "and" if op == ca.OP_AND else "or"
             both, _ = self.emit(f"{name} {self.mask} {self.truth(a, invariant)}, {self.truth(b, invariant)}", invariant)
             return self.select(both, invariant, self.constant(1.0), self.constant(0.0))
-        name = next((each for each in dir(ca) if each.startswith("OP_") and getattr(ca, each) == op), op)
-        raise NotImplementedError(f"{self.name}: CasADi operation {name} cannot be compiled; write the step without it")
+        names = [each for each in dir(ca) if each.startswith("OP_") and getattr(ca, each) == op]
+        raise NotImplementedError(
+            f"{self.name}: CasADi operation {names[0]} cannot be compiled; write the step without it"
+        )
 
 
 def _in_blocks(lines: Sequence[str], first: str = "row") -> tuple[str, str]:

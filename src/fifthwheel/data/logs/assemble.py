@@ -71,7 +71,8 @@ def assemble(
         timestamps: _TimeBase(log, timestamps, list(names), signal_map) for timestamps, names in columns.items()
     }
     needed = {column for timestamps, names in columns.items() for column in (timestamps.column, *names) if column}
-    for chunk in _outside(log, needed, exclude, signal_map) if exclude else log.chunks(needed):
+    unmatched = set(exclude)
+    for chunk in _outside(log, needed, unmatched, exclude, signal_map) if exclude else log.chunks(needed):
         for timestamps, time_base in time_bases.items():
             if timestamps.clock == chunk.clock:
                 time_base.push(chunk)
@@ -80,6 +81,7 @@ def assemble(
     if unusable:
         raise SignalError("\n".join(unusable))
     notes = [*log.notes, *(note for time_base in time_bases.values() for note in time_base.finish())]
+    notes += [f"exclude {first:g}..{last:g} s: no timestamp is in this window" for first, last in sorted(unmatched)]
 
     rows = next((time_base for timestamps, time_base in time_bases.items() if timestamps.of_rows), None)
     samples = {}
@@ -108,9 +110,20 @@ def assemble(
 
 
 def _outside(
-    log: LogSource, columns: Collection[str], windows: Sequence[Window], signal_map: SignalMap
+    log: LogSource,
+    columns: Collection[str],
+    unmatched: set[Window],
+    windows: Sequence[Window],
+    signal_map: SignalMap,
 ) -> Iterator[Chunk]:
-    """The samples outside the windows; a SignalError if there are none."""
+    """The samples outside the windows; a window with samples is removed from those that are `unmatched`.
+
+    Raises:
+        SignalError: a window ends before it begins, or no samples are left.
+    """
+    for first, last in windows:
+        if not first < last:
+            raise SignalError(f"exclude {first:g}..{last:g}: expected the first instant before the last; exchange them")
     rows, left = _row_time(log, signal_map), False
     for chunk in log.chunks({*columns, rows or ""} - {""}):
         time = log.times(chunk, rows, signal_map.time.unit)
@@ -118,7 +131,9 @@ def _outside(
             yield chunk
             left = True
             continue
-        kept = ~np.any([(time >= start) & (time <= stop) for start, stop in windows], axis=0)
+        inside = [(time >= start) & (time <= stop) for start, stop in windows]
+        unmatched.difference_update(w for w, samples in zip(windows, inside, strict=True) if samples.any())
+        kept = ~np.any(inside, axis=0)
         left |= bool(kept.any())
         values = {name: values[kept] for name, values in chunk.values.items()}
         yield replace(chunk, values=values, time=None if chunk.time is None else chunk.time[kept])

@@ -89,7 +89,7 @@ def explain_known(remedies: Sequence[Remedy]) -> Iterator[str]:
         settings = setting("statements", *(f"{name}=VALUE exact" for name in fixed))
         yield f"To fix a number that you have measured, add {settings}."
     if any("known exactly" in text for text in known.values()):
-        yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "7449 kg exact".'
+        yield 'Known exactly: measure it, and state it as exact in the vehicle file, such as mass = "8630 kg exact".'
 
 
 def _information_headline(
