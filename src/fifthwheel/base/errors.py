@@ -63,11 +63,14 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
     >>> suggestion("masss", ["mass", "cog"])
     "did you mean 'mass'?"
+    >>> suggestion("yaw", ["raw", "yaw_inertia"])
+    "did you mean 'yaw_inertia' or 'raw'?"
     >>> suggestion("x", ["mass", "cog"])
     'available: mass, cog'
     """
     known = list(known)
-    similar = get_close_matches(name, known, n=3, cutoff=0.5)
+    longer = [each for each in known if name and each.startswith(name)]
+    similar = [*longer, *(each for each in get_close_matches(name, known, n=3, cutoff=0.5) if each not in longer)][:3]
     return f"did you mean {' or '.join(map(repr, similar))}?" if similar else f"available: {', '.join(known) or 'none'}"
 
 
