@@ -29,12 +29,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.apps.cheng_cebon_2011.estimator import free_run_setup
 from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
-from fifthwheel.estimate.identify import Identification, OneStage, identify
+from fifthwheel.estimate.identify import Identification, identify
 from fifthwheel.estimate.identify.dataset import LogData
 from fifthwheel.estimate.identify.fits import free_run_fits
-from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Uncertainty
 from fifthwheel.truck import Axle, AxleGroup, Coupling, SprungMass, Unit, Vehicle
 from fifthwheel.truck.uncertainty import changes
@@ -49,11 +49,6 @@ SETTINGS = TwoStage(
         "yaw_rate.*.offset": "+- 0.0005 rad/s",
         "articulation.*.offset": "+- 0.001 rad",
     }
-)
-FREE_RUN = OneStage(
-    tyres="linear",
-    roll=False,
-    given={**SETTINGS.given, "softening": "exact", "variation": "exact", "brakes.drive_axle": "exact"},
 )
 TIME_STEP = 0.05  # s between rows; positions and velocities agree with it to 0.03 %
 STEER_STEP = 0.006  # rad between rows: a larger step starts the steering, and follows the hit of the car
@@ -281,7 +276,7 @@ class Transfer:
         """Explained variance of each channel in a free run, per cent, with the truck of the log."""
         vehicle = self.truck(run)
         log = LogData(name=run.record.name, segments=[run.record], noise=dict(self.noise))
-        fits = free_run_fits(Setup.of(vehicle, CHANNELS, FREE_RUN), log, self.steering)
+        fits = free_run_fits(free_run_setup(vehicle, CHANNELS, SETTINGS, roll=False), log, self.steering)
         return {fit.signal: 100 * fit.explained for fit in fits}
 
     def sideslip(self, run: Run) -> dict[str, tuple[float, float, float]]:

@@ -10,7 +10,7 @@ from fifthwheel.data.checks import check
 from fifthwheel.data.record import Record
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
-from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, OpenLoop, course
+from fifthwheel.model.manoeuvres import LINEAR_MANOEUVRES, MANOEUVRES, OpenLoop, course
 from fifthwheel.model.simulate import simulate
 from fifthwheel.truck import Vehicle, get
 
@@ -210,3 +210,22 @@ def test_an_unknown_sensor(truck, name):
 def test_a_number_of_lane_changes_is_refused_where_there_are_none(truck, manoeuvre):
     with pytest.raises(SignalError, match=f"count: {manoeuvre} does not have it, got 3; leave it out"):
         simulate(truck, manoeuvre=manoeuvre, count=3)
+
+
+def test_an_unknown_manoeuvre(truck):
+    with pytest.raises(
+        SignalError, match=r"^manoeuvre: 'slalom' is not known; choose one of lane_changes, single_sine"
+    ):
+        simulate(truck, manoeuvre="slalom")
+
+
+@pytest.mark.parametrize("manoeuvre", sorted(set(MANOEUVRES) - set(LINEAR_MANOEUVRES)))
+def test_manoeuvres_of_the_nonlinear_truck_only(truck, manoeuvre):
+    with pytest.raises(SignalError, match=rf"^manoeuvre: '{manoeuvre}' exists only for the nonlinear truck"):
+        simulate(truck, manoeuvre=manoeuvre)
+
+
+def test_a_sweep_is_finite_at_any_rate_and_duration(truck):
+    """At the end of its window the sine may be below zero by rounding."""
+    record = simulate(truck, manoeuvre="sweep", rate=20, duration=23.4)
+    assert np.isfinite(record.signals[STEER]).all()

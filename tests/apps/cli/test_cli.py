@@ -685,3 +685,19 @@ def test_an_unknown_option_names_the_option_for_numbers(run):
     refused(
         run("evaluate", "run.csv", "--frict", "0.3"), r"No such option: --frict [^.]*See fifthwheel evaluate --help"
     )
+
+
+@pytest.mark.slow
+def test_identify_imports_neither_scipy_nor_pandas(tmp_path):
+    """Both take longer to import than a short log takes to process."""
+    truck = get("cheng_cebon_2011")
+    write_record(simulate(truck, count=2, seed=0), tmp_path / "run.csv")
+    code = (
+        "import sys; from fifthwheel.apps import cli; sys.argv = ['fifthwheel', *sys.argv[1:]]\n"
+        "try: cli.main()\nfinally: print(*sys.modules, file=sys.stderr)"
+    )
+    arguments = ["identify", "run.csv", "-v", "cheng_cebon_2011"]
+    command = [sys.executable, "-c", code, *arguments]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
+    assert (tmp_path / "fifthwheel-out" / "report.html").exists()
+    assert not {"scipy", "pandas"} & set(done.stderr.split())

@@ -29,12 +29,12 @@ def unknowns(truck: Vehicle, settings: fw.OneStage = LINEAR) -> dict[str, tuple[
 
 
 def test_a_last_axle_may_be_a_castor_axle() -> None:
-    uncertain = False  # not reported
-    assert unknowns(FIXED) == {PATH: (0.0, 0.015, uncertain)}
-    assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.05})) == {PATH: (0.0, 0.05, uncertain)}
+    reported = False
+    assert unknowns(FIXED) == {PATH: (0.0, 0.015, reported)}
+    assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.05})) == {PATH: (0.0, 0.05, reported)}
     assert unknowns(FIXED.replace({PATH: 0.0}).with_stated({PATH: 0.0})) == {}
     assert unknowns(FIXED.with_stated(dict.fromkeys(FIXED.parameters(), 0.0))) == {}
-    assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.015, uncertain)}
+    assert unknowns(with_axle(LIFTED)) == {"semitrailer.middle.self_steering": (0.0, 0.015, reported)}
     assert unknowns(with_axle({"steerable": True})) == unknowns(with_axle({"command_steering": 0.3})) == {}
     assert unknowns(FIXED, EXACT) == {}
     assert set(unknowns(fw.vehicle("auburn_6x4"))) == {"semitrailer.rear.self_steering"}

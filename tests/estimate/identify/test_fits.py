@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fifthwheel.apps.cheng_cebon_2011 import TwoStage
+from fifthwheel.apps.cheng_cebon_2011.estimator import free_run_setup
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.filters.variances import sensor_variance
 from fifthwheel.estimate.identify import Fit, OneStage
@@ -17,7 +18,6 @@ from fifthwheel.estimate.identify.fits import (
     evaluate_fits,
     free_run_fits,
 )
-from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.model import dynamics
 from fifthwheel.model.dynamics.simulation import free_response
 from fifthwheel.model.simulate import simulate
@@ -44,8 +44,7 @@ def response(steered: Vehicle, seed: int = 1, count: int = 1) -> Record:
 
 def free_run(steered: Vehicle, segments: list[Record], values: dict[str, float] | None = None) -> list[Fit]:
     """Fits by the linear truck, of which each log has own offsets."""
-    given = dict.fromkeys(("softening", "variation", "brakes.drive_axle", "road.bank"), "exact")
-    setup = Setup.of(steered, OUTPUTS, OneStage(tyres="linear", given=given))
+    setup = free_run_setup(steered, OUTPUTS, TwoStage(), roll=True)
     return free_run_fits(setup, LogData(name=segments[0].name, segments=segments), values or {}, identified_on=True)
 
 
@@ -96,7 +95,7 @@ def test_outliers_and_gaps_do_not_change_the_prediction(steered: Vehicle) -> Non
     gyro[200:230] = np.nan
     clean, result = fits(steered, record), fits(steered, record.with_signals({"yaw_rate.semitrailer": gyro}))
     noise = sensor_variance(steered, "yaw_rate.semitrailer", {}) ** 0.5
-    for name in OUTPUTS:
+    for name in OUTPUTS:  # an outlier pulls as 4 sigma do: 2 % of them move a constant by 0.08 sigma
         assert np.sqrt(np.nanmean((result[name].predicted - clean[name].predicted) ** 2)) < 0.1 * noise
     assert np.isnan(result["yaw_rate.semitrailer"].measured[210])
 

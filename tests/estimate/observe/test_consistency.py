@@ -6,6 +6,7 @@ import tracemalloc
 import numpy as np
 import pytest
 
+from fifthwheel.base.errors import SignalError
 from fifthwheel.data.record import Record
 from fifthwheel.data.record.derived import article_gyro_variance
 from fifthwheel.estimate.filters.model import unpack_array
@@ -194,3 +195,9 @@ def test_large_innovations_raise_sigma() -> None:
     for name in STATES:
         factor = (actual.sigma[name] / plain.sigma[name])[steady] ** 2
         np.testing.assert_allclose(factor, actual.nis[steady] / 1.5, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["max_nis", "nis_window", "max_steer_rate", "max_acceleration"])
+def test_settings_out_of_range(name: str) -> None:
+    with pytest.raises(SignalError, match=f"^{name}: expected a number above 0"):
+        ObserverSettings(**{name: 0.0})

@@ -8,7 +8,7 @@ from fifthwheel.base.errors import SignalError
 from fifthwheel.estimate.filters.kalman import ChannelUpdate
 from fifthwheel.estimate.observe import Observer, ObserverSettings, Status, Uncertainty
 from fifthwheel.estimate.observe import monitor as monitor_module
-from tests.estimate.observe.conftest import STEER, rows, samples
+from tests.estimate.observe.conftest import STEER, YAWS, rows, samples
 
 EDGE = 1e-6
 ABOVE_0 = (
@@ -279,3 +279,17 @@ def test_which_matrices_are_covariances():
         assert allowed(unit * np.array([[0.0, 0.0], [0.0, 1.0]]))
     for r, possible in ((-0.499, True), (-0.501, False)):  # of three equal correlations at least -0.5
         assert allowed(np.full((3, 3), r) + (1 - r) * np.eye(3)) == possible
+
+
+def test_numbers_of_the_status():
+    """Files and live answers contain the number."""
+    numbers = {"OK": 0, "COASTING": 1, "TOO_SLOW": 2, "INPUT_MISSING": 3, "INCONSISTENT": 4, "SETTLING": 5}
+    assert {status.name: int(status) for status in Status} == numbers
+
+
+def test_yaw_rates_are_needed(truck):
+    acceleration = "lateral_acceleration.tractor"
+    with pytest.raises(SignalError, match=r"yaw_rate\.tractor: not among the signals"):
+        Observer(truck, ("speed", STEER, acceleration))
+    assert Observer(truck, ("speed", STEER, acceleration, YAWS[0])).roll
+    assert not Observer(truck, ("speed", STEER, YAWS[0])).roll

@@ -289,3 +289,15 @@ def test_each_channel_is_linearised_at_the_corrected_state() -> None:
         x, P = x + K * (y[i] - predicted), P - np.outer(K, H @ P)
     assert np.abs(H / at_start - 1).max() > 0.1
     np.testing.assert_allclose(after[:n], x, atol=1e-9)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, -0.2, float("nan")])
+def test_smoothing_out_of_range(smoothing: float) -> None:
+    with pytest.raises(SignalError, match="speed_smoothing: expected a number above 0"):
+        ObserverSettings(speed_smoothing=smoothing)
+
+
+@pytest.mark.parametrize("friction", [0.0, float("nan"), 80.0])
+def test_friction_out_of_range(friction: float) -> None:
+    with pytest.raises(SignalError, match="friction: expected between"):
+        ObserverSettings(friction=friction)

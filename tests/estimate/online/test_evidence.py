@@ -56,3 +56,8 @@ def test_autocorrelated_innovations_contain_less_information(learned: Learner) -
     assert (ratio <= np.sqrt(2.0) * (1 + 1e-9)).all()
     assert np.linalg.eigvalsh(after.Pz).min() > 0
     assert np.diag(live.filter.estimate().with_variance_inflation(1e9).Pz) == pytest.approx(1.0)
+
+
+@pytest.mark.slow
+def test_correct_assumptions_give_no_doubt(guess: Vehicle, lanes: Record) -> None:
+    assert learn(guess, lanes, CONSIDERING).doubts == ()

@@ -258,3 +258,14 @@ def test_invalid_arguments_are_refused():
         measure(TIME, TRUTH, {}, seed=-1)
     with pytest.raises(SignalError, match=r"yaw_rate\.tractor: expected 20000 true values"):
         measure(TIME, {YAW: TRUTH[YAW][1:]}, {YAW: Sensor()})
+
+
+@pytest.mark.parametrize("rate", [100.0, 50.0, 20.0, 10.0])
+def test_a_rate_that_divides_the_sampling_rate(rate):
+    interval = round(100 / rate)
+    assert np.flatnonzero(~np.isnan(measured(YAW, rate=rate))).tolist() == list(range(0, len(TIME), interval))
+
+
+def test_a_missing_file_is_refused(tmp_path):
+    with pytest.raises(SignalError, match="cannot be read"):
+        read_sensors(tmp_path / "sensors.toml")

@@ -191,3 +191,31 @@ def test_a_doubt_has_a_caution(result):
     for text in ("all masses are", "larger", "yaw_rate.tractor is 50 ms late", "the time base runs 1 % too slow"):
         assert text in assumption.message, assumption.message
     assert play.parameters == ("tractor.front.cornering_stiffness",)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "sigma"),
+    [
+        (f"{STEER}.gain", 1.08, 0.01),
+        (f"{STEER}.gain", 1.25, 0.2),
+        (f"{STEER}.delay", 0.015, 0.001),
+        ("lateral_acceleration.tractor.delay", 0.05, 0.001),
+        ("lateral_acceleration.tractor.position", -1.6, 0.1),
+    ],
+)
+def test_usual_sensor_errors(result, name, value, sigma):
+    identification = with_sensors(result, SensorError(name=name, value=value, sigma=sigma, unit="1", log=None))
+    assert not [c for c in identification_cautions(identification) if c.signals == (STEER,)]
+
+
+def test_a_poor_prediction(result):
+    first, *rest = result.identification.fits
+    poor = replace(first, explained=0.3, rms=10 * first.rms)
+    caution = only(identification_cautions(replace(result.identification, fits=(poor, *rest))), CautionKind.POOR_FIT)
+    assert "the model explains 30.0 % of the variance" in caution.message
+
+
+def test_rejected_samples(result):
+    log = replace(result.identification.logs[0], rejected={"yaw_rate.tractor": 0.07, "roll_rate.tractor": 0.01})
+    caution = only(identification_cautions(replace(result.identification, logs=(log,))), CautionKind.REJECTED_SAMPLES)
+    assert (caution.signals, caution.value) == (("yaw_rate.tractor",), 0.07)

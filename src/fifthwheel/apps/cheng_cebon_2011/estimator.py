@@ -32,7 +32,7 @@ from fifthwheel.data.channels import ROLL_RATE, is_of
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import estimates
 from fifthwheel.estimate.identify.dataset import Dataset, LogData, prepare_dataset, unmeasured_units
-from fifthwheel.estimate.identify.fits import evaluate_fits, free_run_fits
+from fifthwheel.estimate.identify.fits import TYRES_AS_THEY_ARE, evaluate_fits, free_run_fits
 from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.result.identification import Identification
 from fifthwheel.estimate.identify.result.parts import Estimate, Fit, ParameterHistory, is_settled, settled_since
@@ -45,15 +45,13 @@ from fifthwheel.estimate.identify.unknowns.unknown import Unknown
 from fifthwheel.estimate.identify.verdict import Verdict, estimate_verdict, still_moving
 from fifthwheel.model.dynamics import ChainModel
 from fifthwheel.truck import Vehicle
+from fifthwheel.truck.quantities import DRIVE_AXLE_BRAKING, ROAD_BANK
 from fifthwheel.truck.steering import require_no_steering
 
 STEPS = 5
 """Steps of Gauss and Newton at most."""
 LARGEST_STEP = 2.0
 """Of an unknown, in standard deviations of its prior."""
-_NOT_IN_TWO_STAGES = ("softening", "variation", "brakes.drive_axle", "road.bank")
-FREE_RUN = OneStage(tyres="linear", given=dict.fromkeys(_NOT_IN_TWO_STAGES, "exact"))
-"""Settings of the free run of the identified vehicle, which has the model of the two stages."""
 SETTLED = 0.1
 """In standard deviations: the last step."""
 EXACT_FILE_NOTE = (
@@ -299,14 +297,19 @@ def _estimator(dataset: Dataset, settings: TwoStage) -> _TwoStages:
     return _TwoStages(dataset=dataset, notes=tuple(notes), yaw=yaw, full=full)
 
 
+def free_run_setup(vehicle: Vehicle, outputs: Sequence[str], settings: TwoStage, *, roll: bool) -> Setup:
+    """The setup of a vehicle that runs free with the unknowns of two stages: those of the sensors."""
+    given = {**settings.given, **TYRES_AS_THEY_ARE, DRIVE_AXLE_BRAKING: "exact", ROAD_BANK: "exact"}
+    return Setup.of(vehicle, outputs, OneStage(tyres="linear", roll=roll, given=given))
+
+
 def _identification(estimator: _TwoStages, state: _State, posterior: TwoStagePosterior) -> Identification:
     """The result: estimates with sigma and verdict, sensor errors, fits of all logs."""
     dataset, problem, sigma_z = estimator.dataset, estimator.full, estimator.sigma_z(state, posterior)
     unknowns, outputs = problem.unknowns, problem.outputs
     vehicle = dataset.vehicle.replace({u.name: state.values[u.name] for u in estimator.estimated})
     shared = {u.name: state.values.get(u.name, u.centre) for u in unknowns if u.is_sensor_error and not u.per_log}
-    settings = replace(FREE_RUN, roll=problem.roll, given={**estimator.settings.given, **FREE_RUN.given})
-    setup = Setup.of(vehicle, outputs, settings)
+    setup = free_run_setup(vehicle, outputs, estimator.settings, roll=problem.roll)
 
     def fits_of(log: LogData, identified_on: bool) -> list[Fit]:
         return free_run_fits(setup, log, shared, identified_on=identified_on)

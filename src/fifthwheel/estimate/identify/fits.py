@@ -34,6 +34,8 @@ LEAST_EXPLAINED = 0.5
 CLEAR_SIGNAL, CLEAR_ROLL = 4.0, 20.0
 """A signal is clear if its variance exceeds that of its noise by this factor. The factor is larger for a roll rate and
 a lateral acceleration, because the road rolls a vehicle that drives straight."""
+TYRES_AS_THEY_ARE = {"softening": "exact", "variation": "exact"}
+"""Given where a vehicle with linear tyres is taken as it is."""
 SPEED_MARGIN = 0.1
 """A predicted log may leave the speeds of the identification by this fraction without a note."""
 
@@ -166,22 +168,23 @@ def free_run_fits(
         for u in setup.unknowns
         if u.per_log or not any(name in own for name in u.moves)
     ]
-    start, white, law = start or {}, replace(log, noise_models={}), setup.settings.tyre_law
-    laws: tuple[Tyres, ...] = (law,) if identified_on or law == "linear" else ("linear", law)
+    known, white, law = start or {}, replace(log, noise_models={}), setup.settings.tyre_law
+    laws: tuple[Tyres, ...] = (law,) if known or law == "linear" else ("linear", law)
+    # from the values of the identification one step suffices
+    tolerance = EARLY_TOLERANCE if known else TOLERANCE
     for law in laws:
         settings = replace(setup.settings, tyres=law)
         alone = Problem(replace(setup, unknowns=tuple(unknowns), settings=settings), [white])
         lower, upper = alone.bounds
         minimum = minimise(
             alone,
-            np.array([start.get(name, 0.0) for name in alone.names]),
+            np.array([known.get(name, 0.0) for name in alone.names]),
             lower=lower,
             upper=upper,
             iterations=settings.iterations,
-            # from the values of the identification one step suffices
-            tolerance=EARLY_TOLERANCE if identified_on else TOLERANCE,
+            tolerance=tolerance,
         )
-        start = dict(zip(alone.names, minimum.z.tolist(), strict=True))
+        known = dict(zip(alone.names, minimum.z.tolist(), strict=True))
     time, error, _ = alone.residuals(minimum.z, 0, whitened=False)
     measured = np.concatenate([measured_columns(segment, setup.outputs) for segment in log.segments])
     return channel_fits(log.name, setup.outputs, time, measured, measured - error, identified_on=identified_on)

@@ -139,7 +139,8 @@ class Learner:
         """
         settings = identification.settings.one_stage
         settings = settings and replace(settings, given=with_values(settings.given, identification.surroundings))
-        return cls(identification.vehicle, signals or identification.signals, settings, learner=learner)
+        signals = identification.signals if signals is None else signals
+        return cls(identification.vehicle, signals, settings, learner=learner)
 
     def __copy__(self) -> "Learner":
         """A copy that learns on its own."""

@@ -25,7 +25,7 @@ from fifthwheel.results.diagnose.doubt_cautions import (
     unstable_cautions,
     validation_cautions,
 )
-from fifthwheel.results.diagnose.messages import Caution, CautionKind, Message, is_filtered, sensor_error_words
+from fifthwheel.results.diagnose.messages import Caution, CautionKind, CautionText, is_filtered, sensor_error_words
 from fifthwheel.results.diagnose.residuals import fit_quality
 from fifthwheel.results.diagnose.summaries import RunSummary, innovation_size
 from fifthwheel.truck.quantities import FRICTION, quantity_of
@@ -78,7 +78,7 @@ def signal_cautions(findings: Sequence[Finding]) -> Iterator[Caution]:
         if not is_repaired(finding):
             groups.setdefault((finding.severity, finding.signal, finding.fault), []).append(finding)
     for first, *more in groups.values():
-        row = Message(_KINDS.get(first.fault, CautionKind.SIGNAL), "{logs}: {fault}.", severity=first.severity)
+        row = CautionText(_KINDS.get(first.fault, CautionKind.SIGNAL), "{logs}: {fault}.", severity=first.severity)
         yield row.of(
             log=first.log if not more else None,
             signals=(first.signal, *first.others),
@@ -133,7 +133,7 @@ def sensor_cautions(identification: Identification) -> Iterator[Caution]:
             continue
         words = sensor_error_words(signal, kind)
         of = CautionKind(kind) if kind in list(CautionKind) else CautionKind.OFFSET
-        yield Message(of, f"{{place}}: {words.caution}", words.cure).of(
+        yield CautionText(of, f"{{place}}: {words.caution}", words.cure).of(
             error.value,
             log=error.log,
             place=f"{signal} in {error.log}" if error.log else signal,

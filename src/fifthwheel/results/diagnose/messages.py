@@ -110,7 +110,7 @@ def _rank(caution: Caution) -> tuple[bool, int]:
     return caution.severity != "error", (*ORDER, caution.kind).index(caution.kind)
 
 
-class Message(NamedTuple):
+class CautionText(NamedTuple):
     """A row: a kind of caution, and its sentences with the names of their data in braces."""
 
     kind: CautionKind
@@ -141,76 +141,76 @@ class _Settings:
         return setting(name, *filter(None, [value]))
 
 
-UNSTABLE = Message(
+UNSTABLE = CautionText(
     CautionKind.UNSTABLE,
     "{truck} is unstable above {critical:.0f} km/h, and the logs reach {highest:.0f} km/h.",
     "Check the cornering stiffness, the masses and the axle positions of the vehicle file, or identify from "
     "prediction errors ({setting[form prediction-error]}).",
 )
-LOG_DIFFERS = Message(
+LOG_DIFFERS = CautionText(
     CautionKind.CONTRADICTION,
     "{log} differs from the earlier logs: {changes}. What this alters begins again there.",
     "New tyres, another pressure, another load or a sensor that was moved are possible. If nothing was changed, check "
     "{log}.",
 )
-LOG_SET_ASIDE = Message(
+LOG_SET_ASIDE = CautionText(
     CautionKind.CONTRADICTION,
     "{log} {reason}. It is set aside, and these estimates are of it alone.",
     "Check whether it is of this truck and trailer, and its signals; with another load, name it ({setting[load]}).",
 )
-VALIDATION_CONTRADICTS = Message(
+VALIDATION_CONTRADICTS = CautionText(
     CautionKind.CONTRADICTION,
     "{log} (validation log) contradicts the identified truck: {changes}.",
     "Check whether it is of this truck and trailer with this load, and its signals.",
 )
-NOTHING_EXPLAINS = Message(
+NOTHING_EXPLAINS = CautionText(
     CautionKind.ASSUMPTION,
     "The vehicle file or the signal map does not fit the logs: no single number of the file and no error of one sensor "
     "explains them.",
     "Check that the vehicle file is of this truck and trailer with this load: wheelbases, masses, steered axles. Then "
     "check column, unit and sign of each signal.",
 )
-WRONG_ASSUMPTION = Message(
+WRONG_ASSUMPTION = CautionText(
     CautionKind.ASSUMPTION,
     "The logs contradict the vehicle file or an assumption on a sensor. {cause}.",
     "Check {these}, correct the vehicle file or the signal map, and identify again.{options}",
 )
-UNUSUAL_MASSES = Message(CautionKind.MASS, "{masses}.")
-UNUSUAL_ESTIMATE = Message(
+UNUSUAL_MASSES = CautionText(CautionKind.MASS, "{masses}.")
+UNUSUAL_ESTIMATE = CautionText(
     CautionKind.UNUSUAL_ESTIMATE,
     "{parameter} is {ratio} times the value of the vehicle file; ±{prior} was assumed.",
     "Check masses, axle positions and the steer angle. Confirm the estimate with another log.",
 )
-UNRELATED_CHANNEL = Message(
+UNRELATED_CHANNEL = CautionText(
     CautionKind.UNRELATED_CHANNEL,
     "{place}: speed and steer angle explain almost none of this channel.",
     "Check that the column is mapped to the right signal. Do not use results that depend on it.",
     "error",
 )
-POOR_FIT = Message(
+POOR_FIT = CautionText(
     CautionKind.POOR_FIT,
     "{place}: the model explains {explained} of the variance; residual {rms} rms{noise}.",
     "Check sign, unit and position of the sensor, and the vehicle file.",
 )
-REJECTED_SAMPLES = Message(
+REJECTED_SAMPLES = CautionText(
     CautionKind.REJECTED_SAMPLES,
     "{signal} in {log}: the {stage} rejected {fraction} of the samples as outliers, because their innovation is larger "
     "than the gate.",
     "Check the channel for spikes; if it has none, the vehicle file or the identified vehicle is wrong.",
 )
-NONLINEAR_RANGE = Message(
+NONLINEAR_RANGE = CautionText(
     CautionKind.NONLINEAR_RANGE,
     "{log}: the lateral acceleration reaches {acceleration:.1f} m/s². The model of tyres and suspensions is linear, "
     "which holds up to about {limit:g} m/s².",
     "Use tyres that saturate ({setting[tyres saturating]}), or a log with a smaller lateral acceleration.",
 )
-WHEEL_LIFT = Message(
+WHEEL_LIFT = CautionText(
     CautionKind.WHEEL_LIFT,
     "{log}: a wheel of {group} lifts at {time:.1f} s, where the load transfer ratio exceeds {limit}; it reaches "
     "{largest:.2f}. In the model no wheel lifts.",
     "Do not rely on what follows: end the log there, with stop in [time] of signals.toml.",
 )
-LARGE_INNOVATIONS = Message(
+LARGE_INNOVATIONS = CautionText(
     CautionKind.LARGE_INNOVATIONS,
     "{log}: the rms of the normalised innovations is above 1: {channels}. The {blamed} or the assumed noise is wrong, "
     "and the sigma of the states may be too small.",

@@ -11,7 +11,7 @@ from fifthwheel.base.types import Array
 from fifthwheel.data.record import Record
 from fifthwheel.estimate.identify import Fit, Identification, OneStage
 from fifthwheel.estimate.identify.dataset import LogData, prepare_dataset
-from fifthwheel.estimate.identify.fits import free_run_fits
+from fifthwheel.estimate.identify.fits import TYRES_AS_THEY_ARE, free_run_fits
 from fifthwheel.estimate.identify.given import with_sensors
 from fifthwheel.estimate.identify.setup import Setup
 from fifthwheel.model import dynamics
@@ -130,7 +130,7 @@ class LogPrediction:
         Raises:
             SignalError: the log cannot be used.
         """
-        settings = OneStage(check=False, tyres="linear", given={"softening": "exact", "variation": "exact"})
+        settings = OneStage(check=False, tyres="linear", given=TYRES_AS_THEY_ARE)
         dataset = prepare_dataset([record], vehicle, settings, findings=False)
         settings = with_sensors(dataset.vehicle, settings, dataset.sensors)
         sensors = identification.sensors if identification else ()

@@ -29,7 +29,7 @@ from fifthwheel.data.channels import LATERAL_ACCELERATION, ROLL, YAW_RATE, Signa
 from fifthwheel.results.assess.yaw_damping import SMALLEST_PEAK, decay
 from fifthwheel.results.evaluate.evaluation import MethodResult
 from fifthwheel.results.evaluate.motion import MeasuredMotion
-from fifthwheel.results.evaluate.repetitions import Manoeuvre, Response, Words, crossing, findings
+from fifthwheel.results.evaluate.repetitions import RepeatedManoeuvre, Response, Words, crossing, findings
 from fifthwheel.truck.spoken_names import named
 
 HELD, RISE = 3.0, 0.5
@@ -239,7 +239,7 @@ def _of_a_sine_with_dwell(response: Response) -> Mapping[str, float]:
     return values
 
 
-STEP = Manoeuvre(
+STEP = RepeatedManoeuvre(
     fault=_not_a_step,
     measures=_of_a_step,
     words={
@@ -249,7 +249,7 @@ STEP = Manoeuvre(
         "overshoot": Words("overshoot", "1"),
     },
 )
-LANE_CHANGE = Manoeuvre(
+LANE_CHANGE = RepeatedManoeuvre(
     fault=_not_a_lane_change,
     measures=_of_a_lane_change,
     words={
@@ -257,5 +257,7 @@ LANE_CHANGE = Manoeuvre(
         "rearward_amplification_lateral_acceleration": Words("rearward amplification, lateral acceleration", "1"),
     },
 )
-PULSE = Manoeuvre(fault=_not_a_pulse, measures=_of_a_pulse, words={"yaw_damping": Words("yaw damping, pulse", "1")})
-SINE_WITH_DWELL = Manoeuvre(fault=_not_a_sine_with_dwell, measures=_of_a_sine_with_dwell, words=RATIOS)
+PULSE = RepeatedManoeuvre(
+    fault=_not_a_pulse, measures=_of_a_pulse, words={"yaw_damping": Words("yaw damping, pulse", "1")}
+)
+SINE_WITH_DWELL = RepeatedManoeuvre(fault=_not_a_sine_with_dwell, measures=_of_a_sine_with_dwell, words=RATIOS)

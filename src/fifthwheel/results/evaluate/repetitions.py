@@ -84,7 +84,7 @@ class Words(NamedTuple):
     unit: str | None
 
 
-class Manoeuvre(NamedTuple):
+class RepeatedManoeuvre(NamedTuple):
     """A manoeuvre that a test repeats."""
 
     fault: Callable[[Response], str]
@@ -95,7 +95,7 @@ class Manoeuvre(NamedTuple):
     """Title and unit of the measures."""
 
 
-def findings(motion: MeasuredMotion, outputs: Sequence[str], manoeuvre: Manoeuvre) -> MethodResult:
+def findings(motion: MeasuredMotion, outputs: Sequence[str], manoeuvre: RepeatedManoeuvre) -> MethodResult:
     """The measures of all manoeuvres of a log that have no fault, from these outputs.
 
     Raises:

@@ -198,3 +198,15 @@ def test_extreme_times_and_values_give_no_warning(tmp_path: Path, extreme: str, 
         with contextlib.suppress(SignalError):
             read_log(tmp_path / "log.csv", SignalMap.parse(f"[time]\nunit = '{unit}'"))
     surveyed(tmp_path / "log.csv")
+
+
+def test_a_soft_link_does_not_lead_out_of_the_file(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "secret.h5", "w") as other:
+        other["y"] = np.arange(50.0)
+    with h5py.File(tmp_path / "a.mat", "w") as file:
+        file["t"] = file["a"] = np.arange(50.0)
+        file["other"] = h5py.ExternalLink(tmp_path / "secret.h5", "/")
+        file["soft"] = h5py.SoftLink("/other/y")
+        assert file["soft"][1] == 1
+    with open_log(tmp_path / "a.mat") as log:
+        assert list(log.columns) == ["a"]

@@ -11,8 +11,10 @@ from scipy import stats
 import fifthwheel as fw
 from fifthwheel.apps.workflow.runs import run_states
 from fifthwheel.estimate.identify.doubts import DoubtKind, PriorTest
+from fifthwheel.estimate.identify.given import applied
 from fifthwheel.estimate.identify.one_stage import causes
-from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, likely_causes
+from fifthwheel.estimate.identify.one_stage.causes import LARGE_DISCREPANCY, Causes, likely_causes, linear_odds
+from fifthwheel.estimate.identify.one_stage.estimator import solve_one_stage
 from fifthwheel.estimate.identify.one_stage.gauss_newton import Quadratic
 from fifthwheel.estimate.identify.sensor_errors import estimate_sensor_errors
 from fifthwheel.estimate.identify.unknowns.unknown import GrossError
@@ -223,3 +225,17 @@ def _of(uncertainty, name):
     """1 at the variance of a name, else 0."""
     selected = np.array([other == name for other in uncertainty.names], dtype=float)
     return np.diag(selected)
+
+
+def test_a_good_log_has_no_cause(truck, record):
+    solution = solve_one_stage([record], *applied(truck, SETTINGS))
+    assert likely_causes(solution, solution.linearisation.tests) == Causes()
+
+
+@pytest.mark.parametrize(("statistic", "implied"), [(6.0, 9.0), (-2.0, -2.1), (0.5, 0.6)])
+def test_the_odds_of_a_linear_test(statistic, implied):
+    """Of the deviation without its prior, by its normal densities with the two variances."""
+    error, variance = GrossError(7.0, 1.5), (implied / statistic) ** 2
+    test = PriorTest(name="a", statistic=statistic, implied=implied, shifts=np.zeros(1))
+    densities = stats.norm.logpdf(implied, scale=np.sqrt([variance + 7**2 - 1, variance]))
+    assert linear_odds(test, error) == pytest.approx(math.log(0.003 * 1.5) + densities[0] - densities[1])
