@@ -1,6 +1,7 @@
 """The documentation site: `sphinx-build -W -b html docs docs/_build/html`."""
 
 import os
+import runpy
 import sys
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import fifthwheel
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent / "_extensions"))
+runpy.run_path(str(Path(__file__).parent / "_figures"), run_name="__main__")
 
 project = "fifthwheel"
 author = "the fifthwheel authors"
