@@ -1,1 +1,1 @@
-"""Results that a change of the structure must not change: compared bit for bit with those stored in `expected`."""
+"""Results that a change of the structure must not change: compared bit for bit with those of another commit."""

@@ -1,6 +1,6 @@
-"""Compare the results of all cases with the stored ones, bit for bit: `python -m tests.frozen [CASE ...]`.
+"""Show that a change of the structure changes no result: `python -m tests.frozen --write` before it, and without after.
 
-`--write` replaces the stored results. Without it the exit code is 1 if a result differs.
+It stores the results of all cases in .frozen, and compares them bit for bit; the exit code is 1 if one differs.
 """
 
 import argparse
@@ -16,10 +16,9 @@ def main() -> int:
     parser.add_argument("cases", nargs="*", metavar="CASE", help=", ".join(CASES))
     parser.add_argument("--write", action="store_true", help="replace the stored results")
     parser.add_argument("--tolerance", type=float, default=0.0, help="relative, of numbers; texts are not compared")
-    parser.add_argument("--fast", action="store_true", help="only the cases of the fast tests")
     arguments = parser.parse_args()
     different = 0
-    for name in arguments.cases or [name for name, case in CASES.items() if case.fast or not arguments.fast]:
+    for name in arguments.cases or CASES:
         if not available(name):
             print(f"{name}: skipped, its logs are not present")
             continue

@@ -54,8 +54,6 @@ class Case:
 
     run: Callable[[], Any]
     """Computes the results: nested data of numbers, texts and arrays."""
-    fast: bool = False
-    """Whether it runs with the fast tests."""
     data: str | None = None
     """Folder of `DATA` that it needs."""
 
@@ -63,11 +61,11 @@ class Case:
 CASES: dict[str, Case] = {}
 
 
-def case(*, fast: bool = False, data: str | None = None) -> Callable[[Callable[[], Any]], Callable[[], Any]]:
+def case(*, data: str | None = None) -> Callable[[Callable[[], Any]], Callable[[], Any]]:
     """Register a case under the name of its function."""
 
     def register(run: Callable[[], Any]) -> Callable[[], Any]:
-        CASES[run.__name__] = Case(run, fast, data)
+        CASES[run.__name__] = Case(run, data)
         return run
 
     return register
@@ -131,7 +129,7 @@ def identified(records: list[fw.Record], vehicle: fw.Vehicle, settings: Any = No
         "vehicle_parameters": run.identification.vehicle.parameters(),
         "states": {states.name: states_of(states) for states in run.states},
         "conclusion": run.conclusion.as_dict(),
-        "remedies": run.assessment and run.assessment.as_dict(),
+        "remedies": run.outlook and run.outlook.as_dict(),
         "performance": run.performance and run.performance.as_dict(),
     }
 
@@ -139,7 +137,7 @@ def identified(records: list[fw.Record], vehicle: fw.Vehicle, settings: Any = No
 # Identification
 
 
-@case(fast=True)
+@case()
 def one_stage() -> Any:
     return identified([lane_changes()], GUESS)
 
@@ -166,7 +164,7 @@ def prediction_error() -> Any:
     return identified([lane_changes()], GUESS, fw.OneStage(form="prediction_error"))
 
 
-@case(fast=True)
+@case()
 def exact_file_and_sensors() -> Any:
     return identified([lane_changes()], GUESS, fw.OneStage(given={"others": "exact", "sensors": "exact"}))
 
@@ -213,7 +211,7 @@ def full_trailer_without_dolly_gyro() -> Any:
     return identified([replace(record, signals=kept)], fw.vehicle("truck_full_trailer"))
 
 
-@case(fast=True)
+@case()
 def two_stage() -> Any:
     return identified([lane_changes()], GUESS, fw.TwoStage(rounds=2))
 
@@ -260,7 +258,7 @@ def summary(contents: dict[str, Any]) -> dict[str, Any]:
 # Sample by sample
 
 
-@case(fast=True)
+@case()
 def observer() -> Any:
     return dict(observed(lane_changes(), fw.ObserverSettings()))
 
@@ -316,7 +314,7 @@ def exported(estimator: fw.Observer | fw.Learner) -> dict[str, str]:
     return learner_texts(estimator) if isinstance(estimator, fw.Learner) else observer_texts(estimator)
 
 
-@case(fast=True)
+@case()
 def learner() -> Any:
     return learned(lane_changes(), fw.OneStage(tyres="linear"))
 
@@ -356,7 +354,7 @@ def learned(record: fw.Record, settings: fw.OneStage) -> dict[str, Any]:
 # What uses the estimators
 
 
-@case(fast=True)
+@case()
 def check() -> Any:
     return fw.predict_sigmas([lane_changes()], GUESS).as_dict()
 
@@ -371,7 +369,7 @@ def check_everyday() -> Any:
     }
 
 
-@case(fast=True)
+@case()
 def findings() -> Any:
     """Findings on a log, one corruption at a time."""
     record = example()
@@ -404,7 +402,7 @@ def assess() -> Any:
     return fw.assess(TRUCK, speed=80 / 3.6, cheap=True).as_dict()
 
 
-@case(fast=True)
+@case()
 def fleet() -> Any:
     rng = np.random.default_rng(3)
     truck, rows = Synthetic(rng), []

@@ -1,12 +1,10 @@
-"""Stored results: written, read and compared."""
+"""Stored results: written, read and compared, on one machine."""
 
 import hashlib
 import json
 import math
-import platform
 from collections.abc import Iterator, Mapping, Sequence
 from enum import Enum
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -16,23 +14,11 @@ from threadpoolctl import threadpool_limits
 from fifthwheel.base.spelling import spelled_for
 from tests.frozen.cases import CASES, DATA
 
-FOLDER = Path(__file__).parent / "expected"
+FOLDER = Path(__file__).parents[2] / ".frozen"
 SHOWN = 6
 """Number of elements that are stored of an array, besides its digest."""
 LONG = 24
 """Number of elements from which a list of numbers is stored as an array."""
-TOLERANCE = 1e-4
-"""On another processor or with other libraries, whose last digits differ: relative to a sigma, and else to the largest
-number of one entry, so that an offset near 0 counts by its sigma, and a term of a budget by the largest one."""
-
-
-def machine() -> dict[str, str]:
-    """What determines the last digits: the processor and the libraries that compute."""
-    from llvmlite import binding
-
-    binding.initialize_native_target()
-    packages = {name: version(name) for name in ("numpy", "scipy", "casadi", "llvmlite", "mujoco")}
-    return {"processor": binding.get_host_cpu_name(), "python": platform.python_version(), **packages}
 
 
 def available(name: str) -> bool:
@@ -44,8 +30,7 @@ def available(name: str) -> bool:
 def store(name: str) -> None:
     """Compute and store the results of a case."""
     FOLDER.mkdir(exist_ok=True)
-    content = {"machine": machine(), "results": results_of(name)}
-    text = json.dumps(content, indent=0, ensure_ascii=False)
+    text = json.dumps(results_of(name), indent=0, ensure_ascii=False)
     (FOLDER / f"{name}.json").write_text(text + "\n", encoding="utf-8")
 
 
@@ -64,12 +49,9 @@ def differences(name: str, tolerance: float = 0.0) -> list[str]:
 
     Args:
         name: of the case.
-        tolerance: relative, of numbers; 0 for equal bits. On another machine it is at least `TOLERANCE`.
+        tolerance: relative, of numbers; 0 for equal bits.
     """
-    stored = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    expected = stored["results"]
-    if stored["machine"] != machine():
-        tolerance = max(tolerance, TOLERANCE)
+    expected = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
     results = results_of(name)
     found = [f"{key}: missing" for key in expected if key not in results]
     found += [f"{key}: new" for key in results if key not in expected]
